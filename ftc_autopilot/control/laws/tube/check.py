@@ -22,7 +22,6 @@ _CHANNELS = (THROTTLE, AILERON, ELEVATOR, RUDDER)  # by output
 _SMALL_ANGLE, _SMALL_THRUST = 0.01, 10.0  # change of a command that shows its influence [rad, N]
 _NO_CHANGE = 1e-12
 _ROUNDING_S = 1e-9
-_LEFT_ALONE = 0.5  # of the time until a plan counts
 _CLOCK_SHARE = 0.9  # of a clock's period after which a plan keeps an error in its tube
 
 
@@ -66,8 +65,7 @@ def check(
         gains["prediction_steps"],
         gains["lead_s"],
     )
-    sight = int((max(lead[0], lead[1], lead[2], lead[3]) + lag) / h) + 2
-    seen = min(sight, rows)
+    seen = min(int((max(lead[0], lead[1], lead[2], lead[3]) + lag) / h) + 2, rows)
     tables = np.empty((4, OUTPUTS, rows))
     path, width, error = tables[0], tables[1], tables[2]
     build_tube(now, seen, gains, path, width)
@@ -78,15 +76,11 @@ def check(
         if no_rudder and o == _YAW:
             state["exit"][j] = math.nan
             continue
-        settling = _settling(now, o, gains, state)
-        if seen < min(settling + sight, rows):
-            seen = min(settling + sight, rows)
-            build_tube(now, seen, gains, path, width)
-            _predict_errors(start, commands, h, seen, aircraft, path, error)
-        leaves = settling + first_exit(error[o, settling:seen], width[o, settling:seen])
+        leaves = first_exit(error[o, :seen], width[o, :seen])
         _note_exit(leaves * h, leaves == seen, j, gains, state)
         by_clock = now.clock_s[j] > 0.0
-        turn = _is_due(leaves * h, o, now, gains, state)
+        rested = (state["step"] - state["sent"][j]) * now.dt >= gains["dwell_s"] - _ROUNDING_S
+        turn = leaves * h < lead[o] + lag and rested
         if by_clock:
             turn = bool(now.due & (1 << j))
         if not (now.first or turn):
@@ -106,37 +100,6 @@ def check(
         mask |= 1 << j
         _predict_errors(start, commands, h, rows, aircraft, path, error)
     return mask
-
-
-@inlined
-def _settling(now: Step, o: int, gains: np.void, state: np.void) -> int:
-    """Return the rows of the prediction in which output o may be outside after its last plan.
-
-    That plan counts from `settle_s` on; half of that time it is left alone.
-    """
-    if now.first:
-        return 0
-    since_s = (state["step"] - state["sent"][_CHANNELS[o]]) * now.dt
-    left = int((_LEFT_ALONE * gains["settle_s"][o] - since_s) / gains["prediction_step_s"])
-    return max(min(left, gains["prediction_steps"] - 1), 0)
-
-
-@inlined
-def _is_due(exit_s: float, o: int, now: Step, gains: np.void, state: np.void) -> bool:
-    """Return whether output o leaves its tube so soon that its channel is to be sent.
-
-    Noise of the gyro makes predictions vary: an exit counts when some checks in a row have
-    predicted it; at once while an actuator is suspect.
-    """
-    j, diagnosis = _CHANNELS[o], gains["fallback"]["diagnosis"]
-    soon = gains["lead_s"][o] + diagnosis["servo_lag_s"]
-    state["leaving"][j] = state["leaving"][j] + 1 if exit_s < soon else 0
-    rested = (state["step"] - state["sent"][j]) * now.dt >= gains["dwell_s"] - _ROUNDING_S
-    needed = gains["confirm_checks"]
-    for actuator in state["fallback"]["diagnosis"]["actuators"]:
-        if actuator["suspect_s"] > 0.0:
-            needed = 1
-    return bool(rested and state["leaving"][j] >= needed)
 
 
 @inlined

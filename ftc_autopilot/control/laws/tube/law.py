@@ -119,7 +119,7 @@ def _dither(
         actuator, limits = diagnosis["actuators"][j], limits_of(gains, j)
         highest = aircraft["thrust_limit"] if j == THROTTLE else aircraft["surface_limit"]
         lowest = 0.0 if j == THROTTLE else -highest
-        is_check = diagnosis["age"] - actuator["z_s"] <= limits.check + now.dt
+        is_check = diagnosis["age"] < limits.check + limits.suspicion
         moves = (is_check or actuator["lost"] != 0) and now.clock_s[j] < _LONGEST_PERIOD_S
         dither = actuator["dither"] if moves else 0.0
         within = clamp(dither, lowest - commands[j], highest - commands[j])

@@ -52,7 +52,6 @@ class Tube(FaultTolerant):
             # events
             ("step", "i8"),  # steps made
             ("sent", "i8", (N_CHANNELS,)),  # step of a channel's last event
-            ("leaving", "i8", (N_CHANNELS,)),  # checks in a row that have predicted an exit
             ("exit", "f8", (N_CHANNELS,)),  # time until the output's predicted exit [s]
             # the fallback
             ("dither", "f8", (N_CHANNELS,)),  # in the commands in force
@@ -110,9 +109,6 @@ class Tube(FaultTolerant):
         default=(0.105, 0.06, 0.09, 0.15),
         description="Times before the predicted exit at which a channel is sent [s]; the servos' "
         "lag comes on top.",
-    )
-    confirm_checks: int = whole(
-        "", ge=1, le=100, default=3, doc="Checks in a row that must predict an exit."
     )
     dwell_s: float = quantity(
         "s", ge=0.0, default=0.05, doc="Shortest time between two events of a channel."
