@@ -38,7 +38,10 @@ _PLANT = tuple(
 _TRIGGERS = (*_CONTROL, f"{_C}/triggers/test_triggers", f"{_C}/test_trigger")
 _DIAGNOSIS = (
     *_CONTROL,
-    *(f"{_C}/diagnosis/{name}" for name in ("test_decisions", "test_limits", "test_courses")),
+    *(
+        f"{_C}/diagnosis/{name}"
+        for name in ("test_decisions", "test_suspicions", "test_losses_and_returns", "test_courses")
+    ),
 )
 _SURVIVING = (
     *_CONTROL,
