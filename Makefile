@@ -5,8 +5,8 @@ READY := .venv/ready
 # keep bytecode even if the shell forbids it: commands start in half the time, and tests start hundreds
 export PYTHONDONTWRITEBYTECODE :=
 
-# three for each processor: whole flights wait more than they compute
-WORKERS ?= $(shell echo $$((3 * $$(getconf _NPROCESSORS_ONLN))))
+# two for each processor: whole flights also wait
+WORKERS ?= $(shell echo $$((2 * $$(getconf _NPROCESSORS_ONLN))))
 
 .PHONY: fly check test coverage explore mutants docs bench fuzz soak lock clean
 

@@ -19,16 +19,34 @@ settings.register_profile("ftc-sitl", deadline=None, derandomize=True, max_examp
 settings.register_profile("explore", deadline=None, max_examples=1000, print_blob=True)
 settings.load_profile("ftc-sitl")
 
-DATA = Path(__file__).parent / "data"
-SCENARIO_1 = Path(__file__).parent.parent / "scenarios" / "paper" / "scenario1.yaml"
+TESTS = Path(__file__).parent
+DATA = TESTS / "data"
+SCENARIO_1 = TESTS.parent / "scenarios" / "paper" / "scenario1.yaml"
 
 
 def pytest_configure(config: pytest.Config) -> None:
     """Compile once, before workers and their fleets would all do it at the same time."""
     if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # in the background of a shell script
         signal.signal(signal.SIGINT, signal.default_int_handler)  # children get Ctrl-C all the same
+    if signal.getsignal(signal.SIGHUP) == signal.SIG_IGN:  # under nohup
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
     if not hasattr(config, "workerinput") and cache_is_cold():
         compile_everything(load_scenario(SCENARIO_1))
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Spread the files that start processes, and wait, among the ones that compute."""
+    files: dict[Path, list[pytest.Item]] = {}
+    for item in items:
+        files.setdefault(item.path, []).append(item)
+    waiting = [path for path in files if "sitl" in path.relative_to(TESTS).parts]
+    computing = [path for path in files if path not in waiting]
+    place = {
+        path: (k + 0.5) / len(group)
+        for group in (waiting, computing)
+        for k, path in enumerate(group)
+    }
+    items[:] = [item for path in sorted(files, key=place.__getitem__) for item in files[path]]
 
 
 @pytest.fixture(scope="session")

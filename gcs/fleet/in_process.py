@@ -6,6 +6,7 @@ links, so its events are bit for bit the same as in a lockstep flight over UDP.
 
 import time
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -42,10 +43,10 @@ def fly_in_process(scenario: Scenario, on_progress: OnProgress | None = None) ->
         on_progress: Called every 2000 steps with the simulated time [s] and the event counts so
             far, shape (n, 4).
     """
-    ids = tuple(uav.id for uav in scenario.uavs)
-    everything = Steps.room(scenario.steps, len(ids))
-    ending = _fly(scenario, everything.part, None, on_progress)
-    return Recording.of(everything.part(0, ending.steps), ending, ids, scenario.step_us)
+    flight = begin(scenario)
+    everything = Steps.room(scenario.steps, len(flight.ids))
+    ending = fly_on(scenario, flight, everything.part, on_progress=on_progress)
+    return Recording.of(everything.part(0, ending.steps), ending, flight.ids, scenario.step_us)
 
 
 def fly_in_steps(
@@ -65,17 +66,21 @@ def fly_in_steps(
     def reused(begin: int, end: int) -> Steps:
         return room.part(0, end - begin)._replace(first=begin)
 
-    return _fly(scenario, reused, on_steps, on_progress)
+    return fly_on(scenario, begin(scenario), reused, on_steps=on_steps, on_progress=on_progress)
 
 
-def _fly(
-    scenario: Scenario,
-    room: Callable[[int, int], Steps],
-    on_steps: Callable[[Steps], None] | None,
-    on_progress: OnProgress | None,
-) -> Ending:
-    """Fly a scenario; `room` returns the arrays to write from one step up to another."""
-    fleet = new_plant_state(scenario.plant_config(speed=None))
+class Flight(NamedTuple):
+    """What changes in a flight, all of it arrays."""
+
+    ids: tuple[int, ...]
+    fleet: PlantState
+    controllers: Controllers
+    sources: np.ndarray
+    """Index of each neighbour of each controller, shape (n, n); -1 for none."""
+
+
+def begin(scenario: Scenario) -> Flight:
+    """Return a flight before its first step, with its faults."""
     ids = tuple(uav.id for uav in scenario.uavs)
     configs = [scenario.autopilot_config(uav_id) for uav_id in ids]
     controllers = new_controllers(configs)
@@ -84,16 +89,41 @@ def _fly(
         for d, neighbour in enumerate(config.neighbours):
             sources[i, d] = ids.index(neighbour.id)
             controllers.weights[i, d] = neighbour.weight
-    _brief(scenario, fleet, controllers, ids)
+    flight = Flight(ids, new_plant_state(scenario.plant_config(speed=None)), controllers, sources)
+    _brief(scenario, controllers)
+    add_faults(scenario, flight)
+    exchange_initial_states(flight.fleet, controllers, sources, scenario.step_us)
+    return flight
+
+
+def fly_on(
+    scenario: Scenario,
+    flight: Flight,
+    room: Callable[[int, int], Steps],
+    *,
+    first: int = 0,
+    on_steps: Callable[[Steps], None] | None = None,
+    on_progress: OnProgress | None = None,
+) -> Ending:
+    """Fly from a step on to the end of the scenario, or until the flight is lost.
+
+    Args:
+        scenario: The scenario.
+        flight: The flight, at that step; it is changed.
+        room: Returns the arrays to write from one step up to another.
+        first: The step.
+        on_steps: As of `fly_in_steps`.
+        on_progress: As of `fly_in_process`.
+    """
+    ids, fleet, controllers, sources = flight
 
     def run(step: int, chunk: Steps) -> tuple[int, int]:
         arrays = chunk.states, chunk.wind, chunk.applied, chunk.signals
         return run_steps(fleet, controllers, sources, step, scenario.step_us, *arrays)
 
-    exchange_initial_states(fleet, controllers, sources, scenario.step_us)
-    run(0, room(0, 0))  # loads the code
-    begin = time.perf_counter()
-    step, loss = 0, None
+    run(first, room(first, first))  # loads the code
+    started = time.perf_counter()
+    step, loss = first, None
     while step < scenario.steps and loss is None:
         chunk = room(step, min(step + _CHUNK_STEPS, scenario.steps))
         flown, lost = run(step, chunk)
@@ -110,29 +140,30 @@ def _fly(
         mode="in_process",
         steps=step,
         repeats=np.zeros((len(ids), N_CHANNELS), np.int64),
-        wall_s=time.perf_counter() - begin,
+        wall_s=time.perf_counter() - started,
         loss=loss,
     )
 
 
-def _brief(
-    scenario: Scenario, fleet: PlantState, controllers: Controllers, ids: tuple[int, ...]
-) -> None:
-    """Set profile and faults, rounded as by transmission."""
-    aircraft = scenario.aircraft
+def _brief(scenario: Scenario, controllers: Controllers) -> None:
+    """Set profile or path, rounded as by transmission."""
     controllers.guidance["active"] = 1
     controllers.guidance["start_step"] = 0
     if scenario.mission is None:
-        segments = items_to_segments(scenario.mission_items(), aircraft.airspeed_limits)
+        segments = items_to_segments(scenario.mission_items(), scenario.aircraft.airspeed_limits)
         controllers.profiles[:] = profile_record(segments)
         controllers.guidance["follows"] = Source.PROFILE
     else:
         controllers.paths[:] = paths_of(scenario)
         for guidance in controllers.guidance:
             begin_path(guidance)
+
+
+def add_faults(scenario: Scenario, flight: Flight) -> None:
+    """Add the faults of a scenario, rounded as by transmission."""
     for uav_id, fault in scenario.fault_commands():
-        received = fault_from_params(fault, aircraft.fault_limits)
-        add_fault(fleet.faults[ids.index(uav_id)], received, now_s=0.0)
+        received = fault_from_params(fault, scenario.aircraft.fault_limits)
+        add_fault(flight.fleet.faults[flight.ids.index(uav_id)], received, now_s=0.0)
 
 
 @compiled

@@ -51,6 +51,15 @@ class Tmux:
             assert time.monotonic() < end, f"{missing} not on the screen:\n{screen}"
             time.sleep(0.05)
 
+    def has_cursor_beside(self, label: str) -> None:
+        """A field takes the keys that come after its focus, which takes a moment."""
+
+        def beside() -> bool:
+            row = int(self._run("display-message", "-p", "#{cursor_y}"))
+            return label in self.screen.splitlines()[row]
+
+        wait_until(beside, f"cursor beside {label}")
+
     def hides(self, word: str) -> None:
         wait_until(lambda: word not in self.screen, f"no {word}")
 
@@ -85,8 +94,10 @@ def test_an_operator_flies_the_fleet_and_sets_a_fault(fleet: Up, tmp_path: Path)
         terminal.shows("3 armed", "ARMED AUTO")
         terminal.press("3")
         terminal.shows("New fault")
-        terminal.press("n", "Tab", "Tab")
-        terminal.hides("x disarm")  # a field takes the keys now
+        terminal.press("n")
+        terminal.hides("x disarm")  # the form takes the keys now
+        terminal.press("Tab", "Tab")
+        terminal.has_cursor_beside("effectiveness")
         terminal.press("0", ".", "5")
         terminal.shows("effectiveness 0.5")
         terminal.press("C-s")

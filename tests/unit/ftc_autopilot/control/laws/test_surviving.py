@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from shared_flights import fly_sharing_the_start
 
 from ftc_autopilot.control.diagnosis import LOST
 from ftc_autopilot.control.laws.surviving import Surviving
@@ -94,7 +95,7 @@ def largest_errors_deg(flight: Recording, after_s: float = 0.0) -> np.ndarray:
 @pytest.mark.parametrize("name", FILES)
 def test_every_fault_is_survived_and_found(name: str, hardware: str) -> None:
     scenario = scenario_with(f"faults/{name}", hardware=hardware)
-    flight = fly_in_process(scenario)
+    flight = fly_sharing_the_start(scenario)
     without_engine = name == "thrust_loss_for_good"  # which ends on the ground, 9 s later
     assert (flight.loss is not None) == without_engine
     start = min(fault.start_s for fault in scenario.faults)
@@ -119,6 +120,14 @@ def test_every_fault_is_survived_and_found(name: str, hardware: str) -> None:
             assert fault.end_s is not None
             soon = 1.2 if fault.frequency_hz else 0.7 if hardware == "turbulent" else 0.6
             assert 0.0 < change.time_s - fault.end_s < BACK_LATER.get(name, soon)
+
+
+def test_flights_that_share_their_start_are_the_same() -> None:
+    name = "faults/stuck_at_aileron"
+    scenario = scenario_with(name, hardware="turbulent")
+    shared, whole = fly_sharing_the_start(scenario), fly_in_process(scenario)
+    assert shared.states.tobytes() == whole.states.tobytes()
+    assert shared.signals.tobytes() == whole.signals.tobytes()
 
 
 def _faulty(scenario: Scenario) -> set[int]:

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from shared_flights import fly_sharing_the_start
 
 from ftc_autopilot.control.diagnosis import LOST
 from ftc_autopilot.control.laws.tube import Tube
@@ -180,7 +181,7 @@ def test_law_and_trigger_must_go_together(law: str) -> None:
 @pytest.mark.parametrize("name", FILES)
 def test_every_fault_is_survived(name: str, hardware: tuple[str, ...]) -> None:
     scenario = scenario_with(f"faults/{name}", *hardware)
-    flight = fly_in_process(scenario)
+    flight = fly_sharing_the_start(scenario)
     without_engine = name == "thrust_loss_for_good"  # which ends on the ground, 9 s later
     assert (flight.loss is not None) == without_engine
     start = min(fault.start_s for fault in scenario.faults)
