@@ -16,7 +16,7 @@ from gcs.lab.campaigns.store import read_results
 pytestmark = [pytest.mark.sitl, pytest.mark.slow]
 
 PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "campaigns-in-ci.md"
-DRAWS = 8  # instead of 59: eight pairs can show "worse" at 99 %, since 2⁻⁸ < 1 %
+DRAWS = 7  # instead of 59: seven pairs can show "worse" at 99 %, since 2⁻⁷ < 1 %
 CHANGE = "proposed: {controller: {reference_bandwidth_rad_s: 2.0}}"
 """A law that was changed for the worse in each draw: its reference filter is slower."""
 

@@ -7,6 +7,7 @@ import matplotlib.backends.backend_agg
 import matplotlib.backends.backend_svg  # noqa: F401 - figures need it
 import pandas  # noqa: F401 - pyarrow imports it
 import typer
+import warm  # noqa: F401 - each forked command runs a function of it
 
 import gcs.fleet.flight
 import gcs.lab.campaigns.preload  # flies once

@@ -49,7 +49,7 @@ def by_pymavlink(message: dialect.MAVLink_message, sequence: int = 0) -> bytes:
 
 @pytest.mark.parametrize("kind", MESSAGES, ids=lambda kind: kind.msgname)
 @given(data=st.data())
-@settings(max_examples=10)
+@settings(max_examples=6)
 def test_every_message(kind: type[dialect.MAVLink_message], data: st.DataObject) -> None:
     message = data.draw(messages(kind))
     assert FramePacker(7, 190).pack(message) == by_pymavlink(message)

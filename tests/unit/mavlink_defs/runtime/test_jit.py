@@ -68,9 +68,9 @@ from mavlink_defs.runtime.jit import compiled
 import numpy as np
 @compiled
 def product(x, y):
-    return x @ y, np.cov(x[0], y[0])[0, 1]
+    return x @ y
 x = np.array([[1.0, 2.0], [3.0, 5.0]])
-print(product(x, x)[0].ravel().tolist(), product(x, x)[1])
+print(product(x, x).ravel().tolist())
 """
 
 
@@ -177,7 +177,7 @@ def test_compiled_code_has_linear_algebra(tmp_path: Path) -> None:
     command = [sys.executable, str(script)]
     done = subprocess.run(command, check=False, env=env, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert done.stdout == "[7.0, 12.0, 18.0, 31.0] 0.5\n"
+    assert done.stdout == "[7.0, 12.0, 18.0, 31.0]\n"
 
 
 def test_numba_is_used_by_its_public_names() -> None:

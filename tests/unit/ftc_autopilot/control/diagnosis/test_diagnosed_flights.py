@@ -102,7 +102,7 @@ def test_what_is_stuck_and_swings_is_found_before_it_overturns_the_aircraft(
     ids=["servos, nobody says", "gyro, nobody says", "servos, as known", "throttle"],
 )
 def test_what_comes_late_is_no_fault(law: str, hardware: str, late: dict[str, Any]) -> None:
-    flight = fly_in_process(scenario_with(law, hardware, [], late))
+    flight = fly_in_process(scenario_with(law, hardware, [], late | {"duration_s": 12.0}))
     assert flight.loss is None
     assert declared(flight) == []
     errors = attitude_errors(flight)
