@@ -135,6 +135,8 @@ _NEGATED: dict[type[ast.cmpop], type[ast.cmpop]] = {
     ast.Eq: ast.NotEq,
     ast.NotEq: ast.Eq,
 }
+_PERIOD = "dt"
+"""What integrations multiply by: with none of it they stand still, with twice of it they double."""
 _CALLED = {"min": "max", "max": "min", "sin": "cos", "cos": "sin", "abs": "float"}
 
 
@@ -144,6 +146,7 @@ class Change(NamedTuple):
     field: str
     item: int | None
     value: object
+    is_integration: bool = False
 
     def make(self, node: ast.AST) -> None:
         """Change a node in place."""
@@ -158,6 +161,7 @@ class Mutant(NamedTuple):
 
     before: ast.stmt
     after: ast.stmt
+    is_integration: bool
 
     def diff(self) -> str:
         """Return where it is, and the lines that are changed."""
@@ -176,7 +180,8 @@ def mutants_of(source: str) -> list[Mutant]:
             for change in changes(node):
                 after = copy.deepcopy(statement)
                 change.make(_changeable(after)[at])
-                found.append(Mutant(statement, ast.fix_missing_locations(after)))
+                after = ast.fix_missing_locations(after)
+                found.append(Mutant(statement, after, change.is_integration))
     return found
 
 
@@ -220,11 +225,27 @@ def changes(node: ast.AST) -> Iterator[Change]:
             yield Change("func", None, ast.Name(_CALLED[name], ast.Load()))
         case ast.Call(func=ast.Attribute(value=math, attr=name)) if name in _CALLED:
             yield Change("func", None, ast.Attribute(math, _CALLED[name], ast.Load()))
+    if isinstance(node, ast.BinOp | ast.UnaryOp | ast.Call | ast.keyword | ast.AugAssign):
+        for name, value in ast.iter_fields(node):
+            for i, inner in enumerate(value if isinstance(value, list) else [value]):
+                if _is_period(inner):
+                    item = i if isinstance(value, list) else None
+                    for factor in (0.0, 2.0):
+                        new = ast.BinOp(ast.Constant(factor), ast.Mult(), inner)
+                        yield Change(name, item, new, is_integration=True)
     for block in ("body", "orelse"):
         statements = getattr(node, block, None)
         for i, inner in enumerate(statements if isinstance(statements, list) else ()):
             if _is_removable(inner):
                 yield Change(block, i, ast.Pass())
+
+
+def _is_period(node: object) -> bool:
+    """Return whether a node is the control period, `dt` or `now.dt`."""
+    match node:
+        case ast.Name(id=name) | ast.Attribute(attr=name):
+            return name == _PERIOD
+    return False
 
 
 def _is_removable(statement: ast.stmt) -> bool:
@@ -350,12 +371,20 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
     parser.add_argument("modules", nargs="*", help="paths of modules; all of the table by default")
     parser.add_argument("--number", type=int, default=25, help="mutants of each module; 0: all")
+    parser.add_argument(
+        "--integrations",
+        action="store_true",
+        help="only the ones that freeze or double an integration, all of them",
+    )
     parser.add_argument("--seed", type=int, default=1, help="by which they are drawn")
     arguments = parser.parse_args()
     os.chdir(ROOT)
     mutants = {}
     for module in arguments.modules or TESTS:
         every = mutants_of(Path(module).read_text())
+        if arguments.integrations:
+            mutants[module] = [one for one in every if one.is_integration]
+            continue
         number = min(arguments.number or len(every), len(every))
         drawn = random.Random(f"{arguments.seed} {module}").sample(range(len(every)), number)
         mutants[module] = [every[i] for i in sorted(drawn)]

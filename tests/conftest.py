@@ -35,15 +35,15 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Spread the files that start processes, and wait, among the ones that compute."""
+    """Spread the files that start processes, and wait, among the ones that compute; these end."""
     files: dict[Path, list[pytest.Item]] = {}
     for item in items:
         files.setdefault(item.path, []).append(item)
     waiting = [path for path in files if "sitl" in path.relative_to(TESTS).parts]
     computing = [path for path in files if path not in waiting]
     place = {
-        path: (k + 0.5) / len(group)
-        for group in (waiting, computing)
+        path: share * (k + 0.5) / len(group)
+        for group, share in ((waiting, 0.9), (computing, 1.0))
         for k, path in enumerate(group)
     }
     items[:] = [item for path in sorted(files, key=place.__getitem__) for item in files[path]]

@@ -221,7 +221,7 @@ def open_screen(request: pytest.FixtureRequest) -> Iterator[Screen]:
 
 
 @settings(
-    max_examples=4,
+    max_examples=3,
     deadline=None,
     phases=[Phase.explicit, Phase.generate],  # an example takes too long to be made smaller
     suppress_health_check=[HealthCheck.function_scoped_fixture],
