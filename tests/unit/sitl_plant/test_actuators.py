@@ -107,7 +107,7 @@ def test_a_window_begins_after_its_start_and_holds_to_its_end(
 ) -> None:
     row = row_with(Fault(RUDDER, 0.5, 0.0, 0.0, 19.0, 22.0))
     rudder = apply_faults(COMMAND, interval_start, interval_start, row, nominal)[2]
-    assert (rudder == 0.15) is active
+    assert (rudder == 0.15) == active
 
 
 def test_an_overlapping_fault_replaces_the_old_one(nominal: np.void) -> None:

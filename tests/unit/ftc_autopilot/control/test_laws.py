@@ -98,6 +98,15 @@ def test_pid_turns_against_the_error(nominal: np.void, axis: int) -> None:
     assert abs(demand[axis]) == max(abs(demand))
 
 
+def test_pid_asks_of_each_axis_what_its_own_time_constant_says(nominal: np.void) -> None:
+    """Without gains on the errors of the rates, deflections are shares of the rates asked for."""
+    none = (0.0, 0.0, 0.0)
+    law = Pid(time_constant_s=(0.5, 1.0, 2.0), rate_p=none, rate_i=none, rate_ff=(1.0, 1.0, 1.0))
+    phi = (0.02, 0.03, 0.05)
+    asked = np.array(R2(phi)) @ -np.divide(phi, (0.5, 1.0, 2.0))
+    assert Pilot(law, nominal).step(phi)["demand"][:3] == pytest.approx(-asked)
+
+
 def test_pid_gives_thrust_to_be_faster(nominal: np.void) -> None:
     slow, fast = (Pilot(Pid(), nominal).step((0.0, 0.0, 0.0), V=V)["demand"][3] for V in (44, 46))
     assert slow == pytest.approx(900.0 + 206.0)

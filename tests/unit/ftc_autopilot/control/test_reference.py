@@ -11,25 +11,29 @@ from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.reference import (
     filter_reference,
     profile_record,
+    profile_segments,
     profile_value,
     start_filter,
 )
 from ftc_autopilot.control.triggers.static import PerChannel
 from mavlink_defs.profile import Segment
 
-PROFILE = profile_record(
-    (
-        Segment(0.0, 40.0, 0.0, 0.0, 170.0, False),
-        Segment(4.0, 50.0, 0.0, 0.0, -170.0, True),
-        Segment(6.0, 45.0, 5.0, 5.0, -170.0, False),
-    )
+SEGMENTS = (
+    Segment(0.0, 40.0, 0.0, 0.0, 170.0, False),
+    Segment(4.0, 50.0, 0.0, 0.0, -170.0, True),
+    Segment(6.0, 45.0, 5.0, 5.0, -170.0, False),
 )
+PROFILE = profile_record(SEGMENTS)
 
 
 def value_at(t: float) -> np.ndarray:
     value = np.zeros(4)
     profile_value(PROFILE, t, value)
     return value
+
+
+def test_a_profile_comes_back_from_its_record() -> None:
+    assert profile_segments(profile_record(SEGMENTS)) == SEGMENTS
 
 
 @given(st.floats(-1e3, 1e3))

@@ -11,7 +11,7 @@ from steps import step_of
 from ftc_autopilot.common.motion import motion_of
 from ftc_autopilot.common.records import fill, record_dtype
 from ftc_autopilot.control.diagnosis import DIAGNOSIS, DiagnosisParameters
-from ftc_autopilot.control.diagnosis.measurement import measure, servo_step
+from ftc_autopilot.control.diagnosis.measurement import measure, servo_step, steps_back
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import RUDDER, THROTTLE
 from mavlink_defs.faults import Fault
@@ -103,6 +103,16 @@ def test_the_commands_are_as_old_as_the_measurement(ahead: int, scenario1: Scena
     measure(now, plant.aircraft[0], gains, state)
     sent = steps - min(ahead + 3, 127)
     assert state["actuators"]["position"][RUDDER] == pytest.approx(3e-3 * min(sent, steps - 1))
+
+
+def test_the_throttle_s_dead_time_comes_on_top_of_the_links(scenario1: Scenario) -> None:
+    gains, state = servo(0.0), np.zeros(1, DIAGNOSIS)[0]
+    gains["throttle_dead_time_s"] = 0.05
+    plant = new_plant_state(scenario1.plant_config())
+    observe(plant, 0, 0, STEP_US)
+    now = step_of(motion_of(plant.messages[0], plant.aircraft[0]))
+    now = now._replace(seen=now.seen._replace(ahead=9, links=2))
+    assert [steps_back(j, now, gains, state) for j in (RUDDER, THROTTLE)] == [9, 52]
 
 
 def servo(lag_s: float, rate_limit_deg_s: float = 1e6) -> np.void:

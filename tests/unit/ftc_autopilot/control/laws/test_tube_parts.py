@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from courses import Pilot, motion_at
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
@@ -28,6 +29,7 @@ from ftc_autopilot.control.reference import filter_reference
 from ftc_autopilot.control.step import ALL, Command, Step
 from ftc_autopilot.control.synchronisation_errors import FormationErrors
 from ftc_autopilot.control.triggers.static import Consequence
+from gcs.scenario.model import Scenario
 from mavlink_defs.framing.codec import SIM_STATE
 from sitl_plant.hardware import ActuatorServos
 from sitl_plant.lag import lagged
@@ -361,3 +363,17 @@ def test_its_commands_are_sent_by_the_papers_triggers(
     due = abs(commanded - 900.0) >= factor * (0.01 * 900.0 + 1.0)
     assert triggered(now, 3, command, thresholds, nominal, commands) == due
     assert commands[3] == (commanded if due else 900.0)
+
+
+def test_predictions_are_checked_as_often_as_configured(scenario1: Scenario) -> None:
+    """In between they stand as they are."""
+    pilot = Pilot(
+        Tube(check_s=0.004).with_servos(ActuatorServos()), Consequence(), scenario1.aircraft
+    )
+    exits = []
+    for step in range(20):
+        motion = motion_at(step * pilot.dt, pilot.nominal)
+        signals = pilot.step(motion, (45.0, 0.0, 0.0, 3.0))
+        exits.append(signals["predicted_exit"].copy())
+    changed = 1 + np.flatnonzero(np.any(np.diff(exits, axis=0) != 0.0, axis=1))
+    assert changed.tolist() == list(range(4, 20, 4))

@@ -13,6 +13,7 @@ from ftc_autopilot.control.controller import new_controller, parameter_record, r
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.triggers import MODES, TRIGGERS, decide
 from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters
+from ftc_autopilot.control.triggers.periodic import clock
 from gcs.scenario.model import Scenario
 from mavlink_defs.config.models import Problems
 
@@ -59,6 +60,13 @@ def test_periodic_by_hand() -> None:
     assert events(made("periodic", period_s=0.004), still, 0.0, 1.0) == [0, 4, 8]
     own = made("periodic", period_s=0.004, aileron_period_s=0.003)
     assert events(own, still, 0.0, 1.0) == [0, 3, 6, 9]
+
+
+def test_without_a_period_the_clock_has_the_control_period() -> None:
+    parameters = parameter_record(Proposed(), made("periodic", rudder_period_s=0.004))
+    state = new_controller()["trigger"]["periodic"]
+    _, period_s = clock(DT, parameters["trigger"]["periodic"], state)
+    assert period_s == (DT, DT, 0.004, DT)
 
 
 def test_each_channel_has_its_own_period() -> None:
@@ -121,6 +129,28 @@ def test_scaled_never_fires_before_the_threshold(
     for k in at[1:]:
         assert abs(demand[k] - held) >= absolute
         held = demand[k]
+
+
+def test_scaled_forgets_at_its_time_constant() -> None:
+    """A median moves by a share of itself in each step: up here, where every change is larger."""
+    state, growing = new_controller(), [1e-6 * k**3 for k in range(600)]
+    trigger = made("scaled", within_s=0.004, memory_s=0.1)
+    events(trigger, growing[:-1], 0.0, 1e-9, state)
+    before = state["trigger"]["scaled"]["slow"][0]
+    parameters = parameter_record(Proposed(), trigger)
+    now = Candidates(
+        DT, False, (growing[-1], 0.0, 0.0, 0.0), np.zeros(4), ALL, (0.0,) * 4, (1e-9,) * 4
+    )
+    decide(now, parameters["mode"], parameters["trigger"], state["trigger"])
+    assert state["trigger"]["scaled"]["slow"][0] == pytest.approx(before * (1.0 + DT / 0.1))
+
+
+def test_self_triggered_waits_as_long_after_a_change_down_as_up() -> None:
+    ramp = [0.1 * k for k in range(80)]
+    trigger = made("self")
+    up, down = events(trigger, ramp, 0.0, 1.0), events(trigger, [-u for u in ramp], 0.0, 1.0)
+    assert up == down
+    assert np.diff(up).max() < 50
 
 
 def test_scaled_does_not_count_noise() -> None:
