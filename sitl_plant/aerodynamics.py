@@ -22,9 +22,11 @@ class Aerodynamics(NamedTuple):
     """Airspeed, aerodynamic force, moment and control matrix."""
 
     V: float  # airspeed [m/s]
-    F: Vec3  # force, body axes [N]
+    F: Vec3  # force without control surfaces, body axes [N]
     N: Vec3  # moment without control surfaces, body axes [N m]
     C: Mat3  # moment per aileron, elevator, rudder deflection [N m/rad]
+    B: Mat3  # force per aileron, elevator, rudder deflection [N/rad]
+    D: Vec3  # force per squared elevator deflection [N/rad²]
 
 
 @compiled
@@ -56,14 +58,16 @@ def aerodynamics(v: Vec3, omega: Vec3, aircraft: AircraftRecord) -> Aerodynamics
         q = omega[1] * c_bar / (2.0 * V)
         r = omega[2] * b / (2.0 * V)
 
-    C_D = aircraft["cD0"]
-    C_Y = aircraft["cY_beta"] * beta
-    C_L = aircraft["cL0"] + aircraft["cL_alpha"] * alpha
+    C_D = drag_coefficient(alpha, aircraft)
+    C_D += (aircraft["cD_beta"] + aircraft["cD_beta2"] * beta) * beta
+    C_Y = aircraft["cY0"] + aircraft["cY_beta"] * beta + aircraft["cY_p"] * p + aircraft["cY_r"] * r
+    C_L = aircraft["cL0"] + aircraft["cL_alpha"] * alpha + aircraft["cL_q"] * q
     C_l = aircraft["cl0"] + aircraft["cl_beta"] * beta + aircraft["cl_p"] * p + aircraft["cl_r"] * r
     C_M = aircraft["cm0"] + aircraft["cm_alpha"] * alpha + aircraft["cm_q"] * q
     C_n = aircraft["cn0"] + aircraft["cn_beta"] * beta + aircraft["cn_p"] * p + aircraft["cn_r"] * r
 
-    F = scale(qS, mul_t(R3(alpha, beta), (-C_D, C_Y, -C_L)))  # (7)
+    wind_axes = R3(alpha, beta)
+    F = scale(qS, mul_t(wind_axes, (-C_D, C_Y, -C_L)))  # (7)
     N = scale(qS, (b * C_l, c_bar * C_M, b * C_n))  # (8)
     qSb, qSc = qS * b, qS * c_bar
     C = (  # (10)
@@ -71,7 +75,24 @@ def aerodynamics(v: Vec3, omega: Vec3, aircraft: AircraftRecord) -> Aerodynamics
         (0.0, qSc * aircraft["cm_de"], 0.0),
         (qSb * aircraft["cn_da"], 0.0, qSb * aircraft["cn_dr"]),
     )
-    return Aerodynamics(V, F, N, C)
+    drag_axis, side_axis, lift_axis = wind_axes
+    by_aileron = scale(qS * aircraft["cY_da"], side_axis)
+    by_elevator = add(
+        scale(-qS * aircraft["cD_de"], drag_axis), scale(-qS * aircraft["cL_de"], lift_axis)
+    )
+    by_rudder = scale(qS * aircraft["cY_dr"], side_axis)
+    B = (
+        (by_aileron[0], by_elevator[0], by_rudder[0]),
+        (by_aileron[1], by_elevator[1], by_rudder[1]),
+        (by_aileron[2], by_elevator[2], by_rudder[2]),
+    )
+    return Aerodynamics(V, F, N, C, B, scale(-qS * aircraft["cD_de2"], drag_axis))
+
+
+@compiled
+def force(air: Aerodynamics, delta: Vec3) -> Vec3:
+    """Return the force [N], body axes, under deflections [rad] of aileron, elevator, rudder."""
+    return add(add(air.F, mul(air.B, delta)), scale(delta[1] * delta[1], air.D))
 
 
 @compiled
@@ -101,10 +122,21 @@ class Moment(NamedTuple):
     rudder: float  # 1/rad
 
 
-class Lateral(NamedTuple):
-    """Lateral force and moments, linear in sideslip, rates and surfaces."""
+class Side(NamedTuple):
+    """Side force: without any motion, and its derivatives."""
 
-    side: float  # side force by sideslip, with the drag that a sideslip turns sideways [N/rad]
+    bias: float  # N
+    beta: float  # by sideslip, with the drag that this turns sideways [N/rad]
+    p: float  # by roll rate [N s/rad]
+    r: float  # by yaw rate [N s/rad]
+    aileron: float  # N/rad
+    rudder: float  # N/rad
+
+
+class Lateral(NamedTuple):
+    """Lateral force and moments at small α, linear in sideslip, rates and surfaces."""
+
+    side: Side
     scale: float  # q S b: moments by their coefficients [N m]
     rolling: Moment
     yawing: Moment
@@ -117,7 +149,14 @@ def lateral(V: float, aircraft: AircraftRecord) -> Lateral:
     qS = 0.5 * a["rho"] * V * V * a["S"]
     k = 1.0 if a["per_rad_s"] != 0 else a["b"] / (2.0 * V)
     return Lateral(
-        qS * (a["cY_beta"] - a["cD0"]),
+        Side(
+            qS * a["cY0"],
+            qS * (a["cY_beta"] - a["cD0"]),
+            qS * a["cY_p"] * k,
+            qS * a["cY_r"] * k,
+            qS * a["cY_da"],
+            qS * a["cY_dr"],
+        ),
         qS * a["b"],
         Moment(a["cl0"], a["cl_beta"], a["cl_p"] * k, a["cl_r"] * k, a["cl_da"], a["cl_dr"]),
         Moment(a["cn0"], a["cn_beta"], a["cn_p"] * k, a["cn_r"] * k, a["cn_da"], a["cn_dr"]),
@@ -128,19 +167,28 @@ class Longitudinal(NamedTuple):
     """Lift, drag and pitching moment, linear in angle of attack and pitch rate."""
 
     drag: float  # N
+    drag_by_alpha: float  # N/rad
     lift_by_alpha: float  # N/rad
+    lift_by_q: float  # N s/rad
     moment_by_alpha: float  # N m/rad
     moment_by_q: float  # N m s/rad
 
 
 @compiled
-def longitudinal(V: float, aircraft: AircraftRecord) -> Longitudinal:
-    """Linearise lift, drag and pitching moment at an airspeed V [m/s]."""
+def longitudinal(V: float, alpha: float, aircraft: AircraftRecord) -> Longitudinal:
+    """Linearise lift, drag and pitching moment at an airspeed V [m/s] and α [rad]."""
     a = aircraft
     qS = 0.5 * a["rho"] * V * V * a["S"]
     k = 1.0 if a["per_rad_s"] != 0 else a["c_bar"] / (2.0 * V)
     qSc = qS * a["c_bar"]
-    return Longitudinal(drag(qS, a), qS * a["cL_alpha"], qSc * a["cm_alpha"], qSc * a["cm_q"] * k)
+    return Longitudinal(
+        drag(qS, alpha, a),
+        qS * (a["cD_alpha"] + 2.0 * a["cD_alpha2"] * alpha),
+        qS * a["cL_alpha"],
+        qS * a["cL_q"] * k,
+        qSc * a["cm_alpha"],
+        qSc * a["cm_q"] * k,
+    )
 
 
 @compiled
@@ -156,10 +204,16 @@ def rate_damping(V: float, aircraft: AircraftRecord) -> tuple[float, float]:
 
 
 @compiled
-def drag(qS: float, aircraft: AircraftRecord) -> float:
-    """Return the drag [N] at a dynamic pressure by the reference area q S [N]."""
-    force: float = qS * aircraft["cD0"]
-    return force
+def drag_coefficient(alpha: float, aircraft: AircraftRecord) -> float:
+    """Return C_D at α [rad], without sideslip and with the elevator at rest."""
+    C_D: float = aircraft["cD0"] + (aircraft["cD_alpha"] + aircraft["cD_alpha2"] * alpha) * alpha
+    return C_D
+
+
+@compiled
+def drag(qS: float, alpha: float, aircraft: AircraftRecord) -> float:
+    """Return the drag [N] at a dynamic pressure by the reference area q S [N], and α [rad]."""
+    return qS * drag_coefficient(alpha, aircraft)
 
 
 @compiled
@@ -168,8 +222,8 @@ def carried(alpha: float, aircraft: AircraftRecord) -> float:
 
     The thrust, along the body, balances the drag, and has a part across: C_L + C_D tan α.
     """
-    lift: float = aircraft["cL0"] + aircraft["cL_alpha"] * alpha + aircraft["cD0"] * math.tan(alpha)
-    return lift
+    lift: float = aircraft["cL0"] + aircraft["cL_alpha"] * alpha
+    return lift + drag_coefficient(alpha, aircraft) * math.tan(alpha)
 
 
 @compiled

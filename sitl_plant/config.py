@@ -45,7 +45,11 @@ class Inertia(Model):
 
 
 class Coefficients(Model):
-    """Aerodynamic coefficients and derivatives; angles in rad, names as in Table I."""
+    """Aerodynamic coefficients and derivatives; angles in rad, names as in Table I.
+
+    Those beyond the paper's are 0 unless given: it has no drag but a constant, and no forces of
+    surfaces and rates.
+    """
 
     cL0: float = quantity("", doc="Lift at zero angle of attack.")
     cL_alpha: float = quantity("1/rad", doc="Lift due to angle of attack.")
@@ -67,6 +71,20 @@ class Coefficients(Model):
     cn_r: float = quantity("1/rad", doc="Yawing moment due to yaw rate.")
     cn_da: float = quantity("1/rad", doc="Yawing moment due to aileron.")
     cn_dr: float = quantity("1/rad", doc="Yawing moment due to rudder.")
+    # beyond Table I
+    cL_q: float = quantity("1/rad", default=0.0, doc="Lift due to pitch rate.")
+    cL_de: float = quantity("1/rad", default=0.0, doc="Lift due to elevator.")
+    cD_alpha: float = quantity("1/rad", default=0.0, doc="Drag due to angle of attack.")
+    cD_alpha2: float = quantity("1/rad^2", default=0.0, doc="Drag due to its square.")
+    cD_beta: float = quantity("1/rad", default=0.0, doc="Drag due to sideslip.")
+    cD_beta2: float = quantity("1/rad^2", default=0.0, doc="Drag due to its square.")
+    cD_de: float = quantity("1/rad", default=0.0, doc="Drag due to elevator.")
+    cD_de2: float = quantity("1/rad^2", default=0.0, doc="Drag due to its square.")
+    cY0: float = quantity("", default=0.0, doc="Side force.")
+    cY_p: float = quantity("1/rad", default=0.0, doc="Side force due to roll rate.")
+    cY_r: float = quantity("1/rad", default=0.0, doc="Side force due to yaw rate.")
+    cY_da: float = quantity("1/rad", default=0.0, doc="Side force due to aileron.")
+    cY_dr: float = quantity("1/rad", default=0.0, doc="Side force due to rudder.")
 
 
 class Aircraft(Model):

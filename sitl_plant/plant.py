@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mavlink_defs.constants import N_CHANNELS, THROTTLE
+from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.actuators import apply_faults
 from sitl_plant.aerodynamics import aerodynamics
@@ -149,7 +149,8 @@ def specific_force_at(
     moved = servos["output"][0], servos["output"][1], servos["output"][2], servos["output"][3]
     real = apply_faults(moved, t, time_s(step - 1, step_us), environment.faults, aircraft)
     air = aerodynamics(sub(v, surrounding[0]), sub(omega, surrounding[1]), aircraft)
-    return add(specific_force(air, real[THROTTLE], aircraft), d_v)
+    delta = real[AILERON], real[ELEVATOR], real[RUDDER]
+    return add(specific_force(air, delta, real[THROTTLE], aircraft), d_v)
 
 
 @compiled

@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from mavlink_defs.runtime.jit import compiled, inlined
-from sitl_plant.aerodynamics import Aerodynamics, aerodynamics, moment
+from sitl_plant.aerodynamics import Aerodynamics, aerodynamics, force, moment
 from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.vec3 import Mat3, Vec3, add, cross, mat3, mul, scale, sub, vec3
 
@@ -90,9 +90,17 @@ def angular_acceleration(omega: Vec3, moment: Vec3, J: Mat3, J_inv: Mat3) -> Vec
 
 
 @compiled
-def specific_force(air: Aerodynamics, thrust: float, aircraft: AircraftRecord) -> Vec3:
-    """Return the specific force of the air and a thrust [N], body axes [m/s²]."""
-    return scale(1.0 / aircraft["m"], (air.F[0] + thrust, air.F[1], air.F[2]))
+def specific_force(air: Aerodynamics, delta: Vec3, thrust: float, aircraft: AircraftRecord) -> Vec3:
+    """Return the specific force of the air and a thrust [N], body axes [m/s²].
+
+    Args:
+        air: Forces of the air.
+        delta: Deflections of aileron, elevator, rudder [rad].
+        thrust: Thrust [N].
+        aircraft: The aircraft.
+    """
+    by_air = force(air, delta)
+    return scale(1.0 / aircraft["m"], (by_air[0] + thrust, by_air[1], by_air[2]))
 
 
 @inlined
@@ -118,12 +126,12 @@ def state_derivative(
     """
     _, v, phi, omega = state
     air = aerodynamics(sub(v, surrounding[0]), sub(omega, surrounding[1]), aircraft)
-    force = specific_force(air, thrust, aircraft)
+    specific = specific_force(air, delta, thrust, aircraft)
     gravity = gravity_body(phi, aircraft["g"])
     turning = moment(air, delta)
 
     p_dot = mul(R1(phi), v)  # (1)
-    v_dot = add(add(sub(force, cross(omega, v)), gravity), d_v)  # (2)
+    v_dot = add(add(sub(specific, cross(omega, v)), gravity), d_v)  # (2)
     phi_dot = mul(R2_inv(phi), omega)  # (3)
     omega_dot = add(
         angular_acceleration(omega, turning, mat3(aircraft["J"]), mat3(aircraft["J_inv"])), d_omega

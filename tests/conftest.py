@@ -11,6 +11,7 @@ from gcs.fleet.precompile import compile_everything
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.runtime.code_cache import cache_is_cold
 from sitl_plant.aircraft import aircraft_record
+from sitl_plant.config import Aircraft
 
 pytest_plugins = ["leftovers", "needs", "pytester", "warm_flights"]
 
@@ -22,6 +23,13 @@ settings.load_profile("ftc-sitl")
 TESTS = Path(__file__).parent
 DATA = TESTS / "data"
 SCENARIO_1 = TESTS.parent / "scenarios" / "paper" / "scenario1.yaml"
+
+
+BEYOND_THE_PAPER = {
+    "cL_q": 7.0, "cL_de": 0.2,
+    "cD_alpha": 0.05, "cD_alpha2": 1.2, "cD_beta": -0.01, "cD_beta2": 0.2, "cD_de": 0.02,
+    "cD_de2": 0.08, "cY0": 0.002, "cY_p": -0.1, "cY_r": 0.15, "cY_da": 0.05, "cY_dr": 0.12,
+}  # fmt: skip
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -64,3 +72,23 @@ def scenario1() -> Scenario:
 def nominal(scenario1: Scenario) -> np.void:
     """The paper's aircraft, Table I."""
     return aircraft_record(scenario1.aircraft)
+
+
+@pytest.fixture(scope="session")
+def general_aircraft(scenario1: Scenario) -> Aircraft:
+    """The same with forces of all that moves, of surfaces, and a drag polar; sizes as usual."""
+    tree = scenario1.aircraft.model_dump()
+    tree["coefficients"] |= BEYOND_THE_PAPER
+    return Aircraft.model_validate(tree)
+
+
+@pytest.fixture(scope="session")
+def general(general_aircraft: Aircraft) -> np.void:
+    """Its record."""
+    return aircraft_record(general_aircraft)
+
+
+@pytest.fixture(params=["nominal", "general"])
+def any_aircraft(request: pytest.FixtureRequest) -> np.void:
+    """The one and the other."""
+    return request.getfixturevalue(request.param)  # type: ignore[no-any-return]  # gives Any

@@ -6,10 +6,10 @@ from ftc_autopilot.common.motion import Motion
 from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import ACTUATORS, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
-from sitl_plant.aerodynamics import control_effectiveness
+from sitl_plant.aerodynamics import control_effectiveness, force
 from sitl_plant.aircraft import AircraftRecord, aircraft_record
 from sitl_plant.config import Aircraft
-from sitl_plant.vec3 import Mat3, Vec3, add, dot, scale
+from sitl_plant.vec3 import Mat3, Vec3, add, dot, scale, vec3
 
 _LEAST_EFFECT = 1e-3
 """Least effect of the weakest combination of the surfaces, relative to the strongest one.
@@ -52,16 +52,29 @@ def surfaces_for(moment: Vec3, C: Mat3) -> Vec3:
 
 
 @inlined
-def acceleration_without_thrust(motion: Motion, aircraft: AircraftRecord) -> float:
-    """Return what V̇ would be without thrust: vᵀ(R1ᵀg + F0/m)/V [m/s²]."""
-    specific = add(motion.gravity, scale(1.0 / aircraft["m"], motion.air.F))
+def acceleration_without_thrust(motion: Motion, delta: Vec3, aircraft: AircraftRecord) -> float:
+    """Return what V̇ would be without thrust: vᵀ(R1ᵀg + F0/m)/V [m/s²].
+
+    Args:
+        motion: Present motion.
+        delta: Deflections of aileron, elevator, rudder [rad]: F0 has their forces.
+        aircraft: Nominal aircraft.
+    """
+    specific = add(motion.gravity, scale(1.0 / aircraft["m"], force(motion.air, delta)))
     return dot(motion.v, specific) / motion.V
 
 
 @inlined
-def thrust_for(V_dot: float, motion: Motion, aircraft: AircraftRecord) -> float:
-    """Return the thrust [N] that makes a derivative of the airspeed [m/s²]."""
-    by_thrust = V_dot - acceleration_without_thrust(motion, aircraft)
+def thrust_for(V_dot: float, motion: Motion, delta: Vec3, aircraft: AircraftRecord) -> float:
+    """Return the thrust [N] that makes a derivative of the airspeed [m/s²].
+
+    Args:
+        V_dot: The derivative.
+        motion: Present motion.
+        delta: Deflections of aileron, elevator, rudder [rad].
+        aircraft: Nominal aircraft.
+    """
+    by_thrust = V_dot - acceleration_without_thrust(motion, delta, aircraft)
     thrust: float = aircraft["m"] * by_thrust * motion.V / motion.v[0]
     return thrust
 
@@ -72,7 +85,7 @@ def speed_terms(now: Step, aircraft: AircraftRecord) -> tuple[float, float, floa
     motion, errors = now.motion, now.errors
     lam = errors.lambda_v
     r_v = lam * now.reference.V_dot + errors.V_tilde_dot_sum
-    known = acceleration_without_thrust(motion, aircraft)
+    known = acceleration_without_thrust(motion, vec3(now.held), aircraft)
     return r_v, known, motion.v[0] * lam / (aircraft["m"] * motion.V)
 
 

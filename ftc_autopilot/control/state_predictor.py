@@ -181,7 +181,9 @@ def predicted(
     links, positions = periods_known(delay, 0.0, step_us), delay["positions"]
     thrust = float(positions[(step - links - 1) % _HISTORY, THROTTLE])
     air = aerodynamics(v, omega, aircraft)
-    d_v = sub(vec3(measured["specific_force"]), specific_force(air, thrust, aircraft))
+    row = positions[(step - ahead - 1) % _HISTORY]
+    delta = row[AILERON], row[ELEVATOR], row[RUDDER]
+    d_v = sub(vec3(measured["specific_force"]), specific_force(air, delta, thrust, aircraft))
     for k in range(ahead):
         row = positions[(step - ahead + k) % _HISTORY]
         delta = row[AILERON], row[ELEVATOR], row[RUDDER]
@@ -198,7 +200,7 @@ def predicted(
     copy_record(result, measured)
     velocity = add(state[1], wind)
     air = aerodynamics(state[1], state[3], aircraft)
-    force = add(specific_force(air, thrust, aircraft), d_v)
+    force = add(specific_force(air, delta, thrust, aircraft), d_v)
     for i in range(3):
         result["velocity"][i] = velocity[i]
         result["attitude"][i] = state[2][i]

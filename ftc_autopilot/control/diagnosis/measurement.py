@@ -21,7 +21,7 @@ import numpy as np
 from ftc_autopilot.control.diagnosis.state import HISTORY
 from ftc_autopilot.control.inversion import surfaces_for, thrust_for
 from ftc_autopilot.control.step import Step
-from mavlink_defs.constants import N_CHANNELS, THROTTLE
+from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.vec3 import Vec3, add, clamp, cross, mat3, mul, scale, sub, vec3
@@ -91,7 +91,12 @@ def measure(now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void)
             actuator["position"] = command
         actuator["commanded"] += share * (actuator["position"] - actuator["commanded"])
     throttle = actuators[THROTTLE]
-    thrust = thrust_for(motion.V_dot, motion, aircraft)
+    delta = (
+        actuators[AILERON]["position"],
+        actuators[ELEVATOR]["position"],
+        actuators[RUDDER]["position"],
+    )
+    thrust = thrust_for(motion.V_dot, motion, delta, aircraft)
     throttle["measured"] += share * (thrust - throttle["measured"])
 
 

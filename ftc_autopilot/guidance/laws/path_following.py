@@ -367,7 +367,7 @@ def _climb(
     sink = _upwards(error, coordination, gains, state) + coordination.up
 
     accelerating = now.reference[0, 1] / aircraft["g"]
-    D = drag(pressure, aircraft)
+    D = drag(pressure, math.atan2(now.motion.v[2], now.motion.v[0]), aircraft)
     thrust = limits["thrust_share_max"] * aircraft["thrust_limit"]
     most = math.sin(limits["climb_max_rad"])
     high = min(max((thrust - D) / weight - accelerating, -most), most)

@@ -32,19 +32,19 @@ V, H = 45.0, 1e-6
 
 
 def flown(
-    nominal: np.void, beta: float = 0.0, alpha: float = 0.0, omega: Vec3 = (0.0, 0.0, 0.0)
+    any_aircraft: np.void, beta: float = 0.0, alpha: float = 0.0, omega: Vec3 = (0.0, 0.0, 0.0)
 ) -> Aerodynamics:
     """The model at 45 m/s."""
     along, side, down = math.cos(alpha) * math.cos(beta), math.sin(beta), math.sin(alpha)
-    return aerodynamics((V * along, V * side, V * down * math.cos(beta)), omega, nominal)
+    return aerodynamics((V * along, V * side, V * down * math.cos(beta)), omega, any_aircraft)
 
 
-def slopes(nominal: np.void, name: str, axis: int = 0) -> tuple[np.ndarray, np.ndarray]:
+def slopes(any_aircraft: np.void, name: str, axis: int = 0) -> tuple[np.ndarray, np.ndarray]:
     """Derivatives of force and moment by one argument, by central differences."""
     ends = []
     for step in (H, -H):
         value: Any = tuple((step * np.eye(3)[axis]).tolist()) if name == "omega" else step
-        ends.append(flown(nominal, **{name: value}))
+        ends.append(flown(any_aircraft, **{name: value}))
     F, N = (np.subtract(getattr(ends[0], what), getattr(ends[1], what)) for what in "FN")
     return F / (2.0 * H), N / (2.0 * H)
 
@@ -58,51 +58,64 @@ def test_no_other_module_names_a_coefficient(name: str) -> None:
     assert naming <= KNOWING
 
 
-def test_the_lateral_model_is_the_models_slope(nominal: np.void) -> None:
-    air, still = lateral(V, nominal), flown(nominal)
-    side, by_beta = slopes(nominal, "beta")
-    _, by_p = slopes(nominal, "omega", 0)
-    _, by_r = slopes(nominal, "omega", 2)
-    assert air.side == pytest.approx(side[1], rel=1e-5)
+def test_the_lateral_model_is_the_models_slope(any_aircraft: np.void) -> None:
+    air, still = lateral(V, any_aircraft), flown(any_aircraft)
+    side, by_beta = slopes(any_aircraft, "beta")
+    _, by_p = slopes(any_aircraft, "omega", 0)
+    _, by_r = slopes(any_aircraft, "omega", 2)
+    by_rates = [slopes(any_aircraft, "omega", axis)[0][1] for axis in (0, 2)]
+    found = [side[1], *by_rates, still.B[1][0], still.B[1][2]]
+    assert list(air.side[1:]) == pytest.approx(found, rel=1e-5, abs=1e-6)
+    assert air.side.bias == pytest.approx(still.F[1], abs=1e-9)
     for axis, part in ((0, air.rolling), (2, air.yawing)):
         found = [by_beta[axis], by_p[axis], by_r[axis], still.C[axis][0], still.C[axis][2]]
         assert air.scale * np.array(part[1:]) == pytest.approx(found, rel=1e-5)
         assert air.scale * part.bias == pytest.approx(still.N[axis], abs=1e-9)
 
 
-def test_the_longitudinal_model_is_the_models_slope(nominal: np.void) -> None:
-    air = longitudinal(V, nominal)
-    force, by_alpha = slopes(nominal, "alpha")
-    _, by_p = slopes(nominal, "omega", 0)
-    _, by_q = slopes(nominal, "omega", 1)
-    assert air.drag == pytest.approx(-flown(nominal).F[0])
+def test_the_longitudinal_model_is_the_models_slope(any_aircraft: np.void) -> None:
+    air = longitudinal(V, 0.0, any_aircraft)
+    force, by_alpha = slopes(any_aircraft, "alpha")
+    _, by_p = slopes(any_aircraft, "omega", 0)
+    force_by_q, by_q = slopes(any_aircraft, "omega", 1)
+    still = flown(any_aircraft)
+    assert air.drag == pytest.approx(-still.F[0])
     assert -air.lift_by_alpha - air.drag == pytest.approx(force[2], rel=1e-5)
+    lift = -still.F[2]  # turned forward by α
+    assert lift - air.drag_by_alpha == pytest.approx(force[0], rel=1e-5)
+    assert -air.lift_by_q == pytest.approx(force_by_q[2], rel=1e-5, abs=1e-6)
+    slower = longitudinal(V, 0.1, any_aircraft).drag - longitudinal(V, -0.1, any_aircraft).drag
+    assert slower == pytest.approx(0.2 * air.drag_by_alpha)
     assert air.moment_by_alpha == pytest.approx(by_alpha[1], rel=1e-5)
     assert air.moment_by_q == pytest.approx(by_q[1], rel=1e-5)
-    assert rate_damping(V, nominal) == pytest.approx((by_p[0], by_q[1]), rel=1e-5)
+    assert rate_damping(V, any_aircraft) == pytest.approx((by_p[0], by_q[1]), rel=1e-5)
 
 
-def test_the_effect_of_the_surfaces_grows_with_the_square_of_the_airspeed(nominal: np.void) -> None:
-    per_V2 = control_effectiveness(nominal)
+def test_the_effect_of_the_surfaces_grows_with_the_square_of_the_airspeed(
+    any_aircraft: np.void,
+) -> None:
+    per_V2 = control_effectiveness(any_aircraft)
     for omega, beta in (((0.0, 0.0, 0.0), 0.0), ((0.5, -0.3, 0.2), 0.1)):
-        air, still = flown(nominal, beta, 0.1, omega), flown(nominal, beta, 0.1)
-        assert nominal["J_inv"] @ np.array(air.C) == pytest.approx(V**2 * per_V2)
+        air, still = flown(any_aircraft, beta, 0.1, omega), flown(any_aircraft, beta, 0.1)
+        assert any_aircraft["J_inv"] @ np.array(air.C) == pytest.approx(V**2 * per_V2)
         turned = np.subtract(moment(still, (0.1, -0.2, 0.3)), still.N)
-        assert nominal["J_inv"] @ turned == pytest.approx(V**2 * per_V2 @ (0.1, -0.2, 0.3))
+        assert any_aircraft["J_inv"] @ turned == pytest.approx(V**2 * per_V2 @ (0.1, -0.2, 0.3))
 
 
-def test_an_elevator_has_its_balanced_angle_of_attack(nominal: np.void) -> None:
-    air = flown(nominal, alpha=balanced_alpha(0.05, nominal))
+def test_an_elevator_has_its_balanced_angle_of_attack(any_aircraft: np.void) -> None:
+    air = flown(any_aircraft, alpha=balanced_alpha(0.05, any_aircraft))
     assert moment(air, (0.0, 0.05, 0.0))[1] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_lift_and_thrust_carry_together(nominal: np.void) -> None:
+def test_lift_and_thrust_carry_together(any_aircraft: np.void) -> None:
     """The thrust, along the body, balances the drag; what both make across is `carried`."""
-    alpha, qS = 0.2, 0.5 * nominal["rho"] * V**2 * nominal["S"]
-    ca, sa, air = math.cos(alpha), math.sin(alpha), flown(nominal, alpha=alpha)
-    force = np.array([air.F[0] + drag(qS, nominal) / ca, air.F[2]])
+    alpha, qS = 0.2, 0.5 * any_aircraft["rho"] * V**2 * any_aircraft["S"]
+    ca, sa, air = math.cos(alpha), math.sin(alpha), flown(any_aircraft, alpha=alpha)
+    force = np.array([air.F[0] + drag(qS, alpha, any_aircraft) / ca, air.F[2]])
     assert force @ (ca, sa) == pytest.approx(0.0, abs=1e-9)
-    assert force @ (sa, -ca) == pytest.approx(qS * carried(alpha, nominal))
-    at_zero, by_alpha = carried_linearly(nominal)
-    assert at_zero == carried(0.0, nominal)
-    assert by_alpha == pytest.approx((carried(H, nominal) - carried(-H, nominal)) / (2.0 * H))
+    assert force @ (sa, -ca) == pytest.approx(qS * carried(alpha, any_aircraft))
+    at_zero, by_alpha = carried_linearly(any_aircraft)
+    assert at_zero == carried(0.0, any_aircraft)
+    assert by_alpha == pytest.approx(
+        (carried(H, any_aircraft) - carried(-H, any_aircraft)) / (2.0 * H)
+    )

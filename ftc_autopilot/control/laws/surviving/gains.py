@@ -63,7 +63,16 @@ def lateral_gain(aircraft: Aircraft, V: float) -> np.ndarray:
     air = lateral(V, a)
     rolling, yawing = ([c.beta, c.p, c.r, 0.0, c.rudder] for c in (air.rolling, air.yawing))
     p_dot, _, r_dot = a["J_inv"] @ (air.scale * np.array([rolling, [0.0] * 5, yawing]))
-    beta_dot = np.array([air.side / (a["m"] * V), 0.0, -1.0, a["g"] / V, 0.0])
+    side, momentum = air.side, a["m"] * V
+    beta_dot = np.array(
+        [
+            side.beta / momentum,
+            side.p / momentum,
+            side.r / momentum - 1.0,
+            a["g"] / V,
+            side.rudder / momentum,
+        ]
+    )
     phi_dot = np.array([0.0, 1.0, 0.0, 0.0, 0.0])
     model = np.array([beta_dot, p_dot, r_dot, phi_dot])
     return _riccati(model, _LATERAL_Q, _LATERAL_R)
@@ -74,22 +83,23 @@ def longitudinal_gain(aircraft: Aircraft, V: float) -> np.ndarray:
 
     The model is straight, level flight, and the elevator stands where it trims that:
 
-        V̇ = (T cos α - D)/m - g sin(θ - α)
-        α̇ = q - (L + T sin α)/(m V) + g cos(θ - α)/V
+        V̇ = (T cos α - D_α α)/m - g sin(θ - α)
+        α̇ = q - (L_α α + L_q q + T sin α)/(m V) + g cos(θ - α)/V
         q̇ = (M_α α + M_q q + ...)/Jyy,   θ̇ = q
     """
     a = aircraft_record(aircraft)
     m, g, J = a["m"], a["g"], a["J"][1, 1]
-    air, alpha = longitudinal(V, a), _level_alpha(a, V)
+    alpha = _level_alpha(a, V)
+    air = longitudinal(V, alpha, a)
     T = air.drag / math.cos(alpha)
     along, across = m * V, m * V * V
-    V_by_alpha = g - T * math.sin(alpha) / m
+    V_by_alpha = g - (T * math.sin(alpha) + air.drag_by_alpha) / m
     alpha_by_V = -2.0 * (m * g - T * math.sin(alpha)) / across  # L = m g - T sin α
     alpha_by_alpha = -(air.lift_by_alpha + T * math.cos(alpha)) / along
     model = np.array(
         [
             [-2.0 * air.drag / along, V_by_alpha, 0.0, -g, 0.0],
-            [alpha_by_V, alpha_by_alpha, 1.0, 0.0, 0.0],
+            [alpha_by_V, alpha_by_alpha, 1.0 - air.lift_by_q / along, 0.0, 0.0],
             [0.0, air.moment_by_alpha / J, air.moment_by_q / J, 0.0, 0.0],
             [0.0, 0.0, 1.0, 0.0, 0.0],
             [0.0, 0.0, 0.0, 1.0, 0.0],

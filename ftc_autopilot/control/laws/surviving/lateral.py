@@ -37,7 +37,7 @@ def lateral_trim(now: Step, lost: int, aircraft: AircraftRecord, diagnosis: np.v
     force without rotation of the velocity:
 
         l_0 + l_β β + l_r r + l_x f + l_δ (δ + f_δ) = 0,   and n in the same way
-        r = g sin φ_r cos θ/v_x + Y_β β/(m v_x)
+        r = g sin φ_r cos θ/v_x + (Y_0 + Y_β β + Y_r r + Y_x f + Y_δ (δ + f_δ))/(m v_x)
 
     Args:
         now: The present step.
@@ -49,21 +49,31 @@ def lateral_trim(now: Step, lost: int, aircraft: AircraftRecord, diagnosis: np.v
     motion, actuators = now.motion, diagnosis["actuators"]
     air = lateral(motion.V, aircraft)
     l, n = air.rolling, air.yawing  # noqa: E741 - the field's symbol
+    mass_flow = aircraft["m"] * motion.v[0]
     if lost == AILERON:
         l_lost, n_lost, l_delta, n_delta = l.aileron, n.aileron, l.rudder, n.rudder
+        Y_lost, Y_delta = air.side.aileron, air.side.rudder
         stuck, offset = actuators[AILERON]["stuck"], actuators[RUDDER]["offset"]
     else:
         l_lost, n_lost, l_delta, n_delta = l.rudder, n.rudder, l.aileron, n.aileron
+        Y_lost, Y_delta = air.side.rudder, air.side.aileron
         stuck, offset = actuators[RUDDER]["stuck"], actuators[AILERON]["offset"]
-    side = air.side / (aircraft["m"] * motion.v[0])
     turn = aircraft["g"] * math.sin(now.reference.phi[0]) * math.cos(motion.phi[1]) / motion.v[0]
+    turn += (air.side.bias + Y_lost * stuck + Y_delta * offset) / mass_flow
+    by_r = 1.0 - air.side.r / mass_flow  # r = turn + side β + side_delta δ
+    turn, side, side_delta = (
+        turn / by_r,
+        air.side.beta / mass_flow / by_r,
+        Y_delta / mass_flow / by_r,
+    )
     l_beta, n_beta = l.beta + l.r * side, n.beta + n.r * side
     rolling = -(l.bias + l_lost * stuck + l_delta * offset + l.r * turn)
     yawing = -(n.bias + n_lost * stuck + n_delta * offset + n.r * turn)
+    l_delta, n_delta = l_delta + l.r * side_delta, n_delta + n.r * side_delta
     determinant = l_beta * n_delta - l_delta * n_beta
     beta = (rolling * n_delta - yawing * l_delta) / determinant
     delta = (l_beta * yawing - n_beta * rolling) / determinant
-    return LateralTrim(beta, delta, turn + side * beta)
+    return LateralTrim(beta, delta, turn + side * beta + side_delta * delta)
 
 
 @compiled

@@ -49,7 +49,7 @@ def pitch_trim(
     V = math.sqrt(max(load, 1.0) / max(lift, _LEAST_LIFT) / half_rho_S)
     airspeeds = gains["airspeeds"]
     V = clamp(V, _SLOW * airspeeds[0], _FAST * airspeeds[-1])
-    D = drag(half_rho_S * now.motion.V * now.motion.V, aircraft)
+    D = drag(half_rho_S * now.motion.V * now.motion.V, alpha, aircraft)
     return PitchTrim(V, alpha, (D + weight * math.sin(gamma)) / math.cos(alpha))
 
 

@@ -195,7 +195,7 @@ def trim(now: Step, aircraft: AircraftRecord, commands: np.ndarray) -> None:
     stop = aircraft["surface_limit"]
     for i in range(3):
         commands[i] = clamp(delta[i], -stop, stop)
-    thrust = thrust_for(now.reference.V_dot, motion, aircraft)
+    thrust = thrust_for(now.reference.V_dot, motion, vec3(commands), aircraft)
     commands[THROTTLE] = clamp(thrust, 0.0, aircraft["thrust_limit"])
 
 

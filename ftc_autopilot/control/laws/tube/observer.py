@@ -11,7 +11,7 @@ import numpy as np
 from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import THROTTLE
 from mavlink_defs.runtime.jit import inlined
-from sitl_plant.aerodynamics import aerodynamics, moment
+from sitl_plant.aerodynamics import aerodynamics, force, moment
 from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import angular_acceleration
 from sitl_plant.vec3 import mat3, vec3
@@ -44,9 +44,10 @@ def observe(
             state["v"][i] = motion.v[i]
         return
     tau, m = gains["force_observer_s"], aircraft["m"]
-    force = motion.air.F[0] + positions[THROTTLE], motion.air.F[1], motion.air.F[2]
+    by_air = force(motion.air, vec3(positions))
+    known_force = by_air[0] + positions[THROTTLE], by_air[1], by_air[2]
     for i in range(3):
-        innovation = motion.specific_force[i] - force[i] / m - d[i]
+        innovation = motion.specific_force[i] - known_force[i] / m - d[i]
         slope[i] += dt * innovation / (4.0 * tau * tau)
         d[i] += dt * slope[i] + min(dt / tau, 0.5) * innovation
 

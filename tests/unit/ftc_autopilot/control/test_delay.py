@@ -80,7 +80,7 @@ def down_in_body_axes(attitude: np.ndarray) -> np.ndarray:
     return np.array([-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)])
 
 
-def test_the_prediction_solves_the_equations(nominal: np.void) -> None:
+def test_the_prediction_solves_the_equations(any_aircraft: np.void) -> None:
     """In wind, under a force that the model does not explain, which is taken to stay.
 
     Surfaces and gyro are 4 ms later than the links' 3 ms: the thrust acts earlier.
@@ -95,14 +95,15 @@ def test_the_prediction_solves_the_equations(nominal: np.void) -> None:
     force_0 = (0.7, -0.4, 1.2)
     unexplained = np.array(force_0)
 
-    def force(x: np.ndarray, thrust: float) -> np.ndarray:
-        air = aerodynamics(vec3(x[3:6] - wind), vec3(x[9:12]), nominal)
-        return np.array(specific_force(air, thrust, nominal)) + unexplained
+    def force(x: np.ndarray, sent_at: int, thrust: float) -> np.ndarray:
+        air = aerodynamics(vec3(x[3:6] - wind), vec3(x[9:12]), any_aircraft)
+        by_air = specific_force(air, vec3(sent[sent_at]), thrust, any_aircraft)
+        return np.array(by_air) + unexplained
 
     thrusts = [float(sent[min(now - links + k, now - 1)][3]) for k in range(-1, ahead)]
-    measured = state_of(x, now, force(x, thrusts[0]))
+    measured = state_of(x, now, force(x, now - ahead - 1, thrusts[0]))
     measured["wind"] = wind
-    result = predicted(memory, measured, 0.004, STEP_US, nominal)
+    result = predicted(memory, measured, 0.004, STEP_US, any_aircraft)
     for k in range(ahead):
         da, de, dr, _ = sent[now - ahead + k].tolist()
 
@@ -111,7 +112,7 @@ def test_the_prediction_solves_the_equations(nominal: np.void) -> None:
         ) -> np.ndarray:
             y = np.concatenate([y[:3], y[3:6] - wind, y[6:]])
             parts = state_derivative(
-                load_state(y), T, (d[0], d[1], d[2]), force_0, NOTHING, STILL_AIR, nominal
+                load_state(y), T, (d[0], d[1], d[2]), force_0, NOTHING, STILL_AIR, any_aircraft
             )
             return np.concatenate([*parts])
 
@@ -119,7 +120,7 @@ def test_the_prediction_solves_the_equations(nominal: np.void) -> None:
     assert result["velocity"] == pytest.approx(x[3:6], abs=1e-5)
     assert result["attitude"] == pytest.approx(x[6:9], abs=1e-6)
     assert result["rates"] == pytest.approx(x[9:12], abs=1e-5)
-    assert result["specific_force"] == pytest.approx(force(x, thrusts[-1]), abs=1e-5)
+    assert result["specific_force"] == pytest.approx(force(x, now - 1, thrusts[-1]), abs=1e-5)
     assert result["wind"] == pytest.approx(wind)
     assert result["position"] == pytest.approx(measured["position"])
 

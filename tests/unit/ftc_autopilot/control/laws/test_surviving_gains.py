@@ -112,12 +112,29 @@ def test_the_thrust_gains_are_optimal_on_the_plants_model(scenario1: Scenario, V
     assert longitudinal_gain(scenario1.aircraft, V) == pytest.approx(expected, rel=1e-3)
 
 
+def test_forces_of_rates_surfaces_and_drag_count(general_aircraft: Aircraft) -> None:
+    """The gains of what the plant's own model says at 45 m/s, but for its small terms."""
+    A, B = jacobian(45.0, aircraft_record(general_aircraft))
+    A4, B4 = A[4:, 4:], B[4:, 3:]
+    expected = lqr(A4, B4, _q("lateral"), 1.0)
+    assert lateral_gain(general_aircraft, 45.0) == pytest.approx(expected, rel=0.1, abs=0.05)
+    A5, B5 = np.zeros((5, 5)), np.zeros((5, 1))
+    A5[:4, :4], B5[:4, 0] = A[:4, :4], B[:4, 0]
+    A5[4, 3], A5[2, 0] = 1.0, 0.0
+    expected = lqr(A5, B5, _q("longitudinal"), 1e-6)
+    assert longitudinal_gain(general_aircraft, 45.0) == pytest.approx(expected, rel=0.1)
+
+
 @pytest.mark.parametrize("V", [25.0, 50.0, 80.0])
-def test_both_loops_are_stable_on_the_whole_model(scenario1: Scenario, V: float) -> None:
-    A, B = jacobian(V, aircraft_record(scenario1.aircraft))
+@pytest.mark.parametrize("name", ["paper", "general"])
+def test_both_loops_are_stable_on_the_whole_model(
+    scenario1: Scenario, general_aircraft: Aircraft, name: str, V: float
+) -> None:
+    aircraft = {"paper": scenario1.aircraft, "general": general_aircraft}[name]
+    A, B = jacobian(V, aircraft_record(aircraft))
     K = np.zeros((4, 8))
-    K[0, :4] = longitudinal_gain(scenario1.aircraft, V)[:4]
-    K[3, 4:] = lateral_gain(scenario1.aircraft, V)
+    K[0, :4] = longitudinal_gain(aircraft, V)[:4]
+    K[3, 4:] = lateral_gain(aircraft, V)
     assert np.linalg.eigvals(A - B @ K).real.max() < -0.2
 
 
