@@ -88,7 +88,19 @@ def general(general_aircraft: Aircraft) -> np.void:
     return aircraft_record(general_aircraft)
 
 
-@pytest.fixture(params=["nominal", "general"])
+@pytest.fixture(scope="session")
+def per_rad_s(general: np.void) -> np.void:
+    """The same with rate derivatives per rad/s."""
+    record: np.void = general.copy()
+    record["per_rad_s"] = 1
+    for name in ("cl_p", "cl_r", "cn_p", "cn_r", "cY_p", "cY_r"):
+        record[name] *= general["b"] / 90.0
+    for name in ("cm_q", "cL_q"):
+        record[name] *= general["c_bar"] / 90.0
+    return record
+
+
+@pytest.fixture(params=["nominal", "general", "per_rad_s"])
 def any_aircraft(request: pytest.FixtureRequest) -> np.void:
-    """The one and the other."""
-    return request.getfixturevalue(request.param)  # type: ignore[no-any-return]  # gives Any
+    """Each of them."""
+    return request.getfixturevalue(request.param)

@@ -15,6 +15,7 @@ from sitl_plant.aerodynamics import (
     carried,
     carried_linearly,
     control_effectiveness,
+    correct_derivatives,
     drag,
     lateral,
     longitudinal,
@@ -119,3 +120,14 @@ def test_lift_and_thrust_carry_together(any_aircraft: np.void) -> None:
     assert by_alpha == pytest.approx(
         (carried(H, any_aircraft) - carried(-H, any_aircraft)) / (2.0 * H)
     )
+
+
+def test_a_model_is_corrected_by_relative_errors(any_aircraft: np.void) -> None:
+    model = any_aircraft.copy()
+    correct_derivatives(any_aircraft, 0.1, -0.2, 0.3, model)
+    omega = (0.0, 0.4, 0.0)
+    right, wrong = flown(model, omega=omega), flown(any_aircraft, omega=omega)
+    still = flown(any_aircraft)
+    assert right.C[0][0] == pytest.approx(1.1 * wrong.C[0][0])
+    assert right.C[1][1] == pytest.approx(1.3 * wrong.C[1][1])
+    assert right.N[1] - still.N[1] == pytest.approx(0.8 * (wrong.N[1] - still.N[1]))

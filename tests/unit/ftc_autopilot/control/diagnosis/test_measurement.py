@@ -11,6 +11,7 @@ from steps import step_of
 from ftc_autopilot.common.motion import motion_of
 from ftc_autopilot.common.records import fill, record_dtype
 from ftc_autopilot.control.diagnosis import DIAGNOSIS, DiagnosisParameters
+from ftc_autopilot.control.diagnosis.diagnose import _note_dead_time
 from ftc_autopilot.control.diagnosis.measurement import measure, servo_step, steps_back
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import RUDDER, THROTTLE
@@ -145,3 +146,16 @@ def test_a_servo_is_no_faster_than_its_limit() -> None:
     assert position == pytest.approx(np.radians(4.0))
     assert servo_step(0.0, 1.0, RUDDER, servo(0.0), DT) == 1.0
     assert servo_step(0.0, 900.0, THROTTLE, limited, DT) == 900.0  # which has none
+
+
+@pytest.mark.parametrize("shown_by", [RUDDER, THROTTLE])
+def test_surfaces_share_a_dead_time_and_the_throttle_has_its_own(
+    shown_by: int, scenario1: Scenario
+) -> None:
+    state = np.zeros(1, DIAGNOSIS)[0]
+    plant = new_plant_state(scenario1.plant_config())
+    observe(plant, 0, 0, STEP_US)
+    now = step_of(motion_of(plant.messages[0], plant.aircraft[0]))
+    _note_dead_time(shown_by, 12, now, servo(0.0), state)
+    surfaces, throttle = (12, 0) if shown_by == RUDDER else (0, 12)
+    assert state["actuators"]["dead_steps"].tolist() == [surfaces] * 3 + [throttle]

@@ -10,6 +10,7 @@ from steps import NOTHING, step_of
 from ftc_autopilot.common.motion import motion_of
 from ftc_autopilot.control.controller import parameter_record
 from ftc_autopilot.control.laws.surviving import Surviving
+from ftc_autopilot.control.laws.surviving.healthy import commanded_acceleration
 from ftc_autopilot.control.laws.surviving.lateral import (
     aileron_for_roll,
     driven_aileron,
@@ -249,3 +250,16 @@ def test_a_deflection_near_a_stop_becomes_the_stop(nominal: np.void) -> None:
         found: Any = reaching_stops(command, thresholds, nominal)
         expected = (stop, -stop, stop) if moved else command.delta
         assert found == (expected, 1990.0, ALL)
+
+
+# the loops of the healthy aircraft
+
+
+def test_the_commanded_rates_derivative_is_limited(
+    nominal: np.void, gains: np.void, state: np.void
+) -> None:
+    """A jump of the commanded rates asks for no more than 20, 20 and 10 rad/s² besides."""
+    now = seen(nominal, 45.0)
+    rates, limits = (3.0, -2.0, 1.0), np.array([20.0, -20.0, 10.0])
+    asked = commanded_acceleration(now, rates, gains, state)
+    assert asked == pytest.approx(limits + gains["K2"] * rates)
