@@ -40,8 +40,9 @@ explore: $(READY)  ## the property tests with new examples, 25 times as many; SE
 	$(BIN)/pytest -n auto --dist worksteal -m hypothesis --hypothesis-profile=explore \
 	  --hypothesis-seed=$(SEED) tests/unit
 
-mutants: $(READY)  ## small changes to the equations, 25 of each module, that no test notices; MODULE=..., NUMBER=0 (all), SEED=...
-	NUMBA_DISABLE_JIT=1 $(BIN)/python scripts/find_mutants.py $(MODULE) --number $(or $(NUMBER),25) --seed $(MUTANTS_SEED)
+mutants: $(READY)  ## small changes to the equations, 25 of each module, that no test notices; MODULE=..., NUMBER=0 (all), SEED=..., INTEGRATIONS=1
+	NUMBA_DISABLE_JIT=1 $(BIN)/python scripts/find_mutants.py $(MODULE) --number $(or $(NUMBER),25) --seed $(MUTANTS_SEED) \
+	  $(if $(INTEGRATIONS),--integrations)
 
 docs: $(READY)  ## the documentation as a site in site/; every warning is an error
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
