@@ -1,7 +1,7 @@
-"""Build hook: generate `mavlink_defs/dialect.py`, and bundle the scenarios.
+"""Build hook: generate `mavlink_defs/dialect.py`, and bundle scenarios and aircraft.
 
 It runs for wheels and for editable installs alike, so the dialect is never committed.
-Wheels get a copy of `scenarios/`; an editable install reads that folder.
+Wheels get copies of `scenarios/` and `aircraft/`; an editable install reads these folders.
 """
 
 import py_compile
@@ -20,6 +20,7 @@ class DialectHook(BuildHookInterface):
         generate(Path(self.root) / "mavlink_defs")
         if version == "standard":
             build_data["force_include"]["scenarios"] = "gcs/bundled_scenarios"
+            build_data["force_include"]["aircraft"] = "gcs/bundled_aircraft"
 
 
 def generate(package: Path) -> None:

@@ -56,6 +56,10 @@ COMMANDS = {
         "trim",
         "Compute where an actuator may be stuck so that level flight remains possible.",
     ),
+    "aircraft": (
+        "aircraft",
+        "List the bundled aircraft, or show one: size, limits, trim, modes, authority.",
+    ),
     "scenarios": (
         "scenarios",
         "List the bundled scenarios, one per line: name and what it shows; then the additions.",
@@ -103,7 +107,7 @@ COMMANDS = {
 It is the first line of the command's own help, which is not imported for the help of `gcs`.
 """
 
-_LAB = {"baseline", "campaign", "compare", "reproduce", "sweep", "trim"}
+_LAB = {"aircraft", "baseline", "campaign", "compare", "reproduce", "sweep", "trim"}
 """Commands of `gcs.lab`, which needs more packages than operators do."""
 
 _EPILOG = """

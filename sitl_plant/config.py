@@ -13,6 +13,7 @@ from mavlink_defs.config.models import (
     HostPort,
     Model,
     Problems,
+    Prose,
     SystemId,
     repeated,
     unknown_key,
@@ -90,6 +91,7 @@ class Coefficients(Model):
 class Aircraft(Model):
     """One aircraft type; of a plant the true one, of a controller the nominal one."""
 
+    source: Prose = Field(default="", description="Where the numbers are from.")
     mass_kg: float = quantity("kg", gt=0.0, doc="Mass m.")
     wing_area_m2: float = quantity("m^2", gt=0.0, doc="Reference area S.")
     wing_span_m: float = quantity("m", gt=0.0, doc="Wing span b.")

@@ -17,6 +17,34 @@ SCENARIOS = _INSTALLED if _INSTALLED.is_dir() else _PACKAGE.parent / "scenarios"
 """Folder of the bundled scenarios: in a wheel, or in a clone of the project."""
 
 
+AIRCRAFT = _PACKAGE / "bundled_aircraft" if _INSTALLED.is_dir() else _PACKAGE.parent / "aircraft"
+"""Folder of the bundled aircraft."""
+
+
+def aircraft_names() -> list[str]:
+    """Return the names of all bundled aircraft, sorted."""
+    return sorted(path.stem for path in AIRCRAFT.glob("*.yaml"))
+
+
+def find_aircraft(folder: Path, name: str) -> Path:
+    """Return the file that the name of an aircraft refers to in a file of a folder.
+
+    Raises:
+        ConfigError: There is neither such a file nor such a bundled aircraft.
+    """
+    path = folder / name
+    if path.is_file():
+        return path
+    stem = name.removesuffix(".yaml")
+    if stem in (names := aircraft_names()):
+        return AIRCRAFT / f"{stem}.yaml"
+    alike = difflib.get_close_matches(stem, names, n=1)
+    meant = f"; did you mean '{alike[0]}'?" if alike else ""
+    text = f"no such file, and no bundled aircraft of that name{meant}"
+    asked = path if path.suffix else Path(name)
+    raise ConfigError(asked, [Problem((), f"{text} (`gcs aircraft` lists them)")])
+
+
 def bundled_names() -> list[str]:
     """Return the names of all bundled scenarios, sorted."""
     files = SCENARIOS.glob("*/**/*.yaml")

@@ -23,8 +23,9 @@ from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.guidance.planner import Planner
 from ftc_autopilot.guidance.reach import most_links, reach_problems
+from gcs.scenario.aircraft_file import with_named_files, without_nulls
 from gcs.scenario.bundled import base_of, find_scenario
-from gcs.scenario.mission import MissionSection, with_mission_file
+from gcs.scenario.mission import MissionSection
 from gcs.scenario.sections import (
     Found,
     Links,
@@ -385,7 +386,7 @@ def scenario_tree(name: Path | str, *, is_base: bool = False) -> dict[Any, Any]:
     if is_mission_file(path):
         raise ConfigError(path, [Problem((), "a mission, not a scenario; see gcs mission")])
     known = Scenario.model_fields.keys()
-    return read_inherited(path, known, base_of, with_mission_file, is_base=is_base)
+    return read_inherited(path, known, base_of, with_named_files, is_base=is_base)
 
 
 def scenario_of(path: Path | str, tree: dict[Any, Any]) -> Scenario:
@@ -396,6 +397,6 @@ def scenario_of(path: Path | str, tree: dict[Any, Any]) -> Scenario:
     """
     if "scenario" in tree and "aircraft" not in tree:
         raise ConfigError(path, [Problem((), "a campaign, not a scenario; see gcs campaign")])
-    scenario = validate(path, with_mission_file(path, tree), Scenario)
+    scenario = validate(path, without_nulls(with_named_files(path, tree)), Scenario)
     key = scenario.links.signing_key
     return scenario if key is None else scenario.signed(Path(path).parent / key)

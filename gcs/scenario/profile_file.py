@@ -8,8 +8,8 @@ import yaml
 from pydantic import Field
 
 from ftc_autopilot.guidance.mission_items import is_path
+from gcs.scenario.aircraft_file import with_named_files
 from gcs.scenario.bundled import base_of, find_scenario
-from gcs.scenario.mission import with_mission_file
 from gcs.scenario.model import Scenario, scenario_of
 from gcs.scenario.sections import ProfileSegment
 from mavlink_defs.config.files import validate
@@ -50,7 +50,7 @@ def load_profile(name: Path | str) -> tuple[Segment, ...]:
     path = find_scenario(name)
     if is_mission_file(path):
         return _segments_of(path, read_mission_file(path))
-    data = read_inherited(path, Scenario.model_fields.keys(), base_of, with_mission_file)
+    data = read_inherited(path, Scenario.model_fields.keys(), base_of, with_named_files)
     if not data.keys() <= ProfileFile.model_fields.keys():
         segments = scenario_of(path, data).segments()
         if not segments:

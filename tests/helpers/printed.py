@@ -7,6 +7,8 @@ BY_ITSELF = {
     "baseline": f"paper/scenario1 {SHORT} --tolerance 1000 --aircraft 2 --out OUT",
     "campaign": "campaign.yaml --jobs 1 --until 'p(success) > 0.1 at 90 %' --out OUT",
     "compare": "old new --fail-if 'p(success) < 0.01 at 90 %'",
+    "aircraft": "",
+    "aircraft ": "aerosonde",
     "config": "paper/scenario1 --out OUT",
     "fly": f"paper/scenario1 {SHORT} --in-process --record none --out OUT",
     "fly ": f"missions/race_track {SHORT} --in-process --record none --out OUT",

@@ -1,0 +1,150 @@
+"""``gcs aircraft``: the aircraft that come with the package, and what one is like."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gcs.commands.common import QuietOption
+from gcs.errors import BadInput
+from gcs.scenario.bundled import aircraft_names
+from gcs.terminal import console_of, numbers, print_json, print_line, table_of, texts
+
+if TYPE_CHECKING:
+    from gcs.lab.theory.modes import LevelFlight, Mode
+    from sitl_plant.config import Aircraft
+
+EPILOG = """
+Examples:
+
+- gcs aircraft
+- gcs aircraft aerosonde
+- gcs aircraft my.yaml --airspeed 18 --json
+
+A scenario names one by `aircraft: aerosonde`, or `--set aircraft=aerosonde`.
+
+Exit status: 0 listed or shown, 2 bad input.
+"""
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """An aircraft at an airspeed."""
+
+    aircraft: "Aircraft"
+    flight: "LevelFlight"
+    modes: "list[Mode]"
+    authority_rad_s2: dict[str, float]
+
+
+def aircraft(
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            help="A bundled aircraft or a file; without it all bundled ones are listed.",
+            metavar="AIRCRAFT",
+            show_default=False,
+        ),
+    ] = None,
+    airspeed: Annotated[
+        float | None,
+        typer.Option(
+            help="Airspeed of the level flight [m/s]; by default in the middle of its range.",
+            metavar="M/S",
+            show_default=False,
+        ),
+    ] = None,
+    quiet: QuietOption = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print an object instead of tables.")
+    ] = False,
+) -> None:
+    """List the bundled aircraft, or show one: size, limits, trim, modes, authority."""
+    from gcs.scenario.aircraft_file import load_aircraft
+
+    if name is None:
+        found = {known: load_aircraft(known) for known in aircraft_names()}
+        if as_json:
+            print_json({known: one.model_dump() for known, one in found.items()}, indent=2)
+            return
+        width = max(map(len, found))
+        for known, one in found.items():
+            size = f"{one.mass_kg:g} kg, {one.wing_span_m:g} m"
+            speeds = f"{one.airspeed_min_m_s:g} to {one.airspeed_max_m_s:g} m/s"
+            print_line(f"{known:{width}}  {size}, {speeds}.  {one.source}")
+        return
+    shown = _shown(name, load_aircraft(name), airspeed)
+    if as_json:
+        parts = {
+            "aircraft": shown.aircraft.model_dump(),
+            "level_flight": shown.flight._asdict(),
+            "modes": [mode._asdict() for mode in shown.modes],
+            "authority_rad_s2": shown.authority_rad_s2,
+        }
+        print_json(parts, indent=2)
+        return
+    _print(name, shown, quiet)
+
+
+def _shown(name: str, aircraft: "Aircraft", airspeed: float | None) -> _Shown:
+    from gcs.lab.theory.modes import authority, level_flight, modes
+
+    low, high = aircraft.airspeed_min_m_s, aircraft.airspeed_max_m_s
+    speed = (low + high) / 2.0 if airspeed is None else airspeed
+    if not low <= speed <= high:
+        limits = f"expected [{low:g}, {high:g}] m/s, the limits of {name}"
+        raise BadInput(f"--airspeed is {speed:g}, {limits}")
+    flight = level_flight(aircraft, speed)
+    if flight is None:
+        text = f"{name} has no straight, level flight at {speed:g} m/s; choose another --airspeed"
+        raise BadInput(text)
+    return _Shown(aircraft, flight, modes(aircraft, flight), authority(aircraft, speed))
+
+
+def _print(name: str, shown: _Shown, quiet: bool) -> None:
+    console = console_of(stderr=False, quiet=quiet)
+    one, flight = shown.aircraft, shown.flight
+    size = table_of(texts(name), numbers(""))
+    for label, value in (
+        ("mass", f"{one.mass_kg:g} kg"),
+        ("wing", f"{one.wing_span_m:g} m, {one.wing_area_m2:g} m²"),
+        ("airspeeds", f"{one.airspeed_min_m_s:g} to {one.airspeed_max_m_s:g} m/s"),
+        ("thrust by weight", f"{one.thrust_limit_n / (one.mass_kg * one.gravity_m_s2 or 1.0):.2g}"),
+    ):
+        size.add_row(label, value)
+    console.print(size)
+    if one.source:
+        console.print(f"Source: {one.source}")
+    at = f"Straight, level flight at {flight.airspeed_m_s:g} m/s"
+    trim = table_of(texts(at), numbers(""), texts("of"))
+    stop = f"±{one.surface_limit_deg:g}°"
+    for label, value, limit in (
+        ("angle of attack", f"{flight.alpha_deg:.1f}°", ""),
+        ("sideslip", f"{flight.beta_deg + 0.0:.1f}°", ""),
+        ("aileron", f"{flight.aileron_deg:.1f}°", stop),
+        ("elevator", f"{flight.elevator_deg:.1f}°", stop),
+        ("rudder", f"{flight.rudder_deg:.1f}°", stop),
+        ("thrust", f"{flight.thrust_n:.0f} N", f"{one.thrust_limit_n:g} N"),
+    ):
+        trim.add_row(label, value.replace("-0.0°", "0.0°"), limit)
+    console.print(trim)
+    table = table_of(
+        texts("mode"),
+        numbers("frequency\n[rad/s]"),
+        numbers("damping"),
+        numbers("time\n[s]"),
+        texts(""),
+    )
+    for mode in shown.modes:
+        growing = mode.damping < 0.0
+        seconds = 1.0 / (abs(mode.damping) * mode.frequency_rad_s or 1e-9)
+        table.add_row(
+            mode.name,
+            "" if mode.is_aperiodic else f"{mode.frequency_rad_s:.3g}",
+            "" if mode.is_aperiodic else f"{mode.damping:.2g}",
+            f"{seconds:.3g}",
+            "grows" if growing else "",
+        )
+    console.print(table)
+    surfaces = ", ".join(f"{key} {value:.3g}" for key, value in shown.authority_rad_s2.items())
+    console.print(f"Angular acceleration by full deflection [rad/s²]: {surfaces}")

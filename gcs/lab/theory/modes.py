@@ -1,0 +1,141 @@
+"""Straight, level flight of an aircraft: its trim, its modes, and what its surfaces can do."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from mavlink_defs.constants import ACTUATORS, THROTTLE
+from sitl_plant.aerodynamics import control_effectiveness
+from sitl_plant.aircraft import AircraftRecord, aircraft_record
+from sitl_plant.config import Aircraft
+from sitl_plant.rigid_body import R1, STILL_AIR, State, state_derivative
+from sitl_plant.vec3 import Vec3, mul
+
+_NEWTONS = 1000.0  # thrust is of the order of one in the solver's unit
+_STEP = 1e-6  # of the differences
+_LONGITUDINAL, _LATERAL = (0, 2, 3, 6), (1, 4, 5, 7)  # u, w, θ, q and v, φ, p, r of the states
+_REST = (0.0, 0.0, 0.0)
+_ALONG = {
+    2: ("short period", "phugoid"),
+    1: ("short period", "phugoid", "phugoid"),
+    0: ("short period", "short period", "phugoid", "phugoid"),
+}
+_ACROSS = {
+    2: ("dutch roll", "roll and spiral"),
+    1: ("dutch roll", "roll", "spiral"),
+    0: ("roll", "dutch roll", "dutch roll", "spiral"),
+}
+"""Names by the number of pairs of eigenvalues, the pairs first."""
+_LEFT = 1e-6  # m/s², rad/s² and m/s that a trim may leave
+
+
+class LevelFlight(NamedTuple):
+    """Trim of straight, level flight; angles in degrees."""
+
+    airspeed_m_s: float
+    alpha_deg: float
+    beta_deg: float
+    aileron_deg: float
+    elevator_deg: float
+    rudder_deg: float
+    thrust_n: float
+
+
+class Mode(NamedTuple):
+    """A mode of straight, level flight."""
+
+    name: str
+    frequency_rad_s: float  # natural frequency; of an aperiodic mode 1/|time constant|
+    damping: float  # ratio; of an aperiodic mode 1, of one that grows -1
+
+    @property
+    def is_aperiodic(self) -> bool:
+        """Whether it does not swing."""
+        return abs(self.damping) == 1.0
+
+
+def level_flight(aircraft: Aircraft, airspeed_m_s: float) -> LevelFlight | None:
+    """Return straight, level flight at an airspeed, within stops or not; None if there is none."""
+    from scipy.optimize import root
+
+    record = aircraft_record(aircraft)
+
+    def unrest(x: np.ndarray) -> list[float]:
+        state, delta, thrust = _unpacked(x, airspeed_m_s)
+        _, v_dot, _, omega_dot = _derivative(state, delta, thrust, record)
+        return [*v_dot, *omega_dot, mul(R1(state[2]), state[1])[2]]
+
+    found = root(unrest, [0.05, 0.0, 0.05, 0.0, 0.0, 0.0, 0.1], tol=1e-10)
+    if not found.success or max(map(abs, unrest(found.x))) > _LEFT:
+        return None
+    alpha, beta, _, aileron, elevator, rudder, thrust = (float(part) for part in found.x)
+    return LevelFlight(
+        airspeed_m_s,
+        math.degrees(alpha),
+        math.degrees(beta),
+        math.degrees(aileron),
+        math.degrees(elevator),
+        math.degrees(rudder),
+        _NEWTONS * thrust,
+    )
+
+
+def modes(aircraft: Aircraft, flight: LevelFlight) -> list[Mode]:
+    """Return the modes of small motions about a level flight, the longitudinal ones first."""
+    record = aircraft_record(aircraft)
+    angles = [flight.alpha_deg, flight.beta_deg, flight.alpha_deg, *flight[3:6]]
+    packed = np.array([*np.radians(angles), flight.thrust_n / _NEWTONS])
+    state, delta, thrust = _unpacked(packed, flight.airspeed_m_s)
+
+    def slope(x: np.ndarray) -> np.ndarray:
+        v, phi, omega = x[:3], (float(x[4]), float(x[3]), 0.0), x[5:]
+        moved = (_REST, tuple(v.tolist()), phi, tuple(omega[[0, 1, 2]].tolist()))
+        _, v_dot, phi_dot, omega_dot = _derivative(moved, delta, thrust, record)
+        return np.array([*v_dot, phi_dot[1], phi_dot[0], *omega_dot])
+
+    at = np.array([*state[1], state[2][1], state[2][0], *state[3]])
+    steps = _STEP * np.eye(8)
+    A = np.column_stack([(slope(at + h) - slope(at - h)) / (2.0 * _STEP) for h in steps])
+    along, across = (A[np.ix_(part, part)] for part in (_LONGITUDINAL, _LATERAL))
+    return [
+        *_named(np.linalg.eigvals(along), _ALONG),
+        *_named(np.linalg.eigvals(across), _ACROSS),
+    ]
+
+
+def authority(aircraft: Aircraft, airspeed_m_s: float) -> dict[str, float]:
+    """Return the angular acceleration that full deflection of each surface makes [rad/s²]."""
+    stop = math.radians(aircraft.surface_limit_deg)
+    effect = control_effectiveness(aircraft_record(aircraft)) * airspeed_m_s**2 * stop
+    return {name: abs(float(effect[i, i])) for i, name in enumerate(ACTUATORS[:THROTTLE])}
+
+
+def _unpacked(x: np.ndarray, V: float) -> tuple[State, Vec3, float]:
+    alpha, beta, pitch, da, de, dr, thrust = (float(part) for part in x)
+    v = (
+        V * math.cos(alpha) * math.cos(beta),
+        V * math.sin(beta),
+        V * math.sin(alpha) * math.cos(beta),
+    )
+    return (_REST, v, (0.0, pitch, 0.0), _REST), (da, de, dr), _NEWTONS * thrust
+
+
+def _derivative(state: State, delta: Vec3, thrust: float, record: AircraftRecord) -> State:
+    found: State = state_derivative(state, thrust, delta, _REST, _REST, STILL_AIR, record)
+    return found
+
+
+def _named(values: np.ndarray, names: dict[int, tuple[str, ...]]) -> list[Mode]:
+    """Name the eigenvalues of four states: pairs and then single ones, the faster first.
+
+    Args:
+        values: The eigenvalues.
+        names: By the number of pairs.
+    """
+    pairs = sorted((v for v in values if v.imag > 0.0), key=lambda v: -abs(v))
+    single = sorted((v for v in values if v.imag == 0.0), key=lambda v: -abs(v))
+    swinging = [(float(abs(v)), float(-v.real / abs(v))) for v in pairs]
+    aperiodic = [(float(abs(v.real)), -math.copysign(1.0, v.real)) for v in single]
+    parts = (*swinging, *aperiodic)
+    return [Mode(name, *part) for name, part in zip(names[len(pairs)], parts, strict=True)]

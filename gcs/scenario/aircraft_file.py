@@ -1,0 +1,94 @@
+"""Aircraft as files: one type with the source of its numbers, named by scenarios.
+
+``aircraft: aerosonde`` in a scenario is a bundled aircraft, ``aircraft: my.yaml`` a file beside the
+scenario. Either takes the place of an aircraft that the scenario inherits, whole; a section of
+keys, as ever, is merged into it.
+"""
+
+from pathlib import Path
+from typing import Any
+
+from gcs.scenario.bundled import find_aircraft
+from gcs.scenario.mission import with_mission_file
+from mavlink_defs.config.files import validate
+from mavlink_defs.config.inherit import merged, read_inherited
+from mavlink_defs.config.models import ConfigError, Problem
+from mavlink_defs.config.written import WrittenDict, located
+from sitl_plant.config import Aircraft, Coefficients
+
+_OPTIONAL = {key for key, field in Aircraft.model_fields.items() if not field.is_required()}
+_OPTIONAL_COEFFICIENTS = {
+    key for key, field in Coefficients.model_fields.items() if not field.is_required()
+}
+
+
+def aircraft_tree(path: Path) -> dict[Any, Any]:
+    """Read an aircraft file and what it extends, as plain data that is not checked yet.
+
+    Raises:
+        ConfigError: A file cannot be read, or holds something else.
+    """
+    return read_inherited(path, Aircraft.model_fields, find_aircraft)
+
+
+def load_aircraft(name: str) -> Aircraft:
+    """Read an aircraft and check it.
+
+    Args:
+        name: A file, or the name of a bundled aircraft.
+
+    Raises:
+        ConfigError: The file cannot be used; it names every problem found.
+    """
+    path = find_aircraft(Path(), name)
+    return validate(path, aircraft_tree(path), Aircraft)
+
+
+def with_named_files(path: Path | str, tree: dict[Any, Any]) -> dict[Any, Any]:
+    """Return the tree of a scenario with the content of the aircraft and mission files it names.
+
+    Args:
+        path: The file that the tree is of.
+        tree: Plain data read from it.
+
+    Raises:
+        ConfigError: A file cannot be used.
+    """
+    tree = with_mission_file(path, tree)
+    name = tree.get("aircraft")
+    if not isinstance(name, str):
+        return tree
+    try:
+        aircraft = aircraft_tree(find_aircraft(Path(path).parent, name))
+    except ConfigError as error:
+        problems = [Problem(("aircraft",), line) for line in error.lines]
+        raise ConfigError(path, located(tree, problems)) from error
+    return _with(tree, _alone(aircraft))
+
+
+def without_nulls(tree: dict[Any, Any]) -> dict[Any, Any]:
+    """Return the tree of a scenario whose aircraft came from a file, but what it leaves out."""
+    aircraft = tree.get("aircraft")
+    if not isinstance(aircraft, dict):
+        return tree
+    inner = [part for part in aircraft.values() if isinstance(part, dict)]
+    has_nulls = any(None in part.values() for part in (aircraft, *inner))
+    return _with(tree, merged({}, aircraft)) if has_nulls else tree
+
+
+def _with(tree: dict[Any, Any], aircraft: dict[Any, Any]) -> dict[Any, Any]:
+    sources = tree.sources if isinstance(tree, WrittenDict) else {}
+    return WrittenDict({**tree, "aircraft": aircraft}, sources)
+
+
+def _alone(aircraft: dict[Any, Any]) -> dict[Any, Any]:
+    """Return an aircraft with a null for each key that it leaves out, which inherits nothing."""
+    whole = _with_nulls(aircraft, _OPTIONAL)
+    if isinstance(coefficients := aircraft.get("coefficients"), dict):
+        whole["coefficients"] = _with_nulls(coefficients, _OPTIONAL_COEFFICIENTS)
+    return whole
+
+
+def _with_nulls(tree: dict[Any, Any], keys: set[str]) -> dict[Any, Any]:
+    nulls = dict.fromkeys(keys - tree.keys())
+    return WrittenDict({**tree, **nulls}, tree.sources if isinstance(tree, WrittenDict) else {})

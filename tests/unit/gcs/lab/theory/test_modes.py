@@ -1,0 +1,85 @@
+"""Trim and modes of level flight against textbook approximations and the plant itself."""
+
+import math
+
+import numpy as np
+import pytest
+
+from gcs.fleet.in_process import fly_in_process
+from gcs.lab.theory.modes import authority, level_flight, modes
+from gcs.scenario.aircraft_file import load_aircraft
+from gcs.scenario.model import scenario_of, scenario_tree
+from sitl_plant.aircraft import aircraft_record
+from sitl_plant.config import Aircraft
+from sitl_plant.rigid_body import STILL_AIR, state_derivative
+
+V = 25.0
+REST = (0.0, 0.0, 0.0)
+
+
+@pytest.fixture(scope="module")
+def aerosonde() -> Aircraft:
+    return load_aircraft("aerosonde")
+
+
+@pytest.mark.parametrize(("name", "speed"), [("aerosonde", V), ("paper", 45.0)])
+def test_a_trim_is_at_rest(name: str, speed: float) -> None:
+    aircraft = load_aircraft(name)
+    flight = level_flight(aircraft, speed)
+    assert flight is not None
+    alpha = math.radians(flight.alpha_deg)
+    assert flight.beta_deg == pytest.approx(0.0, abs=1e-6)
+    delta = [math.radians(x) for x in (flight.aileron_deg, flight.elevator_deg, flight.rudder_deg)]
+    v = (speed * math.cos(alpha), 0.0, speed * math.sin(alpha))
+    climb, v_dot, _, omega_dot = state_derivative(
+        (REST, v, (0.0, alpha, 0.0), REST), flight.thrust_n, (delta[0], delta[1], delta[2]),
+        REST, REST, STILL_AIR, aircraft_record(aircraft),
+    )  # fmt: skip
+    assert [*v_dot, *omega_dot, climb[2]] == pytest.approx([0.0] * 7, abs=1e-6)
+
+
+def test_modes_are_those_of_the_approximations(aerosonde: Aircraft) -> None:
+    """Short period √(M_q Z_α - M_α), phugoid √2 g/V, roll L_p, dutch roll √N_β."""
+    flight = level_flight(aerosonde, V)
+    assert flight is not None
+    found = {mode.name: mode for mode in modes(aerosonde, flight)}
+    a, c = aerosonde, aerosonde.coefficients
+    qS = 0.5 * a.air_density_kg_m3 * V**2 * a.wing_area_m2
+    J = a.inertia_kg_m2
+    rate_b, rate_c = a.wing_span_m / (2.0 * V), a.mean_chord_m / (2.0 * V)
+    M_alpha = qS * a.mean_chord_m * c.cm_alpha / J.Jyy
+    M_q = qS * a.mean_chord_m * c.cm_q * rate_c / J.Jyy
+    Z_alpha = -qS * c.cL_alpha / a.mass_kg / V
+    assert found["short period"].frequency_rad_s == pytest.approx(
+        math.sqrt(M_q * Z_alpha - M_alpha), rel=0.05
+    )
+    assert found["phugoid"].frequency_rad_s == pytest.approx(math.sqrt(2.0) * 9.81 / V, rel=0.15)
+    L_p = qS * a.wing_span_m * c.cl_p * rate_b / J.Jxx
+    assert found["roll"].frequency_rad_s == pytest.approx(-L_p, rel=0.1)
+    N_beta = qS * a.wing_span_m * c.cn_beta / J.Jzz
+    assert found["dutch roll"].frequency_rad_s == pytest.approx(math.sqrt(N_beta), rel=0.25)
+    assert set(found) == {"short period", "phugoid", "roll", "dutch roll", "spiral"}
+    assert all(-1.0 <= mode.damping <= 1.0 for mode in found.values())
+
+
+def test_authority_is_what_a_full_deflection_makes(aerosonde: Aircraft) -> None:
+    c, J = aerosonde.coefficients, aerosonde.inertia_kg_m2
+    qS = 0.5 * 1.2682 * V**2 * 0.55
+    expected = qS * aerosonde.mean_chord_m * abs(c.cm_de) / J.Jyy * math.radians(25.0)
+    assert authority(aerosonde, V)["elevator"] == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("law", ["surviving", "tube"])
+@pytest.mark.parametrize("hardware", [(), ("realistic",)])
+def test_an_aerosonde_flies_under_laws_that_were_made_on_another_aircraft(
+    law: str, hardware: tuple[str, ...]
+) -> None:
+    tree = scenario_tree("airframes/aerosonde")
+    for addition in (law, *hardware):
+        tree |= scenario_tree(addition)
+    flight = fly_in_process(scenario_of("aerosonde", tree))
+    assert flight.loss is None
+    errors = np.degrees(np.abs(flight.error("reference")[1000:, :, 1:]))
+    assert np.all(errors.max(axis=(0, 1)) < (1.5, 1.0, 1.5))  # roll, pitch, yaw
+    events = np.count_nonzero(flight.signals["events"]) / 3
+    assert events < {"surviving": 550, "tube": 200}[law]
