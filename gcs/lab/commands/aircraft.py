@@ -11,6 +11,7 @@ from gcs.scenario.bundled import aircraft_names
 from gcs.terminal import console_of, numbers, print_json, print_line, table_of, texts
 
 if TYPE_CHECKING:
+    from gcs.lab.theory.airframe_checks import Check
     from gcs.lab.theory.modes import LevelFlight, Mode
     from sitl_plant.config import Aircraft
 
@@ -35,6 +36,7 @@ class _Shown:
     flight: "LevelFlight"
     modes: "list[Mode]"
     authority_rad_s2: dict[str, float]
+    checks: "list[Check]"
 
 
 def aircraft(
@@ -59,7 +61,11 @@ def aircraft(
         bool, typer.Option("--json", help="Print an object instead of tables.")
     ] = False,
 ) -> None:
-    """List the bundled aircraft, or show one: size, limits, trim, modes, authority."""
+    """List the bundled aircraft, or show one: size, limits, trim, modes, authority.
+
+    It also checks what the laws take for granted: a trim within the stops, thrust to spare, aileron
+    and rudder that do different work, sideslip that dies out while the rudder holds the heading.
+    """
     from gcs.scenario.aircraft_file import load_aircraft
 
     if name is None:
@@ -80,6 +86,7 @@ def aircraft(
             "level_flight": shown.flight._asdict(),
             "modes": [mode._asdict() for mode in shown.modes],
             "authority_rad_s2": shown.authority_rad_s2,
+            "checks": [check._asdict() for check in shown.checks],
         }
         print_json(parts, indent=2)
         return
@@ -87,6 +94,7 @@ def aircraft(
 
 
 def _shown(name: str, aircraft: "Aircraft", airspeed: float | None) -> _Shown:
+    from gcs.lab.theory.airframe_checks import airframe_checks
     from gcs.lab.theory.modes import authority, level_flight, modes
 
     low, high = aircraft.airspeed_min_m_s, aircraft.airspeed_max_m_s
@@ -98,7 +106,8 @@ def _shown(name: str, aircraft: "Aircraft", airspeed: float | None) -> _Shown:
     if flight is None:
         text = f"{name} has no straight, level flight at {speed:g} m/s; choose another --airspeed"
         raise BadInput(text)
-    return _Shown(aircraft, flight, modes(aircraft, flight), authority(aircraft, speed))
+    found = modes(aircraft, flight), authority(aircraft, speed)
+    return _Shown(aircraft, flight, *found, airframe_checks(aircraft, flight))
 
 
 def _print(name: str, shown: _Shown, quiet: bool) -> None:
@@ -148,3 +157,10 @@ def _print(name: str, shown: _Shown, quiet: bool) -> None:
     console.print(table)
     surfaces = ", ".join(f"{key} {value:.3g}" for key, value in shown.authority_rad_s2.items())
     console.print(f"Angular acceleration by full deflection [rad/s²]: {surfaces}")
+    table = table_of(texts("check"), numbers("value"), texts(""))
+    for check in shown.checks:
+        table.add_row(check.name, check.value, "met" if check.is_met else "NOT MET")
+    console.print(table)
+    for check in shown.checks:
+        if not check.is_met:
+            console.print(f"{check.name}: {check.otherwise}")

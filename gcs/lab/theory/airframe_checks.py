@@ -1,0 +1,94 @@
+"""What can be said of an airframe before any flight: is it consistent, can these laws fly it?
+
+The laws hold roll by the aileron and heading by the rudder. Where the rudder keeps the heading,
+sideslip is left to itself, and must die out: the side force by sideslip, less what the rudder makes
+that balances the yawing moment of the same sideslip, has to be against it.
+"""
+
+from typing import NamedTuple
+
+from gcs.lab.theory.modes import LevelFlight
+from sitl_plant.aerodynamics import lateral
+from sitl_plant.aircraft import aircraft_record
+from sitl_plant.config import Aircraft
+
+_PAIRING = 0.6
+"""Least share of the aileron in what rolls, relative gain array (Bristol 1966)."""
+_AREA = 0.3  # by which S may differ from b c
+_SPARE_THRUST = 1.3  # of the drag
+
+
+class Check(NamedTuple):
+    """A property of an airframe, and whether it is as the laws need it."""
+
+    name: str
+    value: str
+    is_met: bool
+    otherwise: str  # what it means if it is not met, and what to do
+
+
+def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
+    """Check an aircraft in straight, level flight."""
+    air = lateral(flight.airspeed_m_s, aircraft_record(aircraft))
+    roll, yaw = air.rolling, air.yawing
+    ratio = aircraft.wing_area_m2 / (aircraft.wing_span_m * aircraft.mean_chord_m)
+    found = [
+        Check(
+            "wing area by span times chord",
+            f"{ratio:.2f}",
+            abs(ratio - 1.0) <= _AREA,
+            "compare S, b and c with their source; a tapered wing may differ as much",
+        )
+    ]
+    found += _surfaces_within_stops(aircraft, flight)
+    spare = aircraft.thrust_limit_n / flight.thrust_n if flight.thrust_n > 0.0 else float("inf")
+    found.append(
+        Check(
+            "largest thrust by what level flight takes",
+            f"{spare:.2f}",
+            spare >= _SPARE_THRUST,
+            "it can neither climb nor speed up: choose another airspeed, or check thrust and drag",
+        )
+    )
+    if yaw.rudder == 0.0:
+        text = "no rudder: the laws, which hold heading by one, cannot fly it"
+        return [*found, Check("yawing moment by rudder", "0", False, text)]
+    determinant = roll.aileron * yaw.rudder - roll.rudder * yaw.aileron
+    pairing = roll.aileron * yaw.rudder / determinant if determinant != 0.0 else float("nan")
+    effective = air.side.beta - air.side.rudder * yaw.beta / yaw.rudder
+    tau_s = (
+        aircraft.mass_kg * flight.airspeed_m_s / -effective if effective != 0.0 else float("inf")
+    )
+    return [
+        *found,
+        Check(
+            "aileron rolls, rudder yaws (relative gain)",
+            f"{pairing:.2f}",
+            pairing >= _PAIRING,
+            "aileron and rudder do each other's work: `tube`, which plans one after the other, "
+            "loses the heading; `surviving` inverts both together",
+        ),
+        Check(
+            "sideslip dies out while the rudder holds the heading",
+            f"{tau_s:.3g} s",
+            0.0 < tau_s < float("inf"),
+            "sideslip grows until the rudder is at its stop: hold the heading by bank",
+        ),
+    ]
+
+
+def _surfaces_within_stops(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
+    stop = aircraft.surface_limit_deg
+    return [
+        Check(
+            f"{name} in level flight",
+            f"{abs(angle) / stop:.0%} of its stop",
+            abs(angle) < stop,
+            "level flight is not possible: choose another airspeed, or check moments and stops",
+        )
+        for name, angle in (
+            ("aileron", flight.aileron_deg),
+            ("elevator", flight.elevator_deg),
+            ("rudder", flight.rudder_deg),
+        )
+    ]

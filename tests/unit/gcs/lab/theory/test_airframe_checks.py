@@ -1,0 +1,51 @@
+"""The checks of an airframe: met by what flies, and each by itself not by what it is about."""
+
+from typing import Any
+
+import pytest
+
+from gcs.lab.theory.airframe_checks import airframe_checks
+from gcs.lab.theory.modes import level_flight
+from gcs.scenario.aircraft_file import load_aircraft
+from gcs.scenario.bundled import aircraft_names
+from mavlink_defs.config.inherit import with_values
+from sitl_plant.config import Aircraft
+
+
+def not_met(aircraft: Aircraft, airspeed_m_s: float) -> list[str]:
+    flight = level_flight(aircraft, airspeed_m_s)
+    assert flight is not None
+    return [check.name for check in airframe_checks(aircraft, flight) if not check.is_met]
+
+
+@pytest.mark.parametrize("name", aircraft_names())
+def test_bundled_aircraft_meet_all(name: str) -> None:
+    """In the middle of their airspeeds: slower, the paper's one needs more elevator than it has."""
+    aircraft = load_aircraft(name)
+    assert not_met(aircraft, (aircraft.airspeed_min_m_s + aircraft.airspeed_max_m_s) / 2.0) == []
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "name"),
+    [
+        ("wing_area_m2", 0.75, "wing area by span times chord"),
+        ("surface_limit_deg", 8.0, "elevator in level flight"),
+        ("coefficients.cl0", 0.08, "aileron in level flight"),
+        ("coefficients.cn0", 0.04, "rudder in level flight"),
+        ("thrust_limit_n", 10.0, "largest thrust by what level flight takes"),
+        ("coefficients.cl_dr", -0.8, "aileron rolls, rudder yaws (relative gain)"),
+        ("coefficients.cY_dr", 1.2, "sideslip dies out while the rudder holds the heading"),
+    ],
+)
+def test_each_check_is_about_one_thing(key: str, value: Any, name: str) -> None:
+    tree = with_values(load_aircraft("aerosonde").model_dump(), {key: value})
+    assert not_met(Aircraft.model_validate(tree), 24.0) == [name]
+
+
+def test_without_a_rudder_there_is_nothing_to_pair() -> None:
+    known = load_aircraft("aerosonde")
+    flight = level_flight(known, 24.0)
+    assert flight is not None
+    tree = with_values(known.model_dump(), {"coefficients.cn_dr": 0.0})
+    *_, last = airframe_checks(Aircraft.model_validate(tree), flight)
+    assert (last.name, last.is_met) == ("yawing moment by rudder", False)
