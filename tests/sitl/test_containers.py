@@ -69,7 +69,7 @@ def test_the_image_gets_all_that_the_wheel_is_built_from() -> None:
     pyproject = tomllib.loads((ROOT / "pyproject.toml").read_text())
     wheel = pyproject["tool"]["hatch"]["build"]["targets"]["wheel"]
     project = pyproject["project"]
-    needed = {"pyproject.toml", "requirements.txt", "scenarios", project["readme"]}
+    needed = {"pyproject.toml", "requirements.txt", "scenarios", "aircraft", project["readme"]}
     needed |= {*wheel["packages"], wheel["hooks"]["custom"]["path"], *project["license-files"]}
     assert sent == needed
     assert all((ROOT / path).exists() for path in sent)
