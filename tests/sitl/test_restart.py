@@ -124,8 +124,13 @@ def scenario(scenario1: Scenario) -> Scenario:
 def test_an_autopilot_that_was_started_again_flies_on(
     scenario: Scenario, tmp_path: Path, server: ForkServer
 ) -> None:
-    """The plant waits for it, and holds the last command."""
-    alone = scenario.model_copy(update={"uavs": scenario.uavs[:1]})
+    """The plant waits for it, and holds the last command.
+
+    High up: until it is armed again nobody flies, however long a busy machine takes for that.
+    """
+    uav = scenario.uavs[0]
+    high = uav.model_copy(update={"initial": uav.initial.model_copy(update={"altitude_m": 9e3})})
+    alone = scenario.model_copy(update={"uavs": (high,)})
 
     async def fly(processes: Processes) -> None:
         async with station(alone) as client:
