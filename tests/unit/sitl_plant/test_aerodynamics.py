@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from sitl_plant.aerodynamics import (
+    R3,
     Aerodynamics,
     aerodynamics,
     balanced_alpha,
@@ -17,6 +18,7 @@ from sitl_plant.aerodynamics import (
     control_effectiveness,
     correct_derivatives,
     drag,
+    force,
     lateral,
     longitudinal,
     moment,
@@ -131,3 +133,24 @@ def test_a_model_is_corrected_by_relative_errors(any_aircraft: np.void) -> None:
     assert right.C[0][0] == pytest.approx(1.1 * wrong.C[0][0])
     assert right.C[1][1] == pytest.approx(1.3 * wrong.C[1][1])
     assert right.N[1] - still.N[1] == pytest.approx(0.8 * (wrong.N[1] - still.N[1]))
+
+
+def test_surfaces_have_forces_along_the_axes_of_the_wind(general: np.void) -> None:
+    alpha, beta = 0.1, 0.05
+    air, qS = flown(general, beta, alpha), 0.5 * general["rho"] * V**2 * general["S"]
+    delta = (0.2, -0.3, 0.1)
+    by_wind = np.array(R3(alpha, beta)) @ np.subtract(force(air, delta), air.F) / qS
+    c = general
+    drag_side_lift = (
+        -(c["cD_de"] * delta[1] + c["cD_de2"] * delta[1] ** 2),
+        c["cY_da"] * delta[0] + c["cY_dr"] * delta[2],
+        -c["cL_de"] * delta[1],
+    )
+    assert by_wind == pytest.approx(drag_side_lift)
+
+
+def test_drag_by_alpha_is_the_polar_s_slope(any_aircraft: np.void) -> None:
+    qS, alpha = 0.5 * any_aircraft["rho"] * V**2 * any_aircraft["S"], 0.2
+    slope = (drag(qS, alpha + H, any_aircraft) - drag(qS, alpha - H, any_aircraft)) / (2.0 * H)
+    found = longitudinal(V, alpha, any_aircraft).drag_by_alpha
+    assert found == pytest.approx(slope, rel=1e-5, abs=1e-6)
