@@ -41,7 +41,11 @@ def load_aircraft(name: str) -> Aircraft:
         ConfigError: The file cannot be used; it names every problem found.
     """
     path = find_aircraft(Path(), name)
-    return validate(path, aircraft_tree(path), Aircraft)
+    tree = aircraft_tree(path)
+    if "aircraft" in tree:
+        text = "a scenario, not an aircraft; give what it has at `aircraft`"
+        raise ConfigError(path, [Problem((), text)])
+    return validate(path, tree, Aircraft)
 
 
 def with_named_files(path: Path | str, tree: dict[Any, Any]) -> dict[Any, Any]:

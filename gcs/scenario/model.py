@@ -386,7 +386,8 @@ def scenario_tree(name: Path | str, *, is_base: bool = False) -> dict[Any, Any]:
     if is_mission_file(path):
         raise ConfigError(path, [Problem((), "a mission, not a scenario; see gcs mission")])
     known = Scenario.model_fields.keys()
-    return read_inherited(path, known, base_of, with_named_files, is_base=is_base)
+    tree = read_inherited(path, known, base_of, with_named_files, is_base=is_base)
+    return without_nulls(tree)
 
 
 def scenario_of(path: Path | str, tree: dict[Any, Any]) -> Scenario:

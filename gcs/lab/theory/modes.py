@@ -27,6 +27,7 @@ _ACROSS = {
     0: ("roll", "dutch roll", "dutch roll", "spiral"),
 }
 """Names by the number of pairs of eigenvalues, the pairs first."""
+_LARGEST = math.radians(30.0)  # of α and β: the coefficients are linear, and say nothing beyond
 _LEFT = 1e-6  # m/s², rad/s² and m/s that a trim may leave
 
 
@@ -67,9 +68,10 @@ def level_flight(aircraft: Aircraft, airspeed_m_s: float) -> LevelFlight | None:
         return [*v_dot, *omega_dot, mul(R1(state[2]), state[1])[2]]
 
     found = root(unrest, [0.05, 0.0, 0.05, 0.0, 0.0, 0.0, 0.1], tol=1e-10)
-    if not found.success or max(map(abs, unrest(found.x))) > _LEFT:
-        return None
     alpha, beta, _, aileron, elevator, rudder, thrust = (float(part) for part in found.x)
+    is_solved = found.success and max(map(abs, unrest(found.x))) <= _LEFT
+    if not is_solved or max(abs(alpha), abs(beta)) > _LARGEST:
+        return None
     return LevelFlight(
         airspeed_m_s,
         math.degrees(alpha),

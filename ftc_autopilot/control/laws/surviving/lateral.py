@@ -49,7 +49,7 @@ def lateral_trim(now: Step, lost: int, aircraft: AircraftRecord, diagnosis: np.v
     motion, actuators = now.motion, diagnosis["actuators"]
     air = lateral(motion.V, aircraft)
     l, n = air.rolling, air.yawing  # noqa: E741 - the field's symbol
-    mass_flow = aircraft["m"] * motion.v[0]
+    momentum = aircraft["m"] * motion.v[0]
     if lost == AILERON:
         l_lost, n_lost, l_delta, n_delta = l.aileron, n.aileron, l.rudder, n.rudder
         Y_lost, Y_delta = air.side.aileron, air.side.rudder
@@ -59,12 +59,12 @@ def lateral_trim(now: Step, lost: int, aircraft: AircraftRecord, diagnosis: np.v
         Y_lost, Y_delta = air.side.rudder, air.side.aileron
         stuck, offset = actuators[RUDDER]["stuck"], actuators[AILERON]["offset"]
     turn = aircraft["g"] * math.sin(now.reference.phi[0]) * math.cos(motion.phi[1]) / motion.v[0]
-    turn += (air.side.bias + Y_lost * stuck + Y_delta * offset) / mass_flow
-    by_r = 1.0 - air.side.r / mass_flow  # r = turn + side β + side_delta δ
+    turn += (air.side.bias + Y_lost * stuck + Y_delta * offset) / momentum
+    by_r = 1.0 - air.side.r / momentum  # r = turn + side β + side_delta δ
     turn, side, side_delta = (
         turn / by_r,
-        air.side.beta / mass_flow / by_r,
-        Y_delta / mass_flow / by_r,
+        air.side.beta / momentum / by_r,
+        Y_delta / momentum / by_r,
     )
     l_beta, n_beta = l.beta + l.r * side, n.beta + n.r * side
     rolling = -(l.bias + l_lost * stuck + l_delta * offset + l.r * turn)

@@ -5,10 +5,11 @@ from pathlib import Path
 import pytest
 
 from gcs.scenario.aircraft_file import load_aircraft
-from gcs.scenario.bundled import aircraft_names
+from gcs.scenario.bundled import SCENARIOS, aircraft_names
 from gcs.scenario.model import Scenario, load_scenario, scenario_of, scenario_tree
 from mavlink_defs.config.inherit import with_values
 from mavlink_defs.config.models import ConfigError
+from mavlink_defs.config.yaml_text import yaml_of
 
 OF_THEIR_OWN = """
 extends: airframes/aerosonde
@@ -34,6 +35,20 @@ def test_an_aircraft_takes_the_place_of_another_one_whole() -> None:
     tree = with_values(scenario_tree("paper/scenario1"), {"aircraft.coefficients.cL_q": 7.0})
     changed = scenario_of("x", with_values(tree, {"aircraft": "paper"}))
     assert changed.aircraft == load_aircraft("paper")
+
+
+def test_a_scenario_that_extends_nothing_holds_no_null(tmp_path: Path) -> None:
+    """What a flight stores of its scenario can be read again, and compared."""
+    path = tmp_path / "whole.yaml"
+    path.write_text(yaml_of(scenario_tree("paper/scenario1") | {"aircraft": "paper"}))
+    tree = scenario_tree(path)
+    assert None not in {**tree["aircraft"], **tree["aircraft"]["coefficients"]}.values()
+    assert scenario_of(path, tree).aircraft == load_aircraft("paper")
+
+
+def test_a_scenario_is_no_aircraft() -> None:
+    with pytest.raises(ConfigError, match="a scenario, not an aircraft"):
+        load_aircraft(str(SCENARIOS / "paper" / "scenario1.yaml"))
 
 
 def test_a_file_beside_the_scenario_may_extend_a_bundled_one(tmp_path: Path) -> None:

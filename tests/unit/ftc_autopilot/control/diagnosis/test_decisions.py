@@ -2,8 +2,10 @@
 
 import math
 
+import actuators
 import numpy as np
 import pytest
+from actuators import DT, FILTER_S
 
 from ftc_autopilot.common.phases import HEALTHY, LOST, SUSPECT
 from ftc_autopilot.common.records import fill, record_dtype
@@ -12,25 +14,17 @@ from ftc_autopilot.control.diagnosis.decisions import (
     monitor,
     phase_of,
 )
-from ftc_autopilot.control.diagnosis.parameters import DiagnosisParameters, Limits
+from ftc_autopilot.control.diagnosis.parameters import DiagnosisParameters
 from ftc_autopilot.control.diagnosis.state import ACTUATOR
 from sitl_plant.hardware import ActuatorServos
 
-DT, FILTER_S = 0.001, 0.01
 DEGREE = math.radians(1.0)
-LIMITS = Limits(
-    jump=2.0 * DEGREE,
+LIMITS = actuators.LIMITS._replace(
     smooth_jump=0.15 * DEGREE,
-    swing=1.5 * DEGREE,
-    excitation=1.2 * DEGREE,
-    prior=0.4 * DEGREE,
-    window=0.06,
-    confirm=0.008,
-    offset=0.06,
-    suspicion=0.6,
-    ahead=0.005,
-    quiet=0.52,
-    check=-10.0,
+    **{
+        name: DEGREE * getattr(actuators.LIMITS, name)
+        for name in ("jump", "swing", "excitation", "prior")
+    },
 )
 GAINS = np.zeros(1, record_dtype(DiagnosisParameters))[0]
 fill(GAINS, DiagnosisParameters(smooth_jump_sigma=4.2).with_servos(ActuatorServos()))

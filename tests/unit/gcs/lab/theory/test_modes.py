@@ -38,6 +38,11 @@ def test_a_trim_is_at_rest(name: str, speed: float) -> None:
     assert [*v_dot, *omega_dot, climb[2]] == pytest.approx([0.0] * 7, abs=1e-6)
 
 
+def test_no_flight_is_invented_beyond_the_model(aerosonde: Aircraft) -> None:
+    """150 kg would take an angle of attack of 76°."""
+    assert level_flight(aerosonde.model_copy(update={"mass_kg": 150.0}), V) is None
+
+
 def test_modes_are_those_of_the_approximations(aerosonde: Aircraft) -> None:
     """Short period √(M_q Z_α - M_α), phugoid √2 g/V, roll L_p, dutch roll √N_β."""
     flight = level_flight(aerosonde, V)
