@@ -139,16 +139,15 @@ def test_the_wheel_says_what_it_is_and_has_what_it_needs(wheel: Path) -> None:
         }
         assert {name for name in files if name.startswith(f"{package}/")} >= sources
         assert f"{package}/py.typed" in files
-    bundled = {
-        name.partition("bundled_scenarios/")[2]: files[name]
-        for name in files
-        if name.startswith("gcs/bundled_scenarios/")
-    }
-    scenarios = ROOT / "scenarios"
-    assert bundled == {
-        path.relative_to(scenarios).as_posix(): path.read_bytes()
-        for path in scenarios.rglob("*.yaml")
-    }
+    for folder in ("scenarios", "aircraft"):
+        start = f"gcs/bundled_{folder}/"
+        bundled = {
+            name.removeprefix(start): files[name] for name in files if name.startswith(start)
+        }
+        assert bundled == {
+            path.relative_to(ROOT / folder).as_posix(): path.read_bytes()
+            for path in (ROOT / folder).rglob("*.yaml")
+        }
 
 
 def test_the_sdist_builds_the_same_wheel(dist: Path, wheel: Path, tmp_path: Path) -> None:
