@@ -1,0 +1,1 @@
+"""Simulators that fly an aircraft in place of the plant's own equations."""
