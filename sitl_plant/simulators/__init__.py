@@ -1,1 +1,52 @@
-"""Simulators that fly an aircraft in place of the plant's own equations."""
+"""Simulators that fly an aircraft in place of the plant's own equations.
+
+The entry points of the group `ftc_sitl.simulators` are those of other packages: each is a callable
+that takes the section `options` of a scenario's plant and an altitude [m], and returns a simulator.
+"""
+
+from importlib.metadata import entry_points
+
+from sitl_plant.plant_section import JsbSimPlant, OwnPlant, PlantSection, PluginPlant
+from sitl_plant.simulators.base import Simulator, SimulatorError
+
+GROUP = "ftc_sitl.simulators"
+
+
+def new_simulator(plant: PlantSection, altitude_m: float, step_us: int = 1000) -> Simulator:
+    """Return a simulator that has loaded its aircraft; one for each aircraft and flight.
+
+    Args:
+        plant: Which one, and what it takes.
+        altitude_m: Where it starts, above sea level and ground [m].
+        step_us: Its step if the section does not say [µs].
+
+    Raises:
+        SimulatorError: It cannot fly this.
+    """
+    if isinstance(plant, OwnPlant):
+        raise SimulatorError("plant.kind: expected a simulator, got 'own'")
+    own_step_us = plant.step_us or step_us
+    if isinstance(plant, JsbSimPlant):
+        from sitl_plant.simulators.jsbsim import JsbSim  # takes time, and may not be installed
+
+        return JsbSim(plant, altitude_m, own_step_us)
+    return _of_other_package(plant, altitude_m)
+
+
+def _of_other_package(plant: PluginPlant, altitude_m: float) -> Simulator:
+    found = entry_points(group=GROUP)
+    if plant.name not in found.names:
+        names = ", ".join(sorted(found.names)) or "none is installed here"
+        text = f"plant.name: expected a simulator registered in {GROUP}, got {plant.name!r}"
+        raise SimulatorError(text, f"those registered: {names}")
+    try:
+        make = found[plant.name].load()
+        simulator: Simulator = make(dict(plant.options), altitude_m)
+    except SimulatorError:
+        raise
+    except Exception as problem:
+        text = (
+            f"the simulator {plant.name!r} cannot be started: {type(problem).__name__}: {problem}"
+        )
+        raise SimulatorError(text) from problem
+    return simulator

@@ -1,12 +1,25 @@
 """What a simulator of one aircraft has to offer, so that the plant, and identification, can fly it.
 
-A further simulator is one file in this package: a class with these methods, and its registration.
+A further simulator is one file in any package: a class with these methods, and its registration in
+the group of entry points `ftc_sitl.simulators`.
 """
 
 from typing import NamedTuple, Protocol
 
 from sitl_plant.config import Inertia
 from sitl_plant.vec3 import Vec3
+
+
+class SimulatorError(Exception):
+    """A simulator cannot fly, or cannot fly on; the text says why.
+
+    Attributes:
+        hint: What to do about it; may be empty.
+    """
+
+    def __init__(self, text: str, hint: str = "") -> None:
+        super().__init__(text)
+        self.hint = hint
 
 
 class Motion(NamedTuple):

@@ -1,0 +1,66 @@
+"""What flies the aircraft: the plant's own equations, JSBSim, or a simulator of another package."""
+
+from typing import Annotated, Any, Literal, TypeAlias
+
+from pydantic import Discriminator, Field, Tag
+
+from mavlink_defs.config.models import AtMost, Model, Title
+from mavlink_defs.config.quantity import quantity, whole
+
+
+class OwnPlant(Model):
+    """The plant's own equations fly the scenario's aircraft."""
+
+    kind: Literal["own"] = "own"
+
+
+_Replaced = Annotated[float, quantity("", doc="What the element holds, in the unit it names.")]
+
+
+class JsbSimPlant(Model):
+    """JSBSim flies an aircraft of its own; that of the scenario is the nominal one."""
+
+    kind: Literal["jsbsim"]
+    aircraft: Title = Field(
+        min_length=1,
+        description="One that comes with JSBSim, such as c172p, or a folder: NAME with NAME.xml.",
+    )
+    thrust: Literal["force", "engine"] = Field(
+        default="force",
+        description="A force along x at the centre of gravity, or JSBSim's engine by its throttle.",
+    )
+    step_us: int | None = whole(
+        "us", ge=1, le=100_000, default=None, doc="Step of JSBSim; none: the control period."
+    )
+    patch: Annotated[dict[str, _Replaced], AtMost(100)] = Field(
+        default={},
+        description="Elements of NAME.xml to change: path under fdm_config, and the new value.",
+    )
+
+
+class PluginPlant(Model):
+    """A simulator of another package, which registers it in the group ftc_sitl.simulators."""
+
+    kind: Literal["plugin"]
+    name: Title = Field(min_length=1, description="Name under which it is registered.")
+    step_us: int | None = whole(
+        "us", ge=1, le=100_000, default=None, doc="Its step; none: the control period."
+    )
+    options: Annotated[dict[str, Any], AtMost(100)] = Field(
+        default={}, description="What it takes, as its documentation says."
+    )
+
+
+def _kind(value: Any) -> Any:
+    if isinstance(value, dict):
+        return value.get("kind", "own")
+    return getattr(value, "kind", "own")
+
+
+PlantSection: TypeAlias = Annotated[
+    Annotated[OwnPlant, Tag("own")]
+    | Annotated[JsbSimPlant, Tag("jsbsim")]
+    | Annotated[PluginPlant, Tag("plugin")],
+    Discriminator(_kind),
+]
+"""What flies the aircraft, discriminated by `kind`."""

@@ -1,0 +1,146 @@
+"""An aircraft of JSBSim as it is flown here: a copy of its files, changed where it must be.
+
+The installed aircraft, or the user's, stays as it is. Files of JSBSim are described in its
+reference manual, https://jsbsim-team.github.io/jsbsim-reference-manual/.
+"""
+
+import re
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree import ElementTree as ET
+
+from sitl_plant.plant_section import JsbSimPlant
+from sitl_plant.simulators.base import SimulatorError
+
+THRUST = "external_reactions/ftc-thrust"
+"""Property of the force that stands in for the engines."""
+ZERO = "ftc/zero"
+"""Property that stands in for what engines that are not there would do to the air."""
+
+_ENGINE = re.compile(r"^\s*-?\s*propulsion/engine\b")
+_READ_BY_FUNCTIONS = ("property", "p", "independentVar")
+
+
+class Source(NamedTuple):
+    """Where an aircraft is read from."""
+
+    name: str
+    folder: Path
+    engines: Path
+    systems: Path
+
+
+def find(aircraft: str, bundled: Path) -> Source:
+    """Return where an aircraft is.
+
+    Args:
+        aircraft: Name of a bundled one, or a folder.
+        bundled: Folder of the installed JSBSim, with `aircraft`, `engine` and `systems`.
+
+    Raises:
+        SimulatorError: There is no such aircraft.
+    """
+    own = Path(aircraft).expanduser()
+    if len(own.parts) == 1 and (bundled / "aircraft" / aircraft / f"{aircraft}.xml").is_file():
+        return Source(
+            aircraft, bundled / "aircraft" / aircraft, bundled / "engine", bundled / "systems"
+        )
+    own = own.absolute()
+    if not own.is_dir():
+        raise SimulatorError(
+            f"plant.aircraft: expected an aircraft of JSBSim, or a folder, got {aircraft!r}",
+            f"those that come with it: {bundled / 'aircraft'}",
+        )
+    if not (own / f"{own.name}.xml").is_file():
+        raise SimulatorError(
+            f"plant.aircraft: expected {own.name}.xml in the folder, got {aircraft!r}",
+            "a folder has the name of its aircraft, as JSBSim has it",
+        )
+
+    def beside(folder: str) -> Path:
+        there = own.parent.parent / folder  # root/aircraft/NAME and root/engine, as JSBSim has it
+        return there if there.is_dir() else bundled / folder
+
+    return Source(own.name, own, beside("engine"), beside("systems"))
+
+
+def write_copy(source: Source, section: JsbSimPlant, target: Path) -> None:
+    """Write an aircraft's files to `target`/NAME, as they are flown.
+
+    Nothing is written to other files in flight, and no port is opened: outputs and inputs are
+    left out. With `thrust: force` a force stands in for the engines.
+
+    Raises:
+        SimulatorError: A file cannot be read, or has not what is to be changed.
+    """
+    folder = target / source.name
+    folder.mkdir()
+    main = f"{source.name}.xml"
+    for entry in source.folder.iterdir():
+        if entry.name != main:
+            (folder / entry.name).symlink_to(entry.absolute())
+    tree = _read(source.folder / main)
+    _patch(tree, section.patch, source.folder / main)
+    for tag in ("output", "input"):
+        for element in tree.findall(tag):
+            tree.remove(element)
+    if section.thrust == "force":
+        _replace_engines(tree, source.folder)
+    ET.ElementTree(tree).write(folder / main, encoding="utf-8", xml_declaration=True)
+
+
+def _read(path: Path) -> ET.Element:
+    try:
+        tree = ET.parse(path).getroot()
+    except OSError as problem:
+        raise SimulatorError(f"cannot read {path}: {problem.strerror}") from None
+    except ET.ParseError as problem:
+        raise SimulatorError(f"{path}: not XML: {problem}") from None
+    return tree
+
+
+def _patch(tree: ET.Element, patch: dict[str, float], path: Path) -> None:
+    if tree.tag != "fdm_config":
+        raise SimulatorError(f"{path}: expected an aircraft, <fdm_config>, got <{tree.tag}>")
+    for place, value in patch.items():
+        try:
+            found = tree.findall(place)
+        except (SyntaxError, KeyError):  # of a path that ElementTree does not understand
+            found = []
+        if len(found) != 1:
+            raise SimulatorError(
+                f"plant.patch: expected the path of one element in {path.name}, got {place!r}, "
+                f"which is the path of {len(found)}",
+                "such as metrics/wingarea, or mass_balance/pointmass[@name='Pilot']/weight",
+            )
+        found[0].text = repr(value)
+
+
+def _replace_engines(tree: ET.Element, folder: Path) -> None:
+    for tag in ("propulsion", "aerodynamics"):
+        _include(tree, tag, folder)
+    for propulsion in tree.findall("propulsion"):
+        for engine in propulsion.findall("engine"):
+            propulsion.remove(engine)
+    for aerodynamics in tree.findall("aerodynamics"):
+        for element in aerodynamics.iter():
+            if element.tag in _READ_BY_FUNCTIONS and _ENGINE.match(element.text or ""):
+                element.text = ZERO
+    reactions = tree.find("external_reactions")
+    if reactions is None:
+        reactions = ET.SubElement(tree, "external_reactions")
+    force = ET.SubElement(reactions, "force", name=THRUST.rpartition("/")[2], frame="BODY")
+    location = ET.SubElement(force, "location", unit="IN")  # put to the CG once that is known
+    direction = ET.SubElement(force, "direction")
+    for axis, along in zip("xyz", ("1", "0", "0"), strict=True):
+        ET.SubElement(location, axis).text = "0"
+        ET.SubElement(direction, axis).text = along
+
+
+def _include(tree: ET.Element, tag: str, folder: Path) -> None:
+    """Put the content of a file that an element names in its place."""
+    for element in tree.findall(tag):
+        name = element.attrib.pop("file", None)
+        if name is not None:
+            path = folder / name
+            element.extend(_read(path if path.suffix == ".xml" else path.with_suffix(".xml")))
