@@ -3,6 +3,7 @@
 Symbols are the paper's of section II-A and Table I; every bound is declared here, once.
 """
 
+from collections.abc import Iterator
 from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
@@ -11,6 +12,7 @@ from mavlink_defs.config.files import problems_of
 from mavlink_defs.config.models import (
     AtMost,
     HostPort,
+    Loc,
     Model,
     Problems,
     Prose,
@@ -23,6 +25,7 @@ from mavlink_defs.fault_kinds import FaultLimits
 from mavlink_defs.profile import AirspeedLimits
 from sitl_plant.atmosphere import Wind
 from sitl_plant.hardware import ActuatorServos, Sensors, sensor_problems, servo_problems
+from sitl_plant.plant_section import OwnPlant, PlantSection
 
 
 class Inertia(Model):
@@ -220,6 +223,28 @@ class Disturbance(Model):
     )
 
 
+def plant_problems(
+    plant: PlantSection, disturbance: Disturbance, step_us: int
+) -> Iterator[tuple[Loc, str]]:
+    """Yield place and text of what a simulator cannot do, from the root of a scenario.
+
+    Args:
+        plant: What flies the aircraft.
+        disturbance: Of every aircraft.
+        step_us: Control period [µs].
+    """
+    if isinstance(plant, OwnPlant):
+        return
+    if plant.step_us is not None and step_us % plant.step_us != 0:
+        text = f"expected a divisor of the control period of {step_us} us, got {plant.step_us}"
+        yield ("plant", "step_us"), text
+    if disturbance != Disturbance():
+        text = (
+            f"acts in the plant's own equations alone; plant.kind is {plant.kind!r}: leave it out"
+        )
+        yield ("disturbance",), text
+
+
 class InitialState(Model):
     """State at t = 0: v = [V, 0, 0] through the air, no rotation."""
 
@@ -244,6 +269,7 @@ class PlantUav(Model):
     initial: InitialState = Field(description="State at t = 0.")
     aircraft: Aircraft = Field(description="The true aircraft.")
     servos: ActuatorServos = Field(default=ActuatorServos(), description="Its servos.")
+    plant: PlantSection = Field(default=OwnPlant(), description="What flies it.")
 
 
 class PlantConfig(Model):
@@ -288,5 +314,7 @@ class PlantConfig(Model):
         for i, uav in enumerate(self.uavs):
             slow = servo_problems(uav.servos, self.step_us)
             problems += [(("uavs", i, "servos", *loc), text) for loc, text in slow]
+            for loc, text in plant_problems(uav.plant, self.disturbance, self.step_us):
+                problems.append((("uavs", i, *loc) if loc[0] == "plant" else loc, text))
         Problems.check(problems)
         return self

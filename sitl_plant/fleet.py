@@ -19,17 +19,35 @@ from sitl_plant.disturbance import (
 )
 from sitl_plant.plant import (
     Environment,
+    actuators_over,
     is_below_ground,
     is_lost,
     specific_force_at,
     step_aircraft,
     time_s,
 )
+from sitl_plant.plant_section import OwnPlant
+from sitl_plant.rigid_body import R1
 from sitl_plant.sensors import measure, new_sensors, true_motions
 from sitl_plant.servo import begin_period, new_servos, sent_commands
 from sitl_plant.turbulence import advance_turbulence, start_turbulence
-from sitl_plant.vec3 import norm, sub, vec3
+from sitl_plant.vec3 import mul, norm, sub, vec3
 from sitl_plant.wind import air_around, new_wind
+
+OUTSIDE = np.dtype(
+    [
+        ("flies", "i8"),  # 1: a simulator flies the aircraft, not the plant's own equations
+        ("advanced", "i8"),  # 1: it has done so; the period is still to be ended
+        ("grounded", "i8"),  # 1: the aircraft was below the ground when the period began
+        ("controls", "f8", (N_CHANNELS,)),  # what its actuators do when the period ends [rad, N]
+        ("wind", "f8", (3,)),  # velocity of the air around it, NED [m/s]
+        ("specific_force", "f8", (3,)),  # as the simulator has it, body axes [m/s²]
+    ]
+)
+"""An aircraft between the plant and the simulator that flies it."""
+
+ADVANCE = -2
+"""Result of `fly`: simulators are to be advanced before the period can end."""
 
 
 class PlantState(NamedTuple):
@@ -50,6 +68,7 @@ class PlantState(NamedTuple):
     air: np.ndarray  # (n, 6), motion of the air around each now, see `sitl_plant.rigid_body.Air`
     sensors: np.ndarray  # (n,), dtype SENSORS
     truth: np.ndarray  # (n, depth, AXES), see `sitl_plant.sensors.true_motions`
+    outside: np.ndarray  # (n,), dtype OUTSIDE
 
 
 _NOTHING_APPLIED = np.uint64(2**64 - 1)
@@ -68,6 +87,8 @@ def new_plant_state(config: PlantConfig) -> PlantState:
     servos = np.array([new_servos(uav.servos, config.step_us) for uav in config.uavs])
     wind, turbulence = new_wind(config.wind, config.uavs)
     sensors = new_sensors(config)
+    outside = np.zeros(n, OUTSIDE)
+    outside["flies"] = [not isinstance(uav.plant, OwnPlant) for uav in config.uavs]
     fleet = PlantState(
         states,
         np.zeros((n, N_CHANNELS)),
@@ -84,6 +105,7 @@ def new_plant_state(config: PlantConfig) -> PlantState:
         np.zeros((n, 6)),
         sensors,
         true_motions(sensors),
+        outside,
     )
     for i, uav in enumerate(config.uavs):
         start_turbulence(turbulence[i], uav.initial.airspeed_m_s, config.seed, uav.id)
@@ -150,7 +172,10 @@ def observe(fleet: PlantState, i: int, step: int, step_us: int) -> None:
     )
     d_v, _ = _disturbances_at(fleet, step, step_us)
     air = vec3(fleet.air[i, :3]), vec3(fleet.air[i, 3:])
-    force = specific_force_at(x, step, step_us, d_v, air, around)
+    if fleet.outside[i]["flies"] == 1:
+        force = vec3(fleet.outside[i]["specific_force"])
+    else:
+        force = specific_force_at(x, step, step_us, d_v, air, around)
     for k in range(3):
         message["position"][k] = x[k]
         message["velocity"][k] = x[3 + k]
@@ -169,14 +194,24 @@ def fly(fleet: PlantState, step: int, step_us: int) -> int:
 
     Returns:
         Index of the first aircraft that hit the ground or left the model's range of validity, or
-        -1.
+        -1. Or `ADVANCE`: `sitl_plant.outside` is to advance those that simulators fly, from what
+        is in `fleet.outside`, after which a second call ends the period.
     """
+    if fleet.outside[0]["advanced"] == 0 and _begin(fleet, step, step_us):
+        return ADVANCE
+    return _end(fleet, step, step_us)
+
+
+@inlined
+def _begin(fleet: PlantState, step: int, step_us: int) -> bool:
+    """Begin a period, and fly what the plant flies; return whether simulators fly the others."""
     t, dt = time_s(step, step_us), step_us / 1e6
     now = _disturbances_at(fleet, step, step_us)
     disturbed = disturbances_over(now, fleet.disturbance, t, dt)
-    lost = -1
+    any_outside = False
     for i in range(len(fleet.states)):
-        hit_ground = is_below_ground(fleet.states[i])
+        outside = fleet.outside[i]
+        outside["grounded"] = is_below_ground(fleet.states[i])
         commanded = fleet.messages[i]["actuator_time_usec"] != _NOTHING_APPLIED
         begin_period(
             fleet.servos[i], fleet.sent[i], fleet.controls[i], fleet.faults[i], step, t, commanded
@@ -188,12 +223,29 @@ def fly(fleet: PlantState, step: int, step_us: int) -> int:
             fleet.turbulence[i],
             fleet.aircraft[i],
         )
-        step_aircraft(fleet.states[i], t, dt, disturbed, around, fleet.applied[i])
+        if outside["flies"] == 0:
+            step_aircraft(fleet.states[i], t, dt, disturbed, around, fleet.applied[i])
+            continue
+        any_outside = True
+        actuators_over(t, dt, around, fleet.applied[i], outside["controls"])
+        wind = mul(R1(vec3(fleet.states[i, 6:9])), vec3(fleet.air[i, :3]))
+        for k in range(3):
+            outside["wind"][k] = wind[k]
+    return any_outside
+
+
+@inlined
+def _end(fleet: PlantState, step: int, step_us: int) -> int:
+    """End a period; return the index of the first aircraft that is lost, or -1."""
+    dt, lost = step_us / 1e6, -1
+    for i in range(len(fleet.states)):
+        fleet.outside[i]["advanced"] = 0
         if fleet.wind[0]["still"] == 0:
             V = norm(sub(vec3(fleet.states[i, 3:6]), vec3(fleet.air[i, :3])))
             system, seed = fleet.sensors[i]["system"], fleet.sensors[i]["seed"]
             advance_turbulence(fleet.turbulence[i], V, dt, seed, system, step + 1)
             sample_air(fleet, i, time_s(step + 1, step_us))
+        hit_ground = fleet.outside[i]["grounded"] == 1
         if lost < 0 and (hit_ground or is_lost(fleet.states[i], fleet.air[i, :3])):
             lost = i
     return lost

@@ -2,7 +2,8 @@
 
 `run` advances simulated time while it can, and returns to Python only for a datagram that is not
 hot, when the deadline passes, or when the flight is over. Python code (`sitl_plant.process`)
-never runs while a step is half done.
+never runs while a step is half done, but to advance the simulators that fly aircraft in place of
+the plant's own equations (`sitl_plant.outside`).
 
 Lockstep: a step is ready when each autopilot has answered the state with FTC_STEP_DONE; a
 state without an answer is sent again. Real time: a step is ready when its period has passed by
@@ -23,7 +24,7 @@ from mavlink_defs.framing.signing import PLANT_LINK
 from mavlink_defs.runtime import native
 from mavlink_defs.runtime.jit import compiled, inlined
 from mavlink_defs.runtime.memory import borrowed, copy_values
-from sitl_plant.fleet import PlantState, fly, observe, receive_controls
+from sitl_plant.fleet import ADVANCE, PlantState, fly, observe, receive_controls
 
 _RESEND_S = 0.05
 _MAX_LAG_S = 0.1
@@ -173,25 +174,29 @@ def run(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> Outcome:
         until_s: Wall-clock time, as `monotonic_s` gives it, at which to return [s].
 
     Returns:
-        SERVICE, TICK (also when the record is full), OVER or LOST.
+        SERVICE, TICK (also when the record is full), OVER, LOST, or ADVANCE: when simulators are
+        advanced, the next call goes on with the step.
     """
     link, fleet = borrowed(link), borrowed(fleet)
     state, record = link.state[0], link.record
     while True:
-        running = state["flags"] & FTC_SIM_FLAGS_RUNNING
-        if running and state["waiting"] == 0:
-            send_states(fd, link, fleet, False)
-            state["waiting"] = 1
-        outcome = _wait(fd, link, fleet, until_s)
-        if outcome != Outcome.NONE:
-            return outcome
         step, row = state["step"], state["recorded"]
         recording = row < len(record.states)
-        if recording:
-            for i in range(len(fleet.states)):
-                copy_values(record.states[row, i], fleet.states[i])
-                copy_values(record.wind[row, i], fleet.air[i])
+        if fleet.outside[0]["advanced"] == 0:
+            running = state["flags"] & FTC_SIM_FLAGS_RUNNING
+            if running and state["waiting"] == 0:
+                send_states(fd, link, fleet, False)
+                state["waiting"] = 1
+            outcome = _wait(fd, link, fleet, until_s)
+            if outcome != Outcome.NONE:
+                return outcome
+            if recording:
+                for i in range(len(fleet.states)):
+                    copy_values(record.states[row, i], fleet.states[i])
+                    copy_values(record.wind[row, i], fleet.air[i])
         lost = fly(fleet, step, state["step_us"])
+        if lost == ADVANCE:
+            return Outcome.ADVANCE
         if recording:
             for i in range(len(fleet.states)):
                 copy_values(record.applied[row, i], fleet.applied[i])

@@ -123,6 +123,27 @@ def step_aircraft(
 
 
 @compiled
+def actuators_over(
+    t: float, dt: float, environment: Environment, applied: np.ndarray, at_end: np.ndarray
+) -> None:
+    """Take the servos of one aircraft to the end of a control period, without any motion of it.
+
+    Args:
+        t: Start of the period [s].
+        dt: Control period [s].
+        environment: The aircraft and what acts on it; its servos have begun the period.
+        applied: True positions and thrust at the start of the period, shape (4,), written.
+        at_end: The same at its end.
+    """
+    aircraft, faults = environment.aircraft, environment.faults
+    begun = apply_faults(positions(environment.servos, 0.0), t, t, faults, aircraft)
+    ended = apply_faults(positions(environment.servos, dt), t + dt, t, faults, aircraft)
+    for i in range(N_CHANNELS):
+        applied[i], at_end[i] = begun[i], ended[i]
+    end_period(environment.servos, dt)
+
+
+@compiled
 def specific_force_at(
     x: np.ndarray,
     step: int,

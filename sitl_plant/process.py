@@ -34,10 +34,12 @@ from mavlink_defs.visible import log_line
 from sitl_plant.config import PlantConfig
 from sitl_plant.fleet import new_plant_state
 from sitl_plant.link import new_link, run, send_states
+from sitl_plant.outside import Outside
 from sitl_plant.plant import describe_loss, time_s
 from sitl_plant.recorder import RECORD_ROWS, Recorder
 from sitl_plant.registration import Claim, Registration
 from sitl_plant.service import AircraftService
+from sitl_plant.simulators.base import SimulatorError
 
 _TICK_S = 0.02
 _END_TIMEOUT_S = 1.0
@@ -68,6 +70,7 @@ class Plant:
             last_step = round(config.duration_s * 1e6 / config.step_us)
         systems = [uav.id for uav in config.uavs]
         self._fleet = new_plant_state(config)
+        self._outside = Outside(config, self._fleet)
         self._fleet.messages["run"] = 2**31 + secrets.randbits(31)  # all states of one size
         rows = 0 if record is None else RECORD_ROWS
         self._key_file = key_file
@@ -102,6 +105,9 @@ class Plant:
         loss, outcome, turn_s = None, Outcome.NONE, 0.0
         while not self.stopping:
             outcome = run(self._fd, self._link, self._fleet, turn_s)
+            if outcome == Outcome.ADVANCE:
+                self._outside.advance()
+                continue
             now = time.monotonic()
             self._registration.note_turn(now)
             if (loss := self._keep_record()) is not None:
@@ -112,7 +118,9 @@ class Plant:
                 break
             elif outcome == Outcome.LOST:
                 i = int(self._state["lost"])
-                why = describe_loss(self._fleet.states[i], self._fleet.air[i, :3])
+                why = self._outside.failures.get(i) or describe_loss(
+                    self._fleet.states[i], self._fleet.air[i, :3]
+                )
                 loss = f"UAV {self._link.systems[i]} was lost at {self.time_s:.3f} s: {why}"
                 break
             if now >= turn_s:  # also when messages come without a pause
@@ -288,6 +296,9 @@ def main(arguments: list[str] | None = None) -> None:
         plant = Plant(
             config, sock, options.record, key_file, record_optional=options.record_optional
         )
+    except SimulatorError as problem:
+        log_line(f"{problem}; {problem.hint}" if problem.hint else problem)
+        sys.exit(2)
     except SigningError as problem:
         log_line(problem)
         sys.exit(2)

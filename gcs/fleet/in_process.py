@@ -18,6 +18,7 @@ from ftc_autopilot.control.stepping import (
     hear,
     publish_own_state,
 )
+from gcs.errors import BadInput
 from gcs.results.path_following import paths_of
 from gcs.results.recording import Ending, Recording, Steps
 from gcs.scenario.model import Scenario
@@ -27,8 +28,10 @@ from mavlink_defs.profile import items_to_segments
 from mavlink_defs.runtime.jit import compiled, inlined
 from mavlink_defs.runtime.memory import borrowed, copy_record, copy_values
 from sitl_plant.actuators import add_fault
-from sitl_plant.fleet import PlantState, fly, new_plant_state, observe, receive_controls
+from sitl_plant.fleet import ADVANCE, PlantState, fly, new_plant_state, observe, receive_controls
+from sitl_plant.outside import Outside
 from sitl_plant.plant import describe_loss
+from sitl_plant.simulators.base import SimulatorError
 
 _CHUNK_STEPS = 2000
 
@@ -70,17 +73,22 @@ def fly_in_steps(
 
 
 class Flight(NamedTuple):
-    """What changes in a flight, all of it arrays."""
+    """What changes in a flight, all of it arrays but the simulators."""
 
     ids: tuple[int, ...]
     fleet: PlantState
     controllers: Controllers
+    outside: Outside
     sources: np.ndarray
     """Index of each neighbour of each controller, shape (n, n); -1 for none."""
 
 
 def begin(scenario: Scenario) -> Flight:
-    """Return a flight before its first step, with its faults."""
+    """Return a flight before its first step, with its faults.
+
+    Raises:
+        BadInput: A simulator cannot fly it.
+    """
     ids = tuple(uav.id for uav in scenario.uavs)
     configs = [scenario.autopilot_config(uav_id) for uav_id in ids]
     controllers = new_controllers(configs)
@@ -89,7 +97,13 @@ def begin(scenario: Scenario) -> Flight:
         for d, neighbour in enumerate(config.neighbours):
             sources[i, d] = ids.index(neighbour.id)
             controllers.weights[i, d] = neighbour.weight
-    flight = Flight(ids, new_plant_state(scenario.plant_config(speed=None)), controllers, sources)
+    plant = scenario.plant_config(speed=None)
+    fleet = new_plant_state(plant)
+    try:
+        outside = Outside(plant, fleet)
+    except SimulatorError as problem:
+        raise BadInput(str(problem), problem.hint) from problem
+    flight = Flight(ids, fleet, controllers, outside, sources)
     _brief(scenario, controllers)
     add_faults(scenario, flight)
     exchange_initial_states(flight.fleet, controllers, sources, scenario.step_us)
@@ -115,11 +129,20 @@ def fly_on(
         on_steps: As of `fly_in_steps`.
         on_progress: As of `fly_in_process`.
     """
-    ids, fleet, controllers, sources = flight
+    ids, fleet, controllers, outside, sources = flight
 
     def run(step: int, chunk: Steps) -> tuple[int, int]:
         arrays = chunk.states, chunk.wind, chunk.applied, chunk.signals
-        return run_steps(fleet, controllers, sources, step, scenario.step_us, *arrays)
+        done = 0
+        while True:
+            rest = [array[done:] for array in arrays] if done else arrays
+            flown, lost = run_steps(
+                fleet, controllers, sources, step + done, scenario.step_us, *rest
+            )
+            done += flown
+            if lost != ADVANCE:
+                return done, lost
+            outside.advance()
 
     run(first, room(first, first))  # loads the code
     started = time.perf_counter()
@@ -130,7 +153,9 @@ def fly_on(
         step += flown
         if lost >= 0:
             t = step * scenario.step_us / 1e6
-            why = describe_loss(fleet.states[lost], fleet.air[lost, :3])
+            why = outside.failures.get(lost) or describe_loss(
+                fleet.states[lost], fleet.air[lost, :3]
+            )
             loss = f"UAV {ids[lost]} was lost at {t:.3f} s: {why}"
         if on_steps is not None:
             on_steps(chunk.part(0, flown))
@@ -189,23 +214,29 @@ def run_steps(
     applied: np.ndarray,
     signals: np.ndarray,
 ) -> tuple[int, int]:
-    """Fly the steps from `first` on that there is room for; return how many, and the lost UAV."""
+    """Fly the steps from `first` on that there is room for; return how many, and the lost UAV.
+
+    Or `ADVANCE`: simulators are to be advanced before the step that comes next can end.
+    """
     fleet, controllers, sources = borrowed(fleet), borrowed(controllers), borrowed(sources)
     n = len(sources)
     k, lost = 0, -1
     while k < len(states) and lost < 0:
-        for i in range(n):
-            observe(fleet, i, first + k, step_us)
-            mask = controller_step(controllers, i, fleet.messages[i], step_us)
-            if mask != 0:
-                receive_controls(fleet, i, controllers.actuators[i])
-            broadcast_if_triggered(controllers, i, first + k, step_us)
-            copy_values(states[k, i], fleet.states[i])
-            copy_values(wind[k, i], fleet.air[i])
-            copy_record(signals[k, i], controllers.signals[i])
-        if first + k > 0:  # before the second step none polls for a second message of the first
-            _deliver(controllers, sources, first + k)
+        if fleet.outside[0]["advanced"] == 0:
+            for i in range(n):
+                observe(fleet, i, first + k, step_us)
+                mask = controller_step(controllers, i, fleet.messages[i], step_us)
+                if mask != 0:
+                    receive_controls(fleet, i, controllers.actuators[i])
+                broadcast_if_triggered(controllers, i, first + k, step_us)
+                copy_values(states[k, i], fleet.states[i])
+                copy_values(wind[k, i], fleet.air[i])
+                copy_record(signals[k, i], controllers.signals[i])
+            if first + k > 0:  # before the second step none polls for a second message of the first
+                _deliver(controllers, sources, first + k)
         lost = fly(fleet, first + k, step_us)
+        if lost == ADVANCE:
+            break
         for i in range(n):
             copy_values(applied[k, i], fleet.applied[i])
         k += 1

@@ -61,9 +61,11 @@ from sitl_plant.config import (
     PlantUav,
     Seed,
     Uncertainty,
+    plant_problems,
     true_aircraft,
 )
 from sitl_plant.hardware import Sensors, Servos, sensor_problems, servo_problems
+from sitl_plant.plant_section import OwnPlant, PlantSection
 
 
 class Scenario(Model):
@@ -76,6 +78,7 @@ class Scenario(Model):
     duration_s: float = quantity("s", gt=0.0, le=86_400.0, doc="Length of the flight.")
     step_us: int = whole("us", ge=1, le=100_000, default=1000, doc="Control period.")
     aircraft: Aircraft = Field(description="The nominal aircraft.")
+    plant: PlantSection = Field(default=OwnPlant(), description="What flies the aircraft.")
     uncertainty: Uncertainty = Field(
         default=Uncertainty(), description="True aircraft relative to the nominal one."
     )
@@ -145,6 +148,7 @@ class Scenario(Model):
                     initial=uav.initial,
                     aircraft=aircraft,
                     servos=(uav.servos or self.servos).by_actuator(),
+                    plant=self.plant,
                 )
                 for uav in self.uavs
             ),
@@ -228,6 +232,7 @@ class Scenario(Model):
             lambda: trigger_problems(self.controller, self.trigger, self.step_us),
             lambda: law_problems(self.controller, self.aircraft),
             self._hardware_problems,
+            self._plant_problems,
             self._network_problems,
             self._formation_problems,
             self._profile_problems,
@@ -260,6 +265,15 @@ class Scenario(Model):
             if uav.servos is not None:
                 for loc, text in servo_problems(uav.servos, self.step_us):
                     yield ("uavs", i, "servos", *loc), text
+
+    def _plant_problems(self) -> Found:
+        yield from plant_problems(self.plant, self.disturbance, self.step_us)
+        if not isinstance(self.plant, OwnPlant) and self.uncertainty != Uncertainty():
+            text = (
+                "makes the true aircraft from the nominal one; plant.kind is "
+                f"{self.plant.kind!r}, which has its own: leave it out"
+            )
+            yield ("uncertainty",), text
 
     def _network_problems(self) -> Found:
         edges = [(*edge.between, edge.weight) for edge in self.network.edges]

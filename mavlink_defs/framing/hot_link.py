@@ -18,6 +18,7 @@ class Outcome(IntEnum):
     OVER = 3  # the simulation has ended
     LOST = 4  # plant: an aircraft left the model's range of validity
     RESTARTED = 5  # autopilot: the state is of another plant process; the last flight is void
+    ADVANCE = 6  # plant: simulators of others are to be advanced by a step
 
 
 # results of `take` that are no id of a hot message

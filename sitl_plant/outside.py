@@ -1,0 +1,113 @@
+"""The aircraft of a fleet that simulators fly, and their periods in between two compiled halves."""
+
+import math
+
+import numpy as np
+
+from sitl_plant.config import Aircraft, PlantConfig, PlantUav
+from sitl_plant.fleet import PlantState
+from sitl_plant.plant_section import OwnPlant
+from sitl_plant.simulators import new_simulator
+from sitl_plant.simulators.base import Motion, Simulator, SimulatorError
+from sitl_plant.vec3 import Vec3
+
+_SURFACES = ("aileron", "elevator", "rudder")
+_REACHED_DEG = 0.1  # stops this far beyond a simulator's are the same: files have round numbers
+
+
+class Outside:
+    """The simulators of a plant.
+
+    Attributes:
+        failures: Why one could not fly on, by the index of its aircraft, whose state is then NaN.
+    """
+
+    def __init__(self, config: PlantConfig, fleet: PlantState) -> None:
+        """Load what the simulators fly, at its initial state.
+
+        Args:
+            config: The plant's.
+            fleet: Its state at its start, which has the initial states of its aircraft.
+
+        Raises:
+            SimulatorError: An aircraft cannot be flown.
+        """
+        self._fleet = fleet
+        self._dt = config.step_us / 1e6
+        self._begun = False
+        self._windy = fleet.wind[0]["still"] == 0
+        self.failures: dict[int, str] = {}
+        self._simulators = {
+            i: simulator_of(uav, config.step_us)
+            for i, uav in enumerate(config.uavs)
+            if not isinstance(uav.plant, OwnPlant)
+        }
+        for i, simulator in self._simulators.items():
+            simulator.reset(_motion(fleet.states[i]))
+            fleet.outside["specific_force"][i] = simulator.read().specific_force
+
+    def advance(self) -> None:
+        """Advance every simulator by one period, for which the fleet has begun."""
+        outside = self._fleet.outside
+        for i, simulator in self._simulators.items():
+            try:
+                motion = self._advanced(i, simulator)
+            except SimulatorError as problem:
+                self.failures[i] = str(problem)
+                self._fleet.states[i] = math.nan
+                continue
+            position, velocity, attitude, rates, force = motion
+            self._fleet.states[i] = (*position, *velocity, *attitude, *rates)
+            outside["specific_force"][i] = force
+        outside["advanced"] = 1
+        self._begun = True
+
+    def _advanced(self, i: int, simulator: Simulator) -> Motion:
+        outside = self._fleet.outside[i]
+        if self._windy:
+            simulator.set_wind(_vector(outside["wind"]))
+        if not self._begun:  # the servos have come to rest at their first commands
+            *delta, thrust = self._fleet.applied[i].tolist()
+            simulator.control((delta[0], delta[1], delta[2]), thrust)
+            simulator.reset(_motion(self._fleet.states[i]))
+        *delta, thrust = outside["controls"].tolist()
+        simulator.control((delta[0], delta[1], delta[2]), thrust)
+        simulator.advance(self._dt)
+        return simulator.read()
+
+
+def simulator_of(uav: PlantUav, step_us: int) -> Simulator:
+    """Return the simulator of an aircraft that the plant does not fly itself.
+
+    Args:
+        uav: The aircraft.
+        step_us: Control period [µs].
+
+    Raises:
+        SimulatorError: It cannot fly it: not as far as the aircraft's stops are apart, say.
+    """
+    simulator = new_simulator(uav.plant, uav.initial.altitude_m, step_us)
+    _check_stops(uav.id, uav.aircraft, simulator)
+    return simulator
+
+
+def _check_stops(uav_id: int, aircraft: Aircraft, simulator: Simulator) -> None:
+    limit = aircraft.surface_limit_deg
+    for name, reached in zip(_SURFACES, simulator.stops, strict=True):
+        low, high = np.degrees(reached)
+        if -limit < low - _REACHED_DEG or limit > high + _REACHED_DEG:
+            raise SimulatorError(
+                f"UAV {uav_id}: the {name} of aircraft has stops of {-limit:g} and {limit:g} deg; "
+                f"the simulator's reaches {low:.1f} to {high:.1f} deg",
+                "set aircraft.surface_limit_deg to what it reaches",
+            )
+
+
+def _motion(x: np.ndarray) -> Motion:
+    still = (0.0, 0.0, 0.0)
+    return Motion(_vector(x[0:3]), _vector(x[3:6]), _vector(x[6:9]), _vector(x[9:12]), still)
+
+
+def _vector(a: np.ndarray) -> Vec3:
+    x, y, z = a.tolist()
+    return x, y, z
