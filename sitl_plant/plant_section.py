@@ -23,7 +23,8 @@ class JsbSimPlant(Model):
     kind: Literal["jsbsim"]
     aircraft: Title = Field(
         min_length=1,
-        description="One that comes with JSBSim, such as c172p, or a folder: NAME with NAME.xml.",
+        description="One that comes with JSBSim, such as c172p, or a folder of one's own, "
+        "such as ./NAME with NAME.xml in it.",
     )
     thrust: Literal["force", "engine"] = Field(
         default="force",

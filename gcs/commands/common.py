@@ -19,6 +19,7 @@ from gcs.errors import BadInput
 from gcs.scenario.model import Scenario, load_scenario, scenario_of, scenario_tree
 from gcs.scenario.settings import label, values_of
 from mavlink_defs.config.inherit import PlaceError, merged, with_values
+from sitl_plant.plant_section import OwnPlant
 
 ScenarioArgument = Annotated[
     Path, typer.Argument(help="Scenario: a file, or a bundled one.", metavar="SCENARIO")
@@ -126,6 +127,25 @@ def changed_scenario(
     if "name" in tree and "name" not in values:
         tree = merged(tree, {"name": ", ".join([str(tree["name"]), *changes])})
     return scenario_of(scenario, tree)
+
+
+def check_simulators(scenario: Scenario) -> None:
+    """Load what flies the aircraft in place of the plant's own equations, if anything does.
+
+    Raises:
+        BadInput: It cannot fly one of them.
+    """
+    if isinstance(scenario.plant, OwnPlant):
+        return
+    from sitl_plant.outside import simulator_of
+    from sitl_plant.simulators.base import SimulatorError
+
+    plant = scenario.plant_config()
+    try:
+        for uav in plant.uavs:
+            simulator_of(uav, plant.step_us)
+    except SimulatorError as problem:
+        raise BadInput(str(problem), problem.hint) from problem
 
 
 def warn_of_one_path(scenario: Scenario, console: Console) -> None:

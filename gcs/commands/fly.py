@@ -16,6 +16,7 @@ from gcs.commands.common import (
     Restart,
     RestartOption,
     changed_scenario,
+    check_simulators,
     check_speed,
     flight_progress,
     warm_up,
@@ -163,6 +164,7 @@ def fly(
         raise BadInput(text, "leave one of them out")
     if not (options.free_ports or options.in_process):
         check_ports(loaded)
+    check_simulators(loaded)
     folder = make_run_folder(options.out, loaded.name)
     console = console_of(quiet=options.quiet)
     record, over_udp = options.record, not options.in_process

@@ -16,6 +16,7 @@ from gcs.commands.common import (
     RestartOption,
     ScenarioArgument,
     changed_scenario,
+    check_simulators,
     check_speed,
     warm_up,
     warn_of_one_path,
@@ -125,6 +126,7 @@ def up(scenario: ScenarioArgument, options: UpOptions) -> None:
     hub = UdpAddress(loaded.links.host, options.hub_port)
     if not options.free_ports:
         check_ports(loaded, hub)
+    check_simulators(loaded)
     folder = make_run_folder(options.out, loaded.name)
     console = console_of(quiet=options.quiet or options.as_json)
 

@@ -51,6 +51,8 @@ def load_aircraft(name: str) -> Aircraft:
 def with_named_files(path: Path | str, tree: dict[Any, Any]) -> dict[Any, Any]:
     """Return the tree of a scenario with the content of the aircraft and mission files it names.
 
+    A folder that its plant names, beside the file, is named from the root.
+
     Args:
         path: The file that the tree is of.
         tree: Plain data read from it.
@@ -58,7 +60,7 @@ def with_named_files(path: Path | str, tree: dict[Any, Any]) -> dict[Any, Any]:
     Raises:
         ConfigError: A file cannot be used.
     """
-    tree = with_mission_file(path, tree)
+    tree = _with_folder(Path(path).parent, with_mission_file(path, tree))
     name = tree.get("aircraft")
     if not isinstance(name, str):
         return tree
@@ -80,9 +82,18 @@ def without_nulls(tree: dict[Any, Any]) -> dict[Any, Any]:
     return _with(tree, merged({}, aircraft)) if has_nulls else tree
 
 
-def _with(tree: dict[Any, Any], aircraft: dict[Any, Any]) -> dict[Any, Any]:
+def _with_folder(beside: Path, tree: dict[Any, Any]) -> dict[Any, Any]:
+    plant = tree.get("plant")
+    name = plant.get("aircraft") if isinstance(plant, dict) else None
+    if not isinstance(plant, dict) or not isinstance(name, str) or "/" not in name:
+        return tree
+    folder = (beside / Path(name).expanduser()).resolve()
+    return _with(tree, _with(plant, str(folder)), key="plant")
+
+
+def _with(tree: dict[Any, Any], value: Any, key: str = "aircraft") -> dict[Any, Any]:
     sources = tree.sources if isinstance(tree, WrittenDict) else {}
-    return WrittenDict({**tree, "aircraft": aircraft}, sources)
+    return WrittenDict({**tree, key: value}, sources)
 
 
 def _alone(aircraft: dict[Any, Any]) -> dict[Any, Any]:

@@ -40,17 +40,17 @@ def find(aircraft: str, bundled: Path) -> Source:
     Raises:
         SimulatorError: There is no such aircraft.
     """
-    own = Path(aircraft).expanduser()
-    if len(own.parts) == 1 and (bundled / "aircraft" / aircraft / f"{aircraft}.xml").is_file():
-        return Source(
-            aircraft, bundled / "aircraft" / aircraft, bundled / "engine", bundled / "systems"
-        )
-    own = own.absolute()
-    if not own.is_dir():
+    if "/" not in aircraft:
+        folder = bundled / "aircraft" / aircraft
+        if (folder / f"{aircraft}.xml").is_file():
+            return Source(aircraft, folder, bundled / "engine", bundled / "systems")
         raise SimulatorError(
-            f"plant.aircraft: expected an aircraft of JSBSim, or a folder, got {aircraft!r}",
-            f"those that come with it: {bundled / 'aircraft'}",
+            f"plant.aircraft: expected one that comes with JSBSim, got {aircraft!r}",
+            f"a folder of your own is ./{aircraft}; those of JSBSim are in {folder.parent}",
         )
+    own = Path(aircraft).expanduser().absolute()
+    if not own.is_dir():
+        raise SimulatorError(f"plant.aircraft: expected a folder, got {aircraft!r}")
     if not (own / f"{own.name}.xml").is_file():
         raise SimulatorError(
             f"plant.aircraft: expected {own.name}.xml in the folder, got {aircraft!r}",

@@ -18,6 +18,7 @@ from gcs.commands.common import (
     SetOption,
     WithOption,
     changed_scenario,
+    check_simulators,
     warm_up,
 )
 from gcs.commands.progress import working
@@ -139,6 +140,7 @@ def baseline(
         raise BadInput("--campaign draws no aircraft", "give their number with --aircraft")
     file = find_scenario(campaign or Path("campaigns/uncertainty"))
     drawn = load_campaign(file, draws=aircraft) if aircraft else None
+    check_simulators(triggered)
     folder = make_run_folder(out, f"baseline-{triggered.name}")
     warm_up(triggered, console)
     pool = ThreadPoolExecutor(jobs or os.cpu_count() or 1)
