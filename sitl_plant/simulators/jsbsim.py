@@ -34,8 +34,10 @@ except ImportError as missing:
 
 _LATITUDE_DEG = 45.0  # where gravity is standard gravity, 9.80665 m/s², to 0.005 %
 _NO_GROUND_FT = -1e4
+_EVALUATIONS = 4  # of forces that depend on what accelerations they make
 _TEST_AIRSPEED_M_S = 30.0  # of signs and maps, which do not depend on it
 
+_MOMENTS = ("xx", "yy", "zz", "xz")  # the last is the element of the matrix, -Jxz
 _OF_ENGINES = re.compile(r"propulsion|fcs/(throttle|mixture|advance)|-prop-lbs")
 
 _READ = (
@@ -113,7 +115,7 @@ class JsbSim:
         self._checked(fdm.run_ic)
         for node, speed in zip(self._wind, wind, strict=True):  # which that has set to 0
             node.set_double_value(speed)
-        if any(wind):
+        for _ in range(_EVALUATIONS):
             self._evaluate()
         if self._engine is not None:
             self._engine.start(self._evaluate)
@@ -213,16 +215,11 @@ class JsbSim:
             self._fdm[f"{jsbsim_aircraft.THRUST}/location-{axis}-in"] = there
 
     def _body(self) -> Body:
-        fdm, J = self._fdm, self._fdm.get_mass_balance().get_J()
-        k = SLUG * FT * FT
+        fdm, k = self._fdm, SLUG * FT * FT
+        Jxx, Jyy, Jzz, J13 = (fdm[f"inertia/i{axes}-slugs_ft2"] * k for axes in _MOMENTS)
         body = Body(
             mass_kg=fdm["inertia/mass-slugs"] * SLUG,
-            inertia_kg_m2=Inertia(
-                Jxx=float(J[0, 0]) * k,
-                Jyy=float(J[1, 1]) * k,
-                Jzz=float(J[2, 2]) * k,
-                Jxz=-float(J[0, 2]) * k,
-            ),
+            inertia_kg_m2=Inertia(Jxx=Jxx, Jyy=Jyy, Jzz=Jzz, Jxz=-J13),
             wing_area_m2=fdm["metrics/Sw-sqft"] * FT * FT,
             wing_span_m=fdm["metrics/bw-ft"] * FT,
             mean_chord_m=fdm["metrics/cbarw-ft"] * FT,

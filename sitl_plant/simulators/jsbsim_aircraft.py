@@ -105,7 +105,7 @@ def _patch(tree: ET.Element, patch: dict[str, float], path: Path) -> None:
     for place, value in patch.items():
         try:
             found = tree.findall(place)
-        except (SyntaxError, KeyError):  # of a path that ElementTree does not understand
+        except (SyntaxError, KeyError, TypeError):  # of a path that ElementTree does not understand
             found = []
         if len(found) != 1:
             raise SimulatorError(

@@ -107,6 +107,9 @@ def _measured(
         if named.name != "rudder":
             raise refused(f"{named.command} moves no {named.name}")
         return Surface(command, [], [])
+    if abs(at(1.0, position) - at(1.0, position)) > _LEAST:
+        at(0.0, position)
+        raise refused(f"the {named.name} follows {named.command} late, by a servo of its own")
     turned = angles[-1] < angles[0]
     ascending = angles[::-1] if turned else angles
     commands = grid[::-1] if turned else grid
