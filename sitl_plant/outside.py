@@ -52,8 +52,8 @@ class Outside:
         for i, simulator in self._simulators.items():
             try:
                 motion = self._advanced(i, simulator)
-            except SimulatorError as problem:
-                self.failures[i] = str(problem)
+            except Exception as problem:  # whatever another package raises ends this flight alone
+                self.failures[i] = _reason(problem)
                 self._fleet.states[i] = math.nan
                 continue
             position, velocity, attitude, rates, force = motion
@@ -97,10 +97,16 @@ def _check_stops(uav_id: int, aircraft: Aircraft, simulator: Simulator) -> None:
         low, high = np.degrees(reached)
         if -limit < low - _REACHED_DEG or limit > high + _REACHED_DEG:
             raise SimulatorError(
-                f"UAV {uav_id}: the {name} of aircraft has stops of {-limit:g} and {limit:g} deg; "
-                f"the simulator's reaches {low:.1f} to {high:.1f} deg",
+                f"UAV {uav_id}: the {name}'s stops are {-limit:g} and {limit:g} deg in `aircraft`, "
+                f"but its simulator's reach {low:.1f} to {high:.1f} deg",
                 "set aircraft.surface_limit_deg to what it reaches",
             )
+
+
+def _reason(problem: Exception) -> str:
+    if isinstance(problem, SimulatorError):
+        return str(problem)
+    return f"its simulator failed: {type(problem).__name__}: {problem}"
 
 
 def _motion(x: np.ndarray) -> Motion:
