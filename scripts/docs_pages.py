@@ -41,6 +41,7 @@ from mavlink_defs.config.quantity import Quantity, describe
 from sitl_plant.atmosphere import Dryden, Wind
 from sitl_plant.config import Aircraft, Disturbance, Sinusoid, Uncertainty
 from sitl_plant.hardware import EngineServo, Sensor, Sensors, Servos, SurfaceServo
+from sitl_plant.plant_section import JsbSimPlant, PluginPlant
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -49,6 +50,8 @@ MARK = re.compile(r"^<!-- generated: (\w+)(?: (\S+))? -->$", re.MULTILINE)
 SECTIONS: dict[str, type[BaseModel]] = {
     "scenario": Scenario,
     "aircraft": Aircraft,
+    "jsbsim": JsbSimPlant,
+    "plugin": PluginPlant,
     "uncertainty": Uncertainty,
     "disturbance": Disturbance,
     "sinusoid": Sinusoid,

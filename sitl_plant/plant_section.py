@@ -11,16 +11,16 @@ from mavlink_defs.config.quantity import quantity, whole
 class OwnPlant(Model):
     """The plant's own equations fly the scenario's aircraft."""
 
-    kind: Literal["own"] = "own"
+    kind: Literal["own"] = Field(default="own", description="The plant's own equations.")
 
 
 _Replaced = Annotated[float, quantity("", doc="What the element holds, in the unit it names.")]
 
 
 class JsbSimPlant(Model):
-    """JSBSim flies an aircraft of its own; that of the scenario is the nominal one."""
+    """JSBSim flies an aircraft of its own; the scenario's is the nominal one."""
 
-    kind: Literal["jsbsim"]
+    kind: Literal["jsbsim"] = Field(description="JSBSim.")
     aircraft: Title = Field(
         min_length=1,
         description="One that comes with JSBSim, such as c172p, or a folder of one's own, "
@@ -42,7 +42,7 @@ class JsbSimPlant(Model):
 class PluginPlant(Model):
     """A simulator of another package, which registers it in the group ftc_sitl.simulators."""
 
-    kind: Literal["plugin"]
+    kind: Literal["plugin"] = Field(description="A simulator of another package.")
     name: Title = Field(min_length=1, description="Name under which it is registered.")
     step_us: int | None = whole(
         "us", ge=1, le=100_000, default=None, doc="Its step; none: the control period."

@@ -1,7 +1,8 @@
 """Simulators that fly an aircraft in place of the plant's own equations.
 
-The entry points of the group `ftc_sitl.simulators` are those of other packages: each is a callable
-that takes the section `options` of a scenario's plant and an altitude [m], and returns a simulator.
+Other packages register theirs as entry points of the group `ftc_sitl.simulators`: each is a
+callable that takes the section `options` of a scenario's plant and an altitude [m], and returns a
+simulator.
 """
 
 from importlib.metadata import entry_points

@@ -46,7 +46,7 @@ def find(aircraft: str, bundled: Path) -> Source:
             return Source(aircraft, folder, bundled / "engine", bundled / "systems")
         raise SimulatorError(
             f"plant.aircraft: expected one that comes with JSBSim, got {aircraft!r}",
-            f"a folder of your own is ./{aircraft}; those of JSBSim are in {folder.parent}",
+            f"a folder of your own is ./{aircraft}; JSBSim has its own in {folder.parent}",
         )
     own = Path(aircraft).expanduser().absolute()
     if not own.is_dir():
