@@ -51,8 +51,8 @@ def main() -> None:
     for _ in range(ROUNDS):
         for plant, section in plants.items():
             for way, option in ways.items():
-                flown = real_time_factor(options.scenario, section, option, options.duration)
-                factors.setdefault((plant, way), []).append(flown)
+                factor = real_time_factor(options.scenario, section, option, options.duration)
+                factors.setdefault((plant, way), []).append(factor)
     print(f"{'plant':28}{'way':20}{'real time':>10}")
     for (plant, way), flown in factors.items():
         print(f"{plant:28}{way:20}{statistics.median(flown):9.1f}×")

@@ -165,7 +165,7 @@ def test_a_wrong_element_can_be_patched() -> None:
 
 
 def test_the_installed_aircraft_stays_as_it_is_and_nothing_is_left() -> None:
-    jsbsim = importlib.import_module("jsbsim")
+    jsbsim: Any = importlib.import_module("jsbsim")
     file = Path(jsbsim.__file__).parent / "aircraft" / "c172p" / "c172p.xml"
     before, left = file.read_bytes(), set(os.listdir(tempfile.gettempdir()))
     loaded("c172p", patch={"metrics/wingarea": 170.0})
@@ -182,7 +182,7 @@ def test_outputs_and_inputs_are_left_out(tmp_path: Path, monkeypatch: pytest.Mon
     file = folder / "written.xml"
     text = file.read_text().replace(
         "</fdm_config>",
-        '<output name="written.csv" type="CSV" rate="100"><rates>ON</rates></output>'
+        f'<output name="{tmp_path}/out.csv" type="CSV" rate="100"><rates>ON</rates></output>'
         '<input port="1139"/></fdm_config>',
     )
     file.write_text(text)

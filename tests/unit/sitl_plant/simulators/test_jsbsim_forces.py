@@ -80,12 +80,12 @@ def test_forces_and_moments_over_the_envelope(full: tuple[Aircraft, Simulator]) 
         air = aerodynamics(v, rates, record)
         ours = np.array(specific_force(air, delta, thrust, record))
         theirs = np.array(simulator.read().specific_force)
-        assert theirs == pytest.approx(ours, rel=1e-6, abs=1e-6 * np.linalg.norm(ours))
+        assert theirs == pytest.approx(ours, rel=1e-6, abs=1e-6 * float(np.linalg.norm(ours)))
         simulator.advance(STEP)  # its rates by Euler's rule: the moment before
         turned = (np.array(simulator.read().rates) - omega) / STEP
         made = J @ turned + np.cross(omega, J @ omega)
         turning = np.array(moment(air, delta))
-        of_earth = 3.0 * EARTH_RATE * np.linalg.norm(omega) * np.linalg.norm(J)
+        of_earth = float(3.0 * EARTH_RATE * np.linalg.norm(omega) * np.linalg.norm(J))
         assert made == pytest.approx(turning, rel=1e-5, abs=of_earth)
 
 
