@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
-from gcs.commands.common import QuietOption
+from gcs.commands.common import QuietOption, check_simulators
 from gcs.commands.progress import working
 from gcs.errors import GcsError
 from gcs.lab.commands.flights import JobsOption, fly_plan, interruptible
@@ -82,6 +82,8 @@ def campaign(
     path = find_scenario(file)
     with working(console, "checking every draw"):
         planned = load_plan(path, draws)
+    if planned.example is not None:
+        check_simulators(planned.example)
     folder = out or default_folder(planned.mark)
     enough = begin_campaign(planned, folder, until)
     with interruptible(folder, planned.draws.num_rows):

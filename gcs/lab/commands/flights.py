@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from gcs.commands.common import check_simulators, warm_up
+from gcs.commands.common import warm_up
 from gcs.commands.progress import Task, Work, working
 from gcs.errors import Interrupted
 
@@ -61,7 +61,6 @@ def fly_plan(
     if left < total:
         console.print(f"{total - left} of {total} flights already flown")
     if left and scheduler is None and planned.example is not None:
-        check_simulators(planned.example)
         warm_up(planned.example, console)
     with working(console) as work:
         shown = _Shown(work, work.add("flying", total, "flights", done=total - left))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from gcs.commands.common import QuietOption
+from gcs.commands.common import QuietOption, check_simulators
 from gcs.commands.progress import working
 from gcs.errors import GcsError
 from gcs.lab.commands.flights import JobsOption, fly_plan, interruptible
@@ -77,6 +77,8 @@ def sweep(
     grid = plan_grid(scenarios, parse_axes(settings or []))
     uav_id = choose_uav(grid.scenarios, uav)
     folder = out or default_folder(grid.plan.mark, "sweep")
+    if grid.plan.example is not None:
+        check_simulators(grid.plan.example)
     open_folder(folder, grid.plan)
     with interruptible(folder, len(grid.scenarios)):
         fly_plan(grid.plan, folder, jobs, console)
