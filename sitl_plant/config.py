@@ -155,6 +155,10 @@ class Aircraft(Model):
     )
     airspeed_min_m_s: float = quantity("m/s", gt=0.0, doc="Lowest airspeed command accepted.")
     airspeed_max_m_s: float = quantity("m/s", gt=0.0, doc="Highest airspeed command accepted.")
+    cruise_m_s: float | None = quantity("m/s", gt=0.0, default=None, doc="Airspeed in cruise.")
+    stall_deg: float | None = quantity(
+        "deg", gt=0.0, lt=90.0, default=None, doc="Angle of attack at which the wing stalls."
+    )
 
     @model_validator(mode="after")
     def _airspeeds_in_order(self) -> "Aircraft":
@@ -162,6 +166,9 @@ class Aircraft(Model):
         if high <= low:
             text = f"expected > airspeed_min_m_s = {low!r} m/s, got {high!r}"
             raise Problems([(("airspeed_max_m_s",), text)])
+        if self.cruise_m_s is not None and not low <= self.cruise_m_s <= high:
+            text = f"expected [{low:g}, {high:g}] m/s, the aircraft's limits"
+            raise Problems([(("cruise_m_s",), f"{text}, got {self.cruise_m_s!r}")])
         return self
 
     @model_validator(mode="after")

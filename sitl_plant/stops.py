@@ -28,6 +28,13 @@ def range_of(aircraft: AircraftRecord, j: int) -> tuple[float, float]:
 
 
 @compiled
+def has_actuator(aircraft: AircraftRecord, j: int) -> bool:
+    """Return whether an aircraft has an actuator, number as FTC_ACTUATOR."""
+    lowest, highest = range_of(aircraft, j)
+    return lowest < highest
+
+
+@compiled
 def stop_beside(position: float, lowest: float, highest: float) -> float:
     """Return how far the stop on the side of a position is from 0, in the unit of the range."""
     return -lowest if position < 0.0 else highest

@@ -16,7 +16,7 @@ from ftc_autopilot.control.triggers.base import Candidates
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aircraft import AircraftRecord
-from sitl_plant.stops import position_of, range_of, share_of
+from sitl_plant.stops import has_actuator, position_of, range_of, share_of
 from sitl_plant.vec3 import clamp
 
 
@@ -76,6 +76,9 @@ def transmit(
         now.dt, now.first, saturated, held, command.channels, relative, absolute
     )
     mask = decide(candidates, parameters["mode"], parameters["trigger"], state["trigger"])
+    for i in range(N_CHANNELS):
+        if not has_actuator(aircraft, i):
+            mask &= ~(1 << i)
     failed = not_finite(command)
     if failed != 0:
         mask &= ~failed

@@ -140,6 +140,18 @@ def warn_of_one_path(scenario: Scenario, console: Console) -> None:
     )
 
 
+def tell_heading(scenario: Scenario, console: Console) -> None:
+    """Tell of which UAVs the heading is held by bank, and why."""
+    uavs: dict[str, list[int]] = {}
+    for uav in scenario.uavs:
+        reason = scenario.controller.holds_heading_by_bank(scenario.aircraft)
+        if reason is not None:
+            uavs.setdefault(reason, []).append(uav.id)
+    for reason, ids in uavs.items():
+        named = ", ".join(map(str, ids))
+        console.print(f"UAV {named}: heading is held by bank ({reason})", soft_wrap=True)
+
+
 def warm_up(scenario: Scenario, console: Console) -> None:
     """Compile the numeric core before processes need it, unless it is cached."""
     from mavlink_defs.runtime.code_cache import cache_is_cold

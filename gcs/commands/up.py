@@ -17,6 +17,7 @@ from gcs.commands.common import (
     ScenarioArgument,
     changed_scenario,
     check_speed,
+    tell_heading,
     warm_up,
     warn_of_one_path,
 )
@@ -133,6 +134,7 @@ def up(scenario: ScenarioArgument, options: UpOptions) -> None:
 
     try:
         warn_of_one_path(loaded, console)
+        tell_heading(loaded, console)
         warm_up(loaded, console)
         if options.free_ports:
             on_free_ports(loaded, fly)

@@ -53,6 +53,9 @@ def diagnose(
     for j in range(N_CHANNELS):
         actuator, limits = actuators[j], limits_of(gains, j)
         lowest, highest = range_of(aircraft, j)
+        if lowest == highest:
+            _leave_alone(actuator, j, signals)
+            continue
         before = actuator["lost"]
         if now.seen.after_gap:
             actuator["blanking_s"] = max(actuator["blanking_s"], _GAP_FILTERS * gains["filter_s"])
@@ -87,6 +90,14 @@ def diagnose(
             signals["dead_steps"] = max(signals["dead_steps"], actuator["dead_steps"])
     if changed >= 0:
         _wait_for_transient(actuators, changed)
+
+
+@compiled
+def _leave_alone(actuator: np.void, j: int, signals: SignalsRecord) -> None:
+    """Write of a surface that the aircraft has not that nothing is wrong with it."""
+    actuator["effectiveness"] = actuator["confidence"] = 1.0
+    signals["effectiveness"][j] = signals["confidence"][j] = 1.0
+    signals["offset"][j], signals["phase"][j] = 0.0, phase_of(actuator)
 
 
 @compiled

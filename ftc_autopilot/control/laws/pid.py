@@ -5,6 +5,7 @@ per body axis for surface deflections, scaled with airspeed; another one holds t
 It uses no aircraft model, no neighbours, no fault information and no trigger.
 """
 
+from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -15,6 +16,7 @@ from ftc_autopilot.control.step import ALL, Command, Step
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.aircraft import AircraftRecord
+from sitl_plant.config import Aircraft
 from sitl_plant.rigid_body import R2
 from sitl_plant.stops import range_of
 from sitl_plant.vec3 import Vec3, clamp, mul
@@ -67,6 +69,11 @@ class Pid(LawParameters):
     thrust_trim_n: float = quantity("N", ge=0.0, default=900.0, doc="Thrust in cruise.")
     speed_p_n_s_m: float = quantity("N s/m", ge=0.0, default=206.0, doc="Gain of the speed error.")
     speed_i_n_m: float = quantity("N/m", ge=0.0, default=400.0, doc="Gain of its integral.")
+
+    def misfits(self, aircraft: Aircraft) -> Iterator[str]:
+        """Yield why the law cannot fly a nominal aircraft: it holds the heading by a rudder."""
+        if not aircraft.has("rudder"):
+            yield "the aircraft has no rudder to hold the heading"
 
 
 @compiled

@@ -174,6 +174,12 @@ def test_a_surface_without_stops_is_named(scenario1: Scenario, limits: Any, said
     assert said in str(line)
 
 
+@pytest.mark.parametrize("cruise", [19.9, 80.1])
+def test_cruise_is_among_the_airspeeds(scenario1: Scenario, cruise: float) -> None:
+    with pytest.raises(ValueError, match=r"expected \[20, 80\] m/s, the aircraft's limits, got"):
+        Aircraft.model_validate(scenario1.aircraft.model_dump() | {"cruise_m_s": cruise})
+
+
 @given(three, st.sampled_from([STUCK, BIAS]), st.floats(-90.0, 90.0, width=32))
 def test_a_fault_must_be_within_the_stops_of_its_surface(
     scenario1: Scenario, degrees: tuple[tuple[float, float], ...], kind: Any, value: float

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from ftc_autopilot.control.diagnosis import diagnose, dithered, dithered_thrust, probe, probed
-from ftc_autopilot.control.inversion import surfaces_for, thrust_for_speed
+from ftc_autopilot.control.inversion import deflections_for, thrust_for_speed
 from ftc_autopilot.control.laws.surviving.healthy import commanded_acceleration, commanded_rates
 from ftc_autopilot.control.laws.surviving.lateral import (
     aileron_for_roll,
@@ -19,7 +19,7 @@ from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import angular_acceleration
-from sitl_plant.stops import range_of, stop_beside
+from sitl_plant.stops import has_actuator, range_of, stop_beside
 from sitl_plant.vec3 import mat3, mul, sub
 
 _LEAST_COSINE = 0.3  # of the roll angle, in the turn rate of a trim
@@ -53,17 +53,20 @@ def reconfigured(
     may = gains["reconfigure"] != 0
     no_aileron = may and actuators[AILERON]["lost"] != 0
     no_elevator = may and actuators[ELEVATOR]["lost"] != 0
-    no_rudder = may and actuators[RUDDER]["lost"] != 0
+    has_rudder = has_actuator(aircraft, RUDDER)
+    no_rudder = not has_rudder or (may and actuators[RUDDER]["lost"] != 0)
     no_throttle = may and actuators[THROTTLE]["lost"] != 0
 
     rates = commanded_rates(now, gains, state)
     if no_aileron or no_rudder:  # yaw is left to the trim
-        trim = lateral_trim(now, AILERON if no_aileron else RUDDER, aircraft, diagnosis)
+        trim = lateral_trim(
+            now, AILERON if no_aileron and has_rudder else RUDDER, aircraft, diagnosis
+        )
         rates = rates[0], rates[1], trim.r / max(math.cos(motion.phi[0]), _LEAST_COSINE)
     commanded = commanded_acceleration(now, rates, gains, state)
     J = mat3(aircraft["J"])
     by_itself = angular_acceleration(motion.omega, motion.air.N, J, mat3(aircraft["J_inv"]))
-    delta = surfaces_for(mul(J, sub(commanded, by_itself)), motion.air.C)
+    delta = deflections_for(mul(J, sub(commanded, by_itself)), motion.air.C, aircraft)
     aileron = _corrected(delta[0], actuators[AILERON])
     elevator = _corrected(delta[1], actuators[ELEVATOR])
     rudder = _corrected(delta[2], actuators[RUDDER])
@@ -78,7 +81,7 @@ def reconfigured(
         if no_rudder:
             aileron = aileron_for_roll(now, commanded, aircraft, diagnosis)
     if no_rudder:
-        rudder = probed(RUDDER, gains["diagnosis"], diagnosis)
+        rudder = probed(RUDDER, gains["diagnosis"], diagnosis) if has_rudder else 0.0
     if no_elevator:
         if abs(now.errors.e[1]) > gains["pitch_error_limit_rad"] and not no_throttle:
             state["gave_up_speed"] = 1

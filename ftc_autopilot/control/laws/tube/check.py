@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from ftc_autopilot.control.inversion import surfaces_for, thrust_for
+from ftc_autopilot.control.inversion import deflections_for, thrust_for
 from ftc_autopilot.control.laws.tube.parameters import OUTPUTS
 from ftc_autopilot.control.laws.tube.plan import Plan, best_change, first_exit
 from ftc_autopilot.control.laws.tube.prediction import Servo, Start, predict
@@ -119,6 +119,7 @@ def _start(now: Step, positions: np.ndarray, gains: np.void, state: np.void) -> 
         state["disturbance"],
         state["disturbance_slope"],
         gains["persistence_s"],
+        now.by_bank,
     )
 
 
@@ -191,7 +192,7 @@ def trim(now: Step, aircraft: AircraftRecord, commands: np.ndarray) -> None:
     """
     motion, J = now.motion, mat3(aircraft["J"])
     turning = angular_acceleration(motion.omega, motion.air.N, J, mat3(aircraft["J_inv"]))
-    delta = surfaces_for(scale(-1.0, mul(J, turning)), motion.air.C)
+    delta = deflections_for(scale(-1.0, mul(J, turning)), motion.air.C, aircraft)
     for i in range(3):
         lowest, highest = range_of(aircraft, i)
         commands[i] = clamp(delta[i], lowest, highest)

@@ -15,12 +15,18 @@ from ftc_autopilot.control.step import Command, Step, Thresholds
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aircraft import AircraftRecord
-from sitl_plant.stops import range_of
+from sitl_plant.stops import has_actuator, range_of
 from sitl_plant.vec3 import clamp
 
 _MOST_DOUBLINGS = 4
 _CHANGES_OF_SIDE = 2.6  # changes to the other side: four within two seconds, or three within less
 _SWING_SIGMA = 0.3  # standard deviation of a smoothed residual, relative to a jump
+
+
+@inlined
+def flies_without_rudder(aircraft: AircraftRecord, gains: np.void, state: np.void) -> bool:
+    """Return whether the tube law leaves yaw alone: no rudder, or only the rudder is lost."""
+    return not has_actuator(aircraft, RUDDER) or only_rudder_lost(gains, state)
 
 
 @inlined
