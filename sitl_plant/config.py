@@ -3,7 +3,8 @@
 Symbols are the paper's of section II-A and Table I; every bound is declared here, once.
 """
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationError, model_validator
 
@@ -190,17 +191,8 @@ class Aircraft(Model):
     @property
     def stops_deg(self) -> tuple[tuple[float, float], ...]:
         """Least and largest angle of aileron, elevator and rudder [deg]; 0 of one it has not."""
-        return tuple(self._stops_of(name) for name in SURFACES)
-
-    def _stops_of(self, surface: str) -> tuple[float, float]:
-        stops = getattr(self.surface_limits_deg, surface)
-        if stops is None:
-            stops = self.surface_limit_deg
-        if isinstance(stops, tuple):
-            return stops
-        if stops == _NONE_SUCH:
-            return 0.0, 0.0
-        return -float(stops), float(stops)
+        own = self.surface_limits_deg
+        return tuple(_stops(getattr(own, name), self.surface_limit_deg) for name in SURFACES)
 
     @property
     def airspeed_limits(self) -> AirspeedLimits:
@@ -211,6 +203,23 @@ class Aircraft(Model):
     def fault_limits(self) -> FaultLimits:
         """Ranges of its actuators."""
         return FaultLimits(self.stops_deg, self.thrust_limit_n)
+
+
+def _stops(own: Any, of_all: float | None) -> tuple[float, float]:
+    """Return the stops of a surface, given as in `SurfaceLimits`, or by those of all."""
+    stops = of_all if own is None else own
+    if isinstance(stops, tuple | list):
+        return float(stops[0]), float(stops[1])
+    if stops == _NONE_SUCH:
+        return 0.0, 0.0
+    return -float(stops or 0.0), float(stops or 0.0)
+
+
+def limits_in(aircraft: Mapping[str, Any]) -> FaultLimits:
+    """Return the ranges of the actuators in an aircraft's plain data, which is not checked yet."""
+    own, of_all = aircraft.get("surface_limits_deg") or {}, aircraft.get("surface_limit_deg")
+    stops = tuple(_stops(own.get(name), of_all) for name in SURFACES)
+    return FaultLimits(stops, aircraft["thrust_limit_n"])
 
 
 _Factor = Annotated[float, quantity("", doc="Ratio of true to nominal value.")]

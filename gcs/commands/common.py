@@ -144,7 +144,7 @@ def tell_heading(scenario: Scenario, console: Console) -> None:
     """Tell of which UAVs the heading is held by bank, and why."""
     uavs: dict[str, list[int]] = {}
     for uav in scenario.uavs:
-        reason = scenario.controller.holds_heading_by_bank(scenario.aircraft)
+        reason = scenario.controller.holds_heading_by_bank(scenario.aircraft_of(uav.id))
         if reason is not None:
             uavs.setdefault(reason, []).append(uav.id)
     for reason, ids in uavs.items():

@@ -15,7 +15,7 @@ from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import PlaceError, merged, value_at, with_values
 from mavlink_defs.config.models import ConfigError, Problem
 from mavlink_defs.fault_kinds import FAULT_KINDS
-from sitl_plant.config import Aircraft
+from sitl_plant.config import limits_in
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -55,8 +55,12 @@ class Flights:
         tree = self.laid(row["variant"], self.values(row))
         if not self.campaign.faults:
             return tree
-        aircraft = {**self.filled[row["variant"]]["aircraft"], **tree["aircraft"]}
-        faults = [self._fault(name, row, aircraft) for name in self.campaign.faults]
+        common = {**self.filled[row["variant"]]["aircraft"], **tree["aircraft"]}
+        own = {uav["id"]: uav.get("aircraft") for uav in tree["uavs"]}
+        faults = []
+        for name in self.campaign.faults:
+            aircraft = own.get(row[f"fault.{name}.uav"]) or common
+            faults.append(self._fault(name, row, aircraft))
         return {**tree, "faults": [*tree.get("faults", []), *faults]}
 
     def laid(self, variant: str, values: Mapping[str, Value]) -> dict[str, Any]:
@@ -115,7 +119,7 @@ class Flights:
         if (drawn_kind := row[f"fault.{name}.kind"]) == LOSS:
             return drawn | {"effectiveness": 1.0 - abs(severity)}
         kind = FAULT_KINDS[drawn_kind]
-        low, high = kind.bounds(actuator, Aircraft.model_validate(aircraft).fault_limits)
+        low, high = kind.bounds(actuator, limits_in(aircraft))
         value = -severity * low if severity < 0.0 and low < 0.0 else abs(severity) * high
         return drawn | {kind.key(actuator): value}
 

@@ -110,7 +110,7 @@ def known_quantities(recording: Recording, i: int, scenario: Scenario) -> Known:
     states = np.ascontiguousarray(recording.states[:, i])
     applied = np.ascontiguousarray(recording.applied[:, i])
     signals = recording.signals[:, i]
-    aircraft, law = scenario.aircraft, scenario.controller
+    aircraft, law = scenario.aircraft_of(uav_id), scenario.controller
     nominal = aircraft_record(aircraft)
     true = aircraft_record(true_aircraft(aircraft, scenario.uncertainty))
     table = disturbance_table(scenario.disturbance)
