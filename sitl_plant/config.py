@@ -206,7 +206,7 @@ class Aircraft(Model):
 
 
 def _stops(own: Any, of_all: float | None) -> tuple[float, float]:
-    """Return the stops of a surface, given as in `SurfaceLimits`, or by those of all."""
+    """Return the stops of a surface, its own as in `SurfaceLimits`, or the stop of all."""
     stops = of_all if own is None else own
     if isinstance(stops, tuple | list):
         return float(stops[0]), float(stops[1])

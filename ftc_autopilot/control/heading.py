@@ -2,7 +2,7 @@
 
 An aircraft without a rudder cannot turn its nose by itself, and one whose side force grows with
 sideslip while the rudder holds the heading slips away. Such an aircraft banks. In a coordinated
-turn tan φ = V ψ̇/g (Beard, McLain: Small Unmanned Aircraft, 2012, section 5.2), so that the roll
+turn tan φ = V ψ̇/g (Beard, McLain: Small Unmanned Aircraft, 2012), so that the roll
 command of the reference is replaced by
 
     φ_c = atan(V ψ̇_c/g),   ψ̇_c = ψ̇_r + (3/ω) ψ̈_r + k (ψ_r - ψ)

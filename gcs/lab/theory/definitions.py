@@ -232,7 +232,8 @@ def _sent(
     held, demand = s["held"][:, channels], s["demand"][:, channels]
     saturated = np.clip(demand, lowest, highest)
     stop = np.where(saturated < 0.0, -lowest, highest)
-    on_wire = (saturated / stop).astype(np.float32).astype(np.float64) * stop
+    share = np.divide(saturated, stop, out=np.zeros_like(saturated), where=stop != 0.0)
+    on_wire = share.astype(np.float32).astype(np.float64) * stop
     before = np.roll(held, 1, axis=0)
     before[0] = 0.0
     event = (s["events"][:, None] >> channels & 1).astype(bool)
