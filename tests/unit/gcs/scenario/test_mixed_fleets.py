@@ -9,6 +9,7 @@ import pytest
 from ftc_autopilot.control.diagnosis import LOST
 from ftc_autopilot.guidance.path import locate
 from gcs.fleet.in_process import begin, fly_in_process
+from gcs.results.summary import summarise
 from gcs.scenario.aircraft_file import load_aircraft
 from gcs.scenario.model import Scenario, load_scenario, scenario_of, scenario_tree
 from mavlink_defs.config.models import ConfigError
@@ -174,3 +175,11 @@ def test_three_types_fly_a_mission_in_wind_within_one_and_a_half_spans(
         assert np.abs(away[200:]).max() < 1.5 * span
     apart = np.linalg.norm(places[:, :, None] - places[:, None], axis=-1)
     assert apart[:, ~np.eye(3, dtype=bool)].min() > 15.0
+
+
+def test_savings_count_the_channels_that_there_are(tmp_path: Path) -> None:
+    scenario = mixed(tmp_path).model_copy(update={"duration_s": 0.5})
+    summary = summarise(fly_in_process(scenario), scenario)
+    for uav, channels in zip(summary.uavs, (4, 3, 4), strict=True):
+        assert uav.saving == 1.0 - uav.events / (500 * channels)
+    assert summary.saving == 1.0 - sum(uav.events for uav in summary.uavs) / (500 * 11)
