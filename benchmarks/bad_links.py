@@ -149,7 +149,7 @@ def fly_over(scenario: Scenario, impairment: Impairment, compensated: bool = Tru
 def _fleet_of(scenario: Scenario) -> PlantState:
     fleet, ids = new_plant_state(scenario.plant_config(speed=None)), [u.id for u in scenario.uavs]
     for uav, fault in scenario.fault_commands():
-        received = fault_from_params(fault, scenario.aircraft.fault_limits)
+        received = fault_from_params(fault, scenario.aircraft_of(uav).fault_limits)
         add_fault(fleet.faults[ids.index(uav)], received, now_s=0.0)
     return fleet
 

@@ -3,10 +3,10 @@
 Symbols are the paper's of section II-A and Table I; every bound is declared here, once.
 """
 
-from collections.abc import Iterator
-from typing import Annotated, Literal
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationError, model_validator
 
 from mavlink_defs.config.files import problems_of
 from mavlink_defs.config.models import (
@@ -21,6 +21,7 @@ from mavlink_defs.config.models import (
     unknown_key,
 )
 from mavlink_defs.config.quantity import quantity, whole
+from mavlink_defs.constants import SURFACES
 from mavlink_defs.fault_kinds import FaultLimits
 from mavlink_defs.profile import AirspeedLimits
 from sitl_plant.atmosphere import Wind
@@ -91,6 +92,47 @@ class Coefficients(Model):
     cY_dr: float = quantity("1/rad", default=0.0, doc="Side force due to rudder.")
 
 
+_NONE_SUCH = "none"
+
+
+def _has_stops(value: object) -> str | None:
+    """Return the tag of one angle for both stops, of two, or of no surface."""
+    if isinstance(value, list | tuple):
+        return "<stops>"
+    if value == _NONE_SUCH:
+        return "<none>"
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return "<angle>" if number else None
+
+
+def _on_both_sides(stops: tuple[float, float]) -> tuple[float, float]:
+    if not stops[0] < 0.0 < stops[1]:
+        text = f"expected a negative and a positive angle [deg], got {list(stops)!r}"
+        raise ValueError(text)
+    return stops
+
+
+_Angle = Annotated[float, quantity("deg", gt=0.0, lt=90.0, doc="Stop on both sides.")]
+_Stop = Annotated[float, quantity("deg", gt=-90.0, lt=90.0, doc="Least or largest angle.")]
+_Stops = Annotated[
+    Annotated[_Angle, Tag("<angle>")]
+    | Annotated[tuple[_Stop, _Stop], AfterValidator(_on_both_sides), Tag("<stops>")]
+    | Annotated[Literal["none"], Tag("<none>")],
+    Discriminator(_has_stops),
+]
+
+
+class SurfaceLimits(Model):
+    """Stops of each surface: `[least, largest]`, one angle for both sides, or `none`.
+
+    `none` means that the aircraft has no such surface; its derivatives then count as 0.
+    """
+
+    aileron: _Stops | None = Field(default=None, description="Of the aileron [deg].")
+    elevator: _Stops | None = Field(default=None, description="Of the elevator [deg].")
+    rudder: _Stops | None = Field(default=None, description="Of the rudder [deg].")
+
+
 class Aircraft(Model):
     """One aircraft type; of a plant the true one, of a controller the nominal one."""
 
@@ -108,9 +150,18 @@ class Aircraft(Model):
         description="Whether cl_p and the like are per p b/2V, or per rad/s.",
     )
     thrust_limit_n: float = quantity("N", gt=0.0, doc="Thrust is within 0 and this.")
-    surface_limit_deg: float = quantity("deg", gt=0.0, lt=90.0, doc="Symmetric surface stop.")
+    surface_limit_deg: float | None = quantity(
+        "deg", gt=0.0, lt=90.0, default=None, doc="Stop on both sides of all surfaces."
+    )
+    surface_limits_deg: SurfaceLimits = Field(
+        default=SurfaceLimits(), description="Stops of single surfaces, in place of it [deg]."
+    )
     airspeed_min_m_s: float = quantity("m/s", gt=0.0, doc="Lowest airspeed command accepted.")
     airspeed_max_m_s: float = quantity("m/s", gt=0.0, doc="Highest airspeed command accepted.")
+    cruise_m_s: float | None = quantity("m/s", gt=0.0, default=None, doc="Airspeed in cruise.")
+    stall_deg: float | None = quantity(
+        "deg", gt=0.0, lt=90.0, default=None, doc="Angle of attack at which the wing stalls."
+    )
 
     @model_validator(mode="after")
     def _airspeeds_in_order(self) -> "Aircraft":
@@ -118,7 +169,32 @@ class Aircraft(Model):
         if high <= low:
             text = f"expected > airspeed_min_m_s = {low!r} m/s, got {high!r}"
             raise Problems([(("airspeed_max_m_s",), text)])
+        if self.cruise_m_s is not None and not low <= self.cruise_m_s <= high:
+            text = f"expected [{low:g}, {high:g}] m/s, the aircraft's limits"
+            raise Problems([(("cruise_m_s",), f"{text}, got {self.cruise_m_s!r}")])
         return self
+
+    @model_validator(mode="after")
+    def _every_surface_has_stops(self) -> "Aircraft":
+        own = self.surface_limits_deg
+        missing = [name for name in SURFACES if getattr(own, name) is None]
+        if self.surface_limit_deg is None and missing:
+            text = "missing; expected the stop of all surfaces [deg], or surface_limits_deg of each"
+            if len(missing) < len(SURFACES):
+                names = " and ".join(missing)
+                text = f"missing; expected it, or the stops of {names} in surface_limits_deg"
+            raise Problems([(("surface_limit_deg",), text)])
+        return self
+
+    def has(self, surface: str) -> bool:
+        """Return whether the aircraft has a surface."""
+        return bool(getattr(self.surface_limits_deg, surface) != _NONE_SUCH)
+
+    @property
+    def stops_deg(self) -> tuple[tuple[float, float], ...]:
+        """Least and largest angle of aileron, elevator and rudder [deg]; 0 of one it has not."""
+        own = self.surface_limits_deg
+        return tuple(_stops(getattr(own, name), self.surface_limit_deg) for name in SURFACES)
 
     @property
     def airspeed_limits(self) -> AirspeedLimits:
@@ -127,8 +203,25 @@ class Aircraft(Model):
 
     @property
     def fault_limits(self) -> FaultLimits:
-        """Largest magnitudes that its actuators can take."""
-        return FaultLimits(self.surface_limit_deg, self.thrust_limit_n)
+        """Ranges of its actuators."""
+        return FaultLimits(self.stops_deg, self.thrust_limit_n)
+
+
+def _stops(own: Any, of_all: float | None) -> tuple[float, float]:
+    """Return the stops of a surface, its own as in `SurfaceLimits`, or the stop of all."""
+    stops = of_all if own is None else own
+    if isinstance(stops, tuple | list):
+        return float(stops[0]), float(stops[1])
+    if stops == _NONE_SUCH:
+        return 0.0, 0.0
+    return -float(stops or 0.0), float(stops or 0.0)
+
+
+def limits_in(aircraft: Mapping[str, Any]) -> FaultLimits:
+    """Return the ranges of the actuators in an aircraft's plain data, which is not checked yet."""
+    own, of_all = aircraft.get("surface_limits_deg") or {}, aircraft.get("surface_limit_deg")
+    stops = tuple(_stops(own.get(name), of_all) for name in SURFACES)
+    return FaultLimits(stops, aircraft["thrust_limit_n"])
 
 
 _Factor = Annotated[float, quantity("", doc="Ratio of true to nominal value.")]
@@ -223,26 +316,21 @@ class Disturbance(Model):
     )
 
 
-def plant_problems(
-    plant: PlantSection, disturbance: Disturbance, step_us: int
-) -> Iterator[tuple[Loc, str]]:
-    """Yield place and text of what a simulator cannot do, from the root of a scenario.
-
-    Args:
-        plant: What flies the aircraft.
-        disturbance: Of every aircraft.
-        step_us: Control period [µs].
-    """
-    if isinstance(plant, OwnPlant):
-        return
-    if plant.step_us is not None and step_us % plant.step_us != 0:
+def plant_problems(plant: PlantSection, step_us: int) -> Iterator[tuple[Loc, str]]:
+    """Yield place and text if a simulator's step does not divide the control period [µs]."""
+    if not isinstance(plant, OwnPlant) and plant.step_us and step_us % plant.step_us != 0:
         text = f"expected a divisor of the control period of {step_us} us, got {plant.step_us}"
         yield ("plant", "step_us"), text
-    if disturbance != Disturbance():
-        text = (
-            f"acts in the plant's own equations alone; plant.kind is {plant.kind!r}: leave it out"
-        )
-        yield ("disturbance",), text
+
+
+def truth_problems(
+    plant: PlantSection, disturbance: Disturbance, uncertainty: Uncertainty
+) -> Iterator[tuple[Loc, str]]:
+    """Yield place and text of what changes the plant's own equations, which a simulator has not."""
+    for name, given in (("disturbance", disturbance), ("uncertainty", uncertainty)):
+        if given != type(given)():
+            text = "changes the plant's own equations, but plant.kind is"
+            yield (name,), f"{text} {plant.kind!r}: leave it out (null removes a base's)"
 
 
 class InitialState(Model):
@@ -314,7 +402,9 @@ class PlantConfig(Model):
         for i, uav in enumerate(self.uavs):
             slow = servo_problems(uav.servos, self.step_us)
             problems += [(("uavs", i, "servos", *loc), text) for loc, text in slow]
-            for loc, text in plant_problems(uav.plant, self.disturbance, self.step_us):
-                problems.append((("uavs", i, *loc) if loc[0] == "plant" else loc, text))
+            steps = plant_problems(uav.plant, self.step_us)
+            problems += [(("uavs", i, *loc), text) for loc, text in steps]
+        for plant in [uav.plant for uav in self.uavs if not isinstance(uav.plant, OwnPlant)][:1]:
+            problems += truth_problems(plant, self.disturbance, Uncertainty())
         Problems.check(problems)
         return self

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from mavlink_defs.constants import SURFACES
 from sitl_plant.config import Aircraft, PlantConfig, PlantUav
 from sitl_plant.fleet import PlantState
 from sitl_plant.plant_section import OwnPlant
@@ -11,7 +12,6 @@ from sitl_plant.simulators import new_simulator
 from sitl_plant.simulators.base import Motion, Simulator, SimulatorError
 from sitl_plant.vec3 import Vec3
 
-_SURFACES = ("aileron", "elevator", "rudder")
 _REACHED_DEG = 0.1  # stops this far beyond a simulator's are the same: files have round numbers
 
 
@@ -92,14 +92,14 @@ def simulator_of(uav: PlantUav, step_us: int) -> Simulator:
 
 
 def _check_stops(uav_id: int, aircraft: Aircraft, simulator: Simulator) -> None:
-    limit = aircraft.surface_limit_deg
-    for name, reached in zip(_SURFACES, simulator.stops, strict=True):
+    for name, stops, reached in zip(SURFACES, aircraft.stops_deg, simulator.stops, strict=True):
         low, high = np.degrees(reached)
-        if -limit < low - _REACHED_DEG or limit > high + _REACHED_DEG:
+        if stops[0] < low - _REACHED_DEG or stops[1] > high + _REACHED_DEG:
+            hint = f"set aircraft.surface_limits_deg.{name} to what it reaches"
             raise SimulatorError(
-                f"UAV {uav_id}: the {name}'s stops are {-limit:g} and {limit:g} deg in `aircraft`, "
-                f"but its simulator's reach {low:.1f} to {high:.1f} deg",
-                "set aircraft.surface_limit_deg to what it reaches",
+                f"UAV {uav_id}: the {name}'s stops are {stops[0]:g} and {stops[1]:g} deg in "
+                f"`aircraft`, but its simulator's reach {low:.1f} to {high:.1f} deg",
+                hint if low < high else f"set aircraft.surface_limits_deg.{name} to none",
             )
 
 

@@ -119,7 +119,12 @@ class AircraftService:
             text = f"Failure: Instance is {instance:g}, must be 0 to {max(units[unit])}"
             raise InvalidParam(3, "Instance", text)
         faults = self._faults.copy()  # there may not be room for all
-        for actuator in units[unit][int(instance)]:
+        named = units[unit][int(instance)]
+        actuators = [actuator for actuator in named if self._limits.has(ACTUATORS[actuator])]
+        if not actuators:
+            text = f"Failure: the aircraft has no {ACTUATORS[named[0]]}"
+            raise InvalidParam(3, "Instance", text)
+        for actuator in actuators:
             if kind == dialect.FAILURE_TYPE_OK:
                 clear_faults(faults, actuator)
             elif kind == dialect.FAILURE_TYPE_OFF:

@@ -45,6 +45,9 @@ def law_problems(controller: Controller, aircraft: Aircraft) -> Iterator[tuple[L
         able = [kind for kind, law in LAWS.items() if not any(law(kind=kind).misfits(aircraft))]
         text = f"expected one of {', '.join(able)}, as {reason}"
         yield ("controller", "kind"), f"{text}; got {controller.kind!r}"
+    if getattr(controller, "heading", "") == "rudder" and not aircraft.has("rudder"):
+        text = "expected 'auto' or 'bank', as the aircraft has no rudder, got 'rudder'"
+        yield ("controller", "heading"), text
 
 
 class FormationTrigger(Model):

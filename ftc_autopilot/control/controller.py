@@ -14,7 +14,8 @@ from ftc_autopilot.common.motion import Motion
 from ftc_autopilot.common.records import fill, record_dtype
 from ftc_autopilot.common.schedule import scheduled
 from ftc_autopilot.control.config import FormationTrigger
-from ftc_autopilot.control.laws import KINDS, LAWS, Controller, evaluate
+from ftc_autopilot.control.heading import along_flight, bank_for
+from ftc_autopilot.control.laws import KINDS, LAWS, Controller, evaluate, heading_loop
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.reference import filter_reference, read_reference, start_filter
 from ftc_autopilot.control.step import (
@@ -71,6 +72,7 @@ CONTROLLER = np.dtype(
     [
         *((kind, law.STATE) for kind, law in LAWS.items()),
         ("trigger", [(mode, one.STATE) for mode, one in TRIGGERS.items() if one.STATE.names]),
+        ("command", "f8", (4,)),  # unfiltered reference: airspeed, attitude [m/s, rad]
         ("reference", "f8", (4, 3)),  # airspeed, attitude: value and two derivatives, SI, rad
         ("held", "f8", (N_CHANNELS,)),  # aileron, elevator, rudder [rad], thrust [N]
         ("started", "i8"),  # 0: the next step is the law's first one since the UAV was armed
@@ -221,11 +223,12 @@ def control_step(inputs: Inputs, records: Records, may_send: bool = True) -> int
     """
     aircraft, parameters, state = records.aircraft, records.parameters, records.state
     controls, signals = records.controls, records.signals
-    now = _step(inputs, parameters, state)
+    now = _step(inputs, aircraft, parameters, state)
     for i in range(N_CHANNELS):
         signals["predicted_exit"][i] = math.nan
     signals["dead_steps"] = 0  # of a law without diagnosis, too
-    command = evaluate(now, aircraft, parameters, state, signals)
+    flown = along_flight(now, aircraft["g"]) if now.by_bank else now
+    command = evaluate(flown, aircraft, parameters, state, signals)
     mask = 0
     if may_send:
         mask = transmit(command, now, aircraft, parameters, state, controls)
@@ -238,15 +241,28 @@ def control_step(inputs: Inputs, records: Records, may_send: bool = True) -> int
 
 
 @inlined
-def _step(inputs: Inputs, parameters: ParametersRecord, state: ControllerRecord) -> Step:
-    """Return the step as the law sees it."""
-    t, dt, motion, seen, command, neighbours, weights = inputs
+def _step(
+    inputs: Inputs,
+    aircraft: AircraftRecord,
+    parameters: ParametersRecord,
+    state: ControllerRecord,
+) -> Step:
+    """Return the step as the law sees it; the roll command is the heading's if bank holds that."""
+    t, dt, motion, seen, asked, neighbours, weights = inputs
+    command = state["command"]
+    for i in range(4):
+        command[i] = asked[i]
     first = state["started"] == 0
     if state["steps"] == 0:
         start_filter(command, state["reference"])
     elif first:
         roll, pitch, yaw = motion.phi
         start_filter(np.array([motion.V, roll, pitch, yaw]), state["reference"])
+    loop, bandwidth = heading_loop(parameters), parameters["common"]["reference_bandwidth_rad_s"]
+    if loop.by_bank:
+        command[1] = bank_for(motion, state["reference"], bandwidth, loop, aircraft["g"])
+        if state["steps"] == 0:
+            start_filter(command, state["reference"])
     reference, common = read_reference(state["reference"]), parameters["common"]
     trigger = parameters["trigger"]
     a = scheduled(trigger["a1"], t)[0], scheduled(trigger["a2_n"], t)[0]
@@ -261,12 +277,13 @@ def _step(inputs: Inputs, parameters: ParametersRecord, state: ControllerRecord)
         command,
         reference,
         state["reference"],
-        common["reference_bandwidth_rad_s"],
+        bandwidth,
         formation_errors(motion, reference, neighbours, weights, common),
         state["held"],
         Thresholds(a, b),
         due,
         clock_s,
+        loop.by_bank,
     )
 
 

@@ -4,12 +4,13 @@ import numpy as np
 
 from ftc_autopilot.common.motion import Motion
 from ftc_autopilot.control.step import Step
-from mavlink_defs.constants import ACTUATORS, THROTTLE
+from mavlink_defs.constants import RUDDER, SURFACES
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aerodynamics import control_effectiveness, force
 from sitl_plant.aircraft import AircraftRecord, aircraft_record
 from sitl_plant.config import Aircraft
-from sitl_plant.vec3 import Mat3, Vec3, add, dot, scale, vec3
+from sitl_plant.stops import has_actuator
+from sitl_plant.vec3 import Mat3, Vec3, add, dot, mat3, mul, scale, vec3
 
 _LEAST_EFFECT = 1e-3
 """Least effect of the weakest combination of the surfaces, relative to the strongest one.
@@ -19,19 +20,26 @@ Below it, what a degree of the one does takes more than 1000° of the other.
 _CONCERNED = 0.3  # share of a surface in that combination from which on it is named
 
 
-def inversion_problem(aircraft: Aircraft) -> str | None:
+def inversion_problem(aircraft: Aircraft, *, needs_rudder: bool = True) -> str | None:
     """Return why deflections for a moment cannot be computed for an aircraft; None if they can.
 
     The control effectiveness is judged by its singular values, since the airspeed only scales it.
+
+    Args:
+        aircraft: The aircraft.
+        needs_rudder: Whether an aircraft without a rudder is none that can be flown.
     """
+    if needs_rudder and not aircraft.has("rudder"):
+        return "the aircraft has no rudder to hold the heading"
     with np.errstate(all="ignore"):
         effect = control_effectiveness(aircraft_record(aircraft))
     if not np.isfinite(effect).all():
         return "the effect of its surfaces is too large for a float"
-    _, sizes, combinations = np.linalg.svd(effect)
+    surfaces = [name for name in SURFACES if name != "rudder" or aircraft.has(name)]
+    _, sizes, combinations = np.linalg.svd(effect[:, : len(surfaces)])
     if sizes[-1] >= _LEAST_EFFECT * sizes[0] > 0.0:
         return None
-    names = zip(ACTUATORS[:THROTTLE], np.abs(combinations[-1]), strict=True)
+    names = zip(surfaces, np.abs(combinations[-1]), strict=True)
     weak = " and ".join(name for name, part in names if part > _CONCERNED)
     ratio = sizes[-1] / sizes[0] if sizes[0] > 0.0 else 0.0
     return (
@@ -49,6 +57,27 @@ def surfaces_for(moment: Vec3, C: Mat3) -> Vec3:
         moment[1] / C[1][1],
         (moment[2] * C[0][0] - moment[0] * C[2][0]) / determinant,
     )
+
+
+@compiled
+def deflections_for(moment: Vec3, C: Mat3, aircraft: AircraftRecord) -> Vec3:
+    """Return deflections [rad] that make a moment [N m], or without a rudder come nearest to it.
+
+    The aileron alone makes what it can of rolling and yawing, in the least squares of the angular
+    acceleration.
+
+    Args:
+        moment: The moment.
+        C: Of (10).
+        aircraft: Nominal aircraft.
+    """
+    if has_actuator(aircraft, RUDDER):
+        return surfaces_for(moment, C)
+    J_inv = mat3(aircraft["J_inv"])
+    asked = mul(J_inv, (moment[0], 0.0, moment[2]))
+    made = mul(J_inv, (C[0][0], 0.0, C[2][0]))
+    aileron = (asked[0] * made[0] + asked[2] * made[2]) / (made[0] ** 2 + made[2] ** 2)
+    return aileron, moment[1] / C[1][1], 0.0
 
 
 @inlined

@@ -54,6 +54,7 @@ class Step(NamedTuple):
     thresholds: Thresholds
     due: int  # mask of the channels that the trigger sends now by the clock
     clock_s: tuple[float, float, float, float]  # its period by channel [s]; 0: no clock
+    by_bank: bool = False  # heading is held by bank: the yaw error is minus the sideslip
 
 
 class Command(NamedTuple):

@@ -5,19 +5,21 @@ from collections.abc import Iterator
 
 from ftc_autopilot.control.controllers import Controllers
 from ftc_autopilot.control.diagnosis import LOST
-from ftc_autopilot.control.laws import KINDS, LAWS
+from ftc_autopilot.control.laws import KINDS, LAWS, heading_loop
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.vehicle.message import message
 from mavlink_defs import dialect
-from mavlink_defs.constants import ACTUATORS, THROTTLE
+from mavlink_defs.constants import ACTUATORS, RUDDER, THROTTLE
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.float32 import float32s
+from sitl_plant.stops import has_actuator
 
+_NOTHING = "nothing replaces it"
 _TAKEN_OVER = {
     "aileron": "roll by rudder, heading given up",
     "elevator": "pitch by thrust if need be, airspeed given up",
     "rudder": "roll by aileron, heading given up",
-    "throttle": "nothing replaces it",
+    "throttle": _NOTHING,
 }
 
 
@@ -32,6 +34,7 @@ class DiagnosisMessages:
             state = state["fallback"]
         self._diagnosis = state["diagnosis"] if "diagnosis" in (state.dtype.names or ()) else None
         self._lost = [False] * len(ACTUATORS)
+        self._has_rudder = has_actuator(controllers.aircraft[0], RUDDER)
 
     @message(dialect.MAVLink_ftc_diagnosis_message)
     def diagnosis(self) -> MAVLink_message:
@@ -71,10 +74,18 @@ class DiagnosisMessages:
             if lost:
                 stuck = self._amount(c, float(actuator["stuck"]))
                 where = f"{stuck:.0f} N" if c == THROTTLE else f"{stuck:.1f} deg"
-                text = f"{name} lost {at}, held at {where}, {_TAKEN_OVER[name]}"
+                text = f"{name} lost {at}, held at {where}, {self._taken_over(name)}"
                 yield dialect.MAV_SEVERITY_CRITICAL, text
             else:
                 yield dialect.MAV_SEVERITY_NOTICE, f"{name} back in service {at}"
+
+    def _taken_over(self, name: str) -> str:
+        """Return what takes over from a lost actuator, and what is given up."""
+        if name == "aileron" and not self._has_rudder:
+            return _NOTHING
+        text = _TAKEN_OVER[name]
+        by_bank = heading_loop(self._controllers.parameters[0]).by_bank
+        return text.replace("heading given up", "heading by bank") if by_bank else text
 
     @staticmethod
     def _amount(channel: int, value: float) -> float:

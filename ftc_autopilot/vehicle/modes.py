@@ -49,6 +49,7 @@ class Modes:
         self._item = 1  # of the mission's path, to continue with
         self.armed = False
         self.airspeeds = config.aircraft.airspeed_limits
+        self._by_bank = config.controller.holds_heading_by_bank(config.aircraft)
         self._hot, self._controllers, self._say = hot, controllers, say
         self._guidance = controllers.guidance[0]
         self._autopilot = config.mav_autopilot
@@ -213,6 +214,8 @@ class Modes:
                 return dialect.MAV_RESULT_TEMPORARILY_REJECTED
             if not self.armed and not self._enter(self.mode, armed=True):
                 return _DENIED
+            if self._by_bank is not None:
+                self._say(dialect.MAV_SEVERITY_INFO, f"heading by bank: {self._by_bank}")
         elif self.armed:
             if self.running and params[1] != FORCE_DISARM:
                 return self._refuse(

@@ -135,14 +135,15 @@ def check_simulators(scenario: Scenario) -> None:
     Raises:
         BadInput: It cannot fly one of them.
     """
-    if isinstance(scenario.plant, OwnPlant):
+    plant = scenario.plant_config()
+    flown = [uav for uav in plant.uavs if not isinstance(uav.plant, OwnPlant)]
+    if not flown:
         return
     from sitl_plant.outside import simulator_of
     from sitl_plant.simulators.base import SimulatorError
 
-    plant = scenario.plant_config()
     try:
-        for uav in plant.uavs:
+        for uav in flown:
             simulator_of(uav, plant.step_us)
     except SimulatorError as problem:
         raise BadInput(str(problem), problem.hint) from problem
@@ -158,6 +159,18 @@ def warn_of_one_path(scenario: Scenario, console: Console) -> None:
         "give each a slot in the section formation, as missions/hexagon does",
         soft_wrap=True,
     )
+
+
+def tell_heading(scenario: Scenario, console: Console) -> None:
+    """Tell of which UAVs the heading is held by bank, and why."""
+    uavs: dict[str, list[int]] = {}
+    for uav in scenario.uavs:
+        reason = scenario.controller.holds_heading_by_bank(scenario.aircraft_of(uav.id))
+        if reason is not None:
+            uavs.setdefault(reason, []).append(uav.id)
+    for reason, ids in uavs.items():
+        named = ", ".join(map(str, ids))
+        console.print(f"UAV {named}: heading is held by bank ({reason})", soft_wrap=True)
 
 
 def warm_up(scenario: Scenario, console: Console) -> None:

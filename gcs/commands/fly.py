@@ -19,6 +19,7 @@ from gcs.commands.common import (
     check_simulators,
     check_speed,
     flight_progress,
+    tell_heading,
     warm_up,
     warn_of_one_path,
 )
@@ -175,6 +176,7 @@ def fly(
             console.print(f"recording the trajectory needs up to {size / 1e6:.0f} MB")
         with contextlib.closing(recorder):
             warn_of_one_path(loaded, console)
+            tell_heading(loaded, console)
             warm_up(loaded, console)
             if options.can_share and options.processes is None:
                 _suggest_sharing(len(loaded.uavs), console)

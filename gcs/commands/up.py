@@ -18,6 +18,7 @@ from gcs.commands.common import (
     changed_scenario,
     check_simulators,
     check_speed,
+    tell_heading,
     warm_up,
     warn_of_one_path,
 )
@@ -135,6 +136,7 @@ def up(scenario: ScenarioArgument, options: UpOptions) -> None:
 
     try:
         warn_of_one_path(loaded, console)
+        tell_heading(loaded, console)
         warm_up(loaded, console)
         if options.free_ports:
             on_free_ports(loaded, fly)

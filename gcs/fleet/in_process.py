@@ -175,8 +175,10 @@ def _brief(scenario: Scenario, controllers: Controllers) -> None:
     controllers.guidance["active"] = 1
     controllers.guidance["start_step"] = 0
     if scenario.mission is None:
-        segments = items_to_segments(scenario.mission_items(), scenario.aircraft.airspeed_limits)
-        controllers.profiles[:] = profile_record(segments)
+        items = scenario.mission_items()
+        for i, uav in enumerate(scenario.uavs):
+            limits = scenario.aircraft_of(uav.id).airspeed_limits
+            controllers.profiles[i] = profile_record(items_to_segments(items, limits))
         controllers.guidance["follows"] = Source.PROFILE
     else:
         controllers.paths[:] = paths_of(scenario)
@@ -187,7 +189,7 @@ def _brief(scenario: Scenario, controllers: Controllers) -> None:
 def add_faults(scenario: Scenario, flight: Flight) -> None:
     """Add the faults of a scenario, rounded as by transmission."""
     for uav_id, fault in scenario.fault_commands():
-        received = fault_from_params(fault, scenario.aircraft.fault_limits)
+        received = fault_from_params(fault, scenario.aircraft_of(uav_id).fault_limits)
         add_fault(flight.fleet.faults[flight.ids.index(uav_id)], received, now_s=0.0)
 
 

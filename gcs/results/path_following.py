@@ -277,12 +277,12 @@ def paths_of(scenario: Scenario) -> np.ndarray | None:
     """Return the path of each UAV, shape (n,), dtype `PATH`; None without a mission."""
     if scenario.mission is None:
         return None
-    fleet, planner = new_plant_state(scenario.plant_config()), scenario.planner()
+    fleet = new_plant_state(scenario.plant_config())
     items = scenario.mission_items()
     paths = np.zeros(len(scenario.uavs), PATH)
-    for i in range(len(paths)):
+    for i, uav in enumerate(scenario.uavs):
         observe(fleet, i, 0, scenario.step_us)
-        paths[i] = planner.first_path(items, fleet.messages[i])
+        paths[i] = scenario.planner(uav.id).first_path(items, fleet.messages[i])
     return paths
 
 

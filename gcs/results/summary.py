@@ -31,7 +31,8 @@ def summary_of(tally: Tally, ending: Ending, scenario: Scenario) -> FlightSummar
     """Return the figures of a flight.
 
     Saving is the share of the periodic sender's transmissions that the triggers did without;
-    a periodic sender transmits every channel in every step that the law is evaluated at.
+    a periodic sender transmits every channel that the aircraft has in every step that the law is
+    evaluated at.
     Errors are the true state's, as `Recording.error` gives them.
 
     Args:
@@ -56,7 +57,11 @@ def summary_of(tally: Tally, ending: Ending, scenario: Scenario) -> FlightSummar
         steps=ending.steps,
         wall_s=wall_s,
         real_time_factor=duration_s / wall_s if wall_s > 0.0 else None,
-        saving=saving(sum(uav.events for uav in uavs), sum(uav.active_steps for uav in uavs)),
+        saving=saving(
+            sum(uav.events for uav in uavs),
+            sum(uav.active_steps * _channels(scenario, uav.id) for uav in uavs),
+            channels=1,
+        ),
         neighbour_saving=saving(
             sum(uav.neighbour_messages for uav in uavs),
             sum(
@@ -68,6 +73,12 @@ def summary_of(tally: Tally, ending: Ending, scenario: Scenario) -> FlightSummar
         uavs=uavs,
         separation=tally.separation.summary(),
     )
+
+
+def _channels(scenario: Scenario, system: int) -> int:
+    """Return how many channels the aircraft of a UAV has."""
+    limits = scenario.aircraft_of(system).fault_limits
+    return sum(map(limits.has, ACTUATORS))
 
 
 def _summarise_uav(
@@ -89,7 +100,11 @@ def _summarise_uav(
         id=system,
         active_steps=active,
         missing_steps=int(own["missing"]),
-        saving=saving(sum(channel.events for channel in channels.values()), active),
+        saving=saving(
+            sum(channel.events for channel in channels.values()),
+            active,
+            channels=_channels(scenario, system),
+        ),
         channels=channels,
         actuator_messages=int(own["messages"]),
         neighbour_messages=degree * int(own["neighbour_messages"]),

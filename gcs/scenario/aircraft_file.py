@@ -12,8 +12,8 @@ from gcs.scenario.bundled import find_aircraft
 from gcs.scenario.mission import with_mission_file
 from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import merged, read_inherited
-from mavlink_defs.config.models import ConfigError, Problem
-from mavlink_defs.config.written import WrittenDict, located
+from mavlink_defs.config.models import ConfigError, Loc, Problem
+from mavlink_defs.config.written import WrittenDict, WrittenList, located
 from sitl_plant.config import Aircraft, Coefficients
 
 _OPTIONAL = {key for key, field in Aircraft.model_fields.items() if not field.is_required()}
@@ -61,15 +61,38 @@ def with_named_files(path: Path | str, tree: dict[Any, Any]) -> dict[Any, Any]:
         ConfigError: A file cannot be used.
     """
     tree = _with_folder(Path(path).parent, with_mission_file(path, tree))
+    tree = _with_own_aircraft(path, tree)
     name = tree.get("aircraft")
     if not isinstance(name, str):
         return tree
+    return _with(tree, _alone(_named(path, tree, name, ("aircraft",))))
+
+
+def _with_own_aircraft(path: Path | str, tree: dict[Any, Any]) -> dict[Any, Any]:
+    """Return the tree with the aircraft, and the folders of plants, that its UAVs name."""
+    uavs = tree.get("uavs")
+    if not isinstance(uavs, list):
+        return tree
+    entries = list(uavs)
+    for i, uav in enumerate(uavs):
+        if isinstance(uav, dict) and isinstance(name := uav.get("aircraft"), str):
+            entries[i] = _with(uav, _named(path, tree, name, ("uavs", i, "aircraft")))
+        if isinstance(uav, dict):
+            entries[i] = _with_folder(Path(path).parent, entries[i])
+    if all(entry is uav for entry, uav in zip(entries, uavs, strict=True)):
+        return tree
+    listed = WrittenList(entries, uavs.sources if isinstance(uavs, WrittenList) else {})
+    sources = tree.sources if isinstance(tree, WrittenDict) else {}
+    return WrittenDict({**tree, "uavs": listed}, sources)
+
+
+def _named(path: Path | str, tree: dict[Any, Any], name: str, loc: Loc) -> dict[Any, Any]:
+    """Return the aircraft that a scenario names at a place."""
     try:
-        aircraft = aircraft_tree(find_aircraft(Path(path).parent, name))
+        return aircraft_tree(find_aircraft(Path(path).parent, name))
     except ConfigError as error:
-        problems = [Problem(("aircraft",), line) for line in error.lines]
+        problems = [Problem(loc, line) for line in error.lines]
         raise ConfigError(path, located(tree, problems)) from error
-    return _with(tree, _alone(aircraft))
 
 
 def without_nulls(tree: dict[Any, Any]) -> dict[Any, Any]:

@@ -5,6 +5,7 @@ each other, and derives the configuration of each process. Times of the profile 
 are simulated time, which starts together with the mission.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -26,6 +27,7 @@ from ftc_autopilot.guidance.reach import most_links, reach_problems
 from gcs.scenario.aircraft_file import with_named_files, without_nulls
 from gcs.scenario.bundled import base_of, find_scenario
 from gcs.scenario.mission import MissionSection
+from gcs.scenario.reference_checks import airspeed_problems, fault_problems, profile_problems
 from gcs.scenario.sections import (
     Found,
     Links,
@@ -49,9 +51,10 @@ from mavlink_defs.config.models import (
 )
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.constants import LAST_SYSTEM
-from mavlink_defs.faults import MAX_FAULTS, Fault
+from mavlink_defs.fault_kinds import FaultLimits
+from mavlink_defs.faults import Fault
 from mavlink_defs.mission_files import is_mission_file
-from mavlink_defs.profile import MAX_SEGMENTS, ItemError, Segment, segments_to_items
+from mavlink_defs.profile import MAX_SEGMENTS, AirspeedLimits, ItemError, Segment, segments_to_items
 from mavlink_defs.services.mission import MissionItem
 from sitl_plant.atmosphere import Wind
 from sitl_plant.config import (
@@ -63,6 +66,7 @@ from sitl_plant.config import (
     Uncertainty,
     plant_problems,
     true_aircraft,
+    truth_problems,
 )
 from sitl_plant.hardware import Sensors, Servos, sensor_problems, servo_problems
 from sitl_plant.plant_section import OwnPlant, PlantSection
@@ -77,8 +81,13 @@ class Scenario(Model):
     )
     duration_s: float = quantity("s", gt=0.0, le=86_400.0, doc="Length of the flight.")
     step_us: int = whole("us", ge=1, le=100_000, default=1000, doc="Control period.")
-    aircraft: Aircraft = Field(description="The nominal aircraft.")
-    plant: PlantSection = Field(default=OwnPlant(), description="What flies the aircraft.")
+    aircraft: Aircraft = Field(
+        description="The nominal aircraft of every UAV that has none of its own."
+    )
+    plant: PlantSection = Field(
+        default=OwnPlant(),
+        description="What flies the aircraft of every UAV that says nothing else.",
+    )
     uncertainty: Uncertainty = Field(
         default=Uncertainty(), description="True aircraft relative to the nominal one."
     )
@@ -130,7 +139,6 @@ class Scenario(Model):
             endless: Ignore the scenario's duration, and wait for autopilots that have fallen
                 silent.
         """
-        aircraft = true_aircraft(self.aircraft, self.uncertainty)
         return PlantConfig(
             step_us=self.step_us,
             duration_s=None if endless else self.duration_s,
@@ -146,9 +154,9 @@ class Scenario(Model):
                 PlantUav(
                     id=uav.id,
                     initial=uav.initial,
-                    aircraft=aircraft,
+                    aircraft=true_aircraft(self.aircraft_of(uav.id), self.uncertainty),
                     servos=(uav.servos or self.servos).by_actuator(),
-                    plant=self.plant,
+                    plant=uav.plant or self.plant,
                 )
                 for uav in self.uavs
             ),
@@ -170,7 +178,7 @@ class Scenario(Model):
             identity=self.identity,
             fleet=tuple(uavs),
             origin=self.origin,
-            aircraft=self.aircraft,
+            aircraft=self.aircraft_of(uav_id),
             controller=self.controller.with_servos(servos),
             trigger=self.trigger,
             formation_trigger=links.formation.trigger,
@@ -188,6 +196,14 @@ class Scenario(Model):
             telemetry_clock=links.telemetry_clock,
             signing_key=links.signing_key,
         )
+
+    def aircraft_of(self, uav_id: int) -> Aircraft:
+        """Return the nominal aircraft of a UAV.
+
+        Raises:
+            KeyError: The scenario has no such UAV.
+        """
+        return {uav.id: uav.aircraft or self.aircraft for uav in self.uavs}[uav_id]
 
     def neighbours(self, uav_id: int) -> list[tuple[int, float]]:
         """Return id and weight of each neighbour of a UAV."""
@@ -213,9 +229,14 @@ class Scenario(Model):
             return self.mission.mission_items(self.origin)
         return tuple(segments_to_items(self.segments(), 0, 0))
 
-    def planner(self) -> Planner:
-        """Return what makes the paths of missions."""
-        return Planner(self.aircraft, self.guidance, self.origin, self.formation)
+    def planner(self, uav_id: int | None = None) -> Planner:
+        """Return what makes the paths of missions.
+
+        Args:
+            uav_id: For the aircraft of this UAV; None: for the scenario's.
+        """
+        aircraft = self.aircraft if uav_id is None else self.aircraft_of(uav_id)
+        return Planner(aircraft, self.guidance, self.origin, self.formation)
 
     def fault_commands(self) -> list[tuple[int, Fault]]:
         """Return UAV id and fault of each fault, in the order of the file."""
@@ -230,14 +251,14 @@ class Scenario(Model):
             self._uav_problems,
             self._aircraft_problems,
             lambda: trigger_problems(self.controller, self.trigger, self.step_us),
-            lambda: law_problems(self.controller, self.aircraft),
+            self._law_problems,
             self._hardware_problems,
             self._plant_problems,
             self._network_problems,
             self._formation_problems,
-            self._profile_problems,
+            lambda: profile_problems(self.profile, self.mission is not None, self._limits),
             self._mission_problems,
-            self._fault_problems,
+            lambda: fault_problems(self.faults, self._fault_limits),
             lambda: self.links.port_problems(self._ids),
         )
         Problems.check(problem for check in checks for problem in check())
@@ -248,13 +269,29 @@ class Scenario(Model):
             for i, text in repeated([getattr(uav, key) for uav in self.uavs]):
                 yield ("uavs", i, key), text
         for i, uav in enumerate(self.uavs):
-            yield from self._airspeed_problems(("uavs", i, "initial"), uav.initial.airspeed_m_s)
+            limits = (uav.aircraft or self.aircraft).airspeed_limits
+            yield from airspeed_problems(("uavs", i, "initial"), uav.initial.airspeed_m_s, limits)
 
     def _aircraft_problems(self) -> Found:
         try:
             true_aircraft(self.aircraft, self.uncertainty)
         except Problems as exc:
             yield from (p._replace(loc=("uncertainty", *p.loc)) for p in exc.problems)
+        for i, uav in enumerate(self.uavs):
+            if uav.aircraft is not None:
+                try:
+                    true_aircraft(uav.aircraft, self.uncertainty)
+                except Problems as exc:
+                    for p in exc.problems:
+                        yield ("uavs", i, "aircraft"), f"the uncertainty {p.text}"
+
+    def _law_problems(self) -> Found:
+        if any(uav.aircraft is None for uav in self.uavs):
+            yield from law_problems(self.controller, self.aircraft)
+        for i, uav in enumerate(self.uavs):
+            if uav.aircraft is not None:
+                for loc, text in law_problems(self.controller, uav.aircraft):
+                    yield ("uavs", i, "aircraft"), f"{'.'.join(map(str, loc))}: {text}"
 
     def _hardware_problems(self) -> Found:
         for loc, text in sensor_problems(self.sensors, self.step_us):
@@ -267,13 +304,15 @@ class Scenario(Model):
                     yield ("uavs", i, "servos", *loc), text
 
     def _plant_problems(self) -> Found:
-        yield from plant_problems(self.plant, self.disturbance, self.step_us)
-        if not isinstance(self.plant, OwnPlant) and self.uncertainty != Uncertainty():
-            text = (
-                "makes the true aircraft from the nominal one; plant.kind is "
-                f"{self.plant.kind!r}, which has its own: leave it out"
-            )
-            yield ("uncertainty",), text
+        yield from plant_problems(self.plant, self.step_us)
+        for i, uav in enumerate(self.uavs):
+            if uav.plant is not None:
+                for loc, text in plant_problems(uav.plant, self.step_us):
+                    yield ("uavs", i, *loc), text
+        for plant in [uav.plant or self.plant for uav in self.uavs]:
+            if not isinstance(plant, OwnPlant):
+                yield from truth_problems(plant, self.disturbance, self.uncertainty)
+                return
 
     def _network_problems(self) -> Found:
         edges = [(*edge.between, edge.weight) for edge in self.network.edges]
@@ -284,13 +323,20 @@ class Scenario(Model):
     def _mission_problems(self) -> Found:
         if self.mission is None:
             return
-        planner = self.planner()
+        found: dict[tuple[Loc, str], None] = {}  # each once, though of several aircraft
+        for uav in self.uavs:
+            found |= dict.fromkeys(self._path_problems(self.mission, self.planner(uav.id)))
+        yield from found
+
+    def _path_problems(
+        self, mission: MissionSection, planner: Planner
+    ) -> Iterator[tuple[Loc, str]]:
         low, high = planner.airspeeds.min_m_s, planner.airspeeds.max_m_s
         if not low <= (cruise := self.guidance.cruise_m_s) <= high:
             text = f"expected [{low:g}, {high:g}] m/s, the limits of guidance and aircraft"
             yield ("guidance", "cruise_m_s"), f"{text}, got {cruise!r}"
         try:
-            planner.check(self.mission_items())
+            planner.check(mission.mission_items(self.origin))
         except ItemError as error:
             yield ("mission", "items", error.seq - 1), error.reason
 
@@ -311,57 +357,16 @@ class Scenario(Model):
         for loc, text in reach_problems(self.formation, edges, most):
             yield ("formation", *loc), text
 
-    def _profile_problems(self) -> Found:
-        if not self.profile and self.mission is None:
-            yield ("profile",), "expected a segment, or a mission instead, got nothing"
-        if self.profile and self.mission is not None:
-            yield ("mission",), "expected a profile or a mission, got both; null removes a profile"
-        if not self.profile:
-            return
-        if self.profile[0].start_s != 0.0:
-            text = f"expected 0 s in the first segment, got {self.profile[0].start_s!r}"
-            yield ("profile", 0, "start_s"), text
-        for i in range(1, len(self.profile)):
-            before, start = self.profile[i - 1].start_s, self.profile[i].start_s
-            if start <= before:
-                text = f"overlaps profile[{i - 1}]: expected > {before!r} s, got {start!r}"
-                yield ("profile", i, "start_s"), text
-        for i in sorted({0, len(self.profile) - 1}):
-            if self.profile[i].shape == "ramp":
-                text = "expected 'step' in the first and the last segment, got 'ramp'"
-                yield ("profile", i, "shape"), text
-        for i, segment in enumerate(self.profile):
-            yield from self._airspeed_problems(("profile", i), segment.airspeed_m_s)
+    @property
+    def _limits(self) -> AirspeedLimits:
+        """Airspeeds that every aircraft accepts."""
+        limits = [(uav.aircraft or self.aircraft).airspeed_limits for uav in self.uavs]
+        lowest, highest = max(one.min_m_s for one in limits), min(one.max_m_s for one in limits)
+        return AirspeedLimits(lowest, highest)
 
-    def _airspeed_problems(self, loc: Loc, airspeed_m_s: float) -> Found:
-        low, high = self.aircraft.airspeed_min_m_s, self.aircraft.airspeed_max_m_s
-        if not low <= airspeed_m_s <= high:
-            text = f"expected [{low:g}, {high:g}] m/s, the aircraft's limits, got {airspeed_m_s!r}"
-            yield (*loc, "airspeed_m_s"), text
-
-    def _fault_problems(self) -> Found:
-        limits = self.aircraft.fault_limits
-        for i, fault in enumerate(self.faults):
-            if sum(other.uav == fault.uav for other in self.faults[:i]) == MAX_FAULTS:
-                text = f"UAV {fault.uav} has more than {MAX_FAULTS} faults, as many as fit"
-                yield ("faults", i, "uav"), text
-            if fault.uav not in self._ids:
-                ids = ", ".join(map(str, self._ids))
-                yield ("faults", i, "uav"), f"expected one of the UAVs {ids}, got {fault.uav}"
-            if fault.value is not None:
-                kind, value = fault.value
-                low, high = kind.bounds(fault.actuator, limits)
-                if not low <= value <= high:
-                    expected = f"[{low:g}, {high:g}] {kind.unit(fault.actuator)}"
-                    text = f"expected {expected}, the aircraft's limits, got {value!r}"
-                    yield ("faults", i, kind.key(fault.actuator)), text
-            for j in range(i):
-                if fault.overlaps(self.faults[j]):
-                    text = (
-                        f"overlaps faults[{j}]: the {fault.actuator} of UAV {fault.uav} has a "
-                        f"fault in {self.faults[j].window} already, got {fault.window}"
-                    )
-                    yield ("faults", i), text
+    @property
+    def _fault_limits(self) -> dict[int, FaultLimits]:
+        return {uav.id: (uav.aircraft or self.aircraft).fault_limits for uav in self.uavs}
 
     @property
     def steps(self) -> int:

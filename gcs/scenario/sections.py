@@ -28,8 +28,9 @@ from mavlink_defs.constants import FORMATION_BASE_PORT, GCS_PORT, LAST_SYSTEM, P
 from mavlink_defs.endpoint import EndpointError, parse_address
 from mavlink_defs.fault_spec import FaultSpec
 from mavlink_defs.profile import Segment
-from sitl_plant.config import InitialState
+from sitl_plant.config import Aircraft, InitialState
 from sitl_plant.hardware import Servos
+from sitl_plant.plant_section import PlantSection
 
 Found: TypeAlias = Iterator[Problem | tuple[Loc, str]]
 
@@ -46,6 +47,12 @@ class ScenarioUav(Model):
     initial: InitialState = Field(description="State at t = 0.")
     servos: Servos | None = Field(
         default=None, description="Its servos, in place of the scenario's."
+    )
+    aircraft: Aircraft | None = Field(
+        default=None, description="Its nominal aircraft, in place of the scenario's."
+    )
+    plant: PlantSection | None = Field(
+        default=None, description="What flies it, in place of the scenario's."
     )
 
 

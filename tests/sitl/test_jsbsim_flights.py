@@ -18,6 +18,7 @@ from jsbsim_aircraft import needs_jsbsim, write_aircraft
 from simulator_plugin import write_plugin
 
 from gcs.scenario.aircraft_file import load_aircraft
+from gcs.scenario.model import load_scenario
 
 pytestmark = pytest.mark.sitl
 
@@ -43,10 +44,13 @@ def jsbsim(folder: Path, **keys: Any) -> dict[str, Any]:
 
 
 @needs_jsbsim
-@pytest.mark.parametrize("step_us", [None, 250])
-def test_lockstep_and_in_process_are_equal_bit_for_bit(tmp_path: Path, step_us: int | None) -> None:
-    keys = {} if step_us is None else {"step_us": step_us}
-    scenario = aerosondes(tmp_path, jsbsim(tmp_path, **keys), **REAL)
+@pytest.mark.parametrize("flown_by", ["jsbsim", "jsbsim in small steps", "both"])
+def test_lockstep_and_in_process_are_equal_bit_for_bit(tmp_path: Path, flown_by: str) -> None:
+    plant = jsbsim(tmp_path, **({"step_us": 250} if "small" in flown_by else {}))
+    uavs = [uav.model_dump(exclude_none=True) for uav in load_scenario("airframes/aerosonde").uavs]
+    if flown_by == "both":
+        uavs[1]["plant"] = {"kind": "own"}
+    scenario = aerosondes(tmp_path, plant, uavs=uavs, **REAL)
     udp, in_process = tmp_path / "udp", tmp_path / "in_process"
     fly_well(scenario, "--quiet", "--free-ports", "--record=npz", "--out", udp)
     fly_well(scenario, "--quiet", "--in-process", "--record=npz", "--out", in_process)

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from flying import arrays_of, fly_well, star_tree, summary_of, write_scenario
 
 pytestmark = pytest.mark.sitl
@@ -143,6 +144,40 @@ def test_flights_of_a_formation_on_a_path_are_equal_bit_for_bit(
     assert_equal_bit_for_bit(flown, arrays_of(in_process / "trajectory.npz"))
     assert flown["path_position"][-1].min() > 150.0
     assert np.degrees(flown["command"][-1, :, 1]).min() > 10.0  # they turn
+
+
+MIXED = Path(__file__).parents[2] / "scenarios" / "airframes" / "mixed.yaml"
+
+
+@pytest.mark.parametrize("law", ["surviving", "tube"])
+def test_flights_of_three_types_are_equal_bit_for_bit(tmp_path: Path, law: str) -> None:
+    """One of them has no rudder, which has no event; another one has stops of its own."""
+    mode = "consequence" if law == "tube" else "per_channel"
+    limits = "surface_limits_deg: {aileron: [-20, 15], rudder: [-12, 25]}"
+    (tmp_path / "heavy.yaml").write_text(f"extends: aerosonde\nmass_kg: 12.0\n{limits}\n")
+    uavs = yaml.safe_load(MIXED.read_text())["uavs"]
+    uavs[2]["aircraft"] = "heavy.yaml"
+    scenario = write_scenario(
+        tmp_path,
+        {"extends": str(MIXED)},
+        duration_s=7.0,
+        uavs=uavs,
+        controller={"kind": law},
+        trigger={"mode": mode},
+        faults=[{"uav": 2, "actuator": "aileron", "stuck_deg": 1.0, "start_s": 5.0, "end_s": 5.2}],
+    )
+    folders = udp, in_process = tmp_path / "udp", tmp_path / "in_process"
+    flown = fly_well(scenario, "--free-ports", "--record=npz", "--out", udp)
+    assert "UAV 2: heading is held by bank (no rudder)" in flown.stdout + flown.stderr
+    fly_well(scenario, "--quiet", "--in-process", "--record=npz", "--out", in_process)
+    for name in ("events.npz", "trajectory.npz"):
+        assert_equal_bit_for_bit(*(arrays_of(folder / name) for folder in folders))
+    events = arrays_of(udp / "events.npz")
+    found = {*zip(events["uav"].tolist(), events["channel"].tolist(), strict=True)}
+    assert len(found) == 11
+    assert np.ptp(arrays_of(udp / "trajectory.npz")["held"][:, 1, 2]) == 0.0
+    rudder = summary_of(udp)["uavs"][1]["channels"]["rudder"]
+    assert rudder["events"] == 0
 
 
 def test_flights_of_ten_are_equal_bit_for_bit(tmp_path: Path) -> None:

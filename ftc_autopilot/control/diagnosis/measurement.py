@@ -19,7 +19,7 @@ import math
 import numpy as np
 
 from ftc_autopilot.control.diagnosis.state import HISTORY
-from ftc_autopilot.control.inversion import surfaces_for, thrust_for
+from ftc_autopilot.control.inversion import deflections_for, thrust_for
 from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
@@ -79,7 +79,7 @@ def measure(now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void)
         omega_filtered[i] += share * change[i]
         moment_filtered[i] += share * (moment[i] - moment_filtered[i])
     turning = mul(J, scale(1.0 / tau, change))
-    y = surfaces_for(add(turning, vec3(moment_filtered)), motion.air.C)
+    y = deflections_for(add(turning, vec3(moment_filtered)), motion.air.C, aircraft)
     for j in range(N_CHANNELS):
         actuator = actuators[j]
         if j < THROTTLE:

@@ -7,8 +7,10 @@ and a compiled function. To register it, add the model to `Controller` and the c
 
 from typing import Annotated, Any, TypeAlias, get_args
 
+import numpy as np
 from pydantic import Discriminator, Tag
 
+from ftc_autopilot.control.heading import HeadingLoop
 from ftc_autopilot.control.laws.backstepping import Backstepping, backstepping_law
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.laws.pid import Pid, pid_law
@@ -50,6 +52,22 @@ _BACKSTEPPING = KINDS.index("backstepping")
 _PID = KINDS.index("pid")
 _SURVIVING = KINDS.index("surviving")
 _TUBE = KINDS.index("tube")
+
+
+@compiled
+def heading_loop(parameters: ParametersRecord) -> HeadingLoop:
+    """Return how the law that a scenario has chosen holds the heading."""
+    law = parameters["law"]
+    if law == _SURVIVING:
+        return _heading_loop(parameters["surviving"])
+    if law == _TUBE:
+        return _heading_loop(parameters["tube"]["fallback"])
+    return HeadingLoop(False, 0.0, 0.0)
+
+
+@compiled
+def _heading_loop(gains: np.void) -> HeadingLoop:
+    return HeadingLoop(gains["by_bank"] != 0, gains["heading_gain_1_s"], gains["bank_limit_rad"])
 
 
 @compiled

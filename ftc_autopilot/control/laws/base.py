@@ -70,6 +70,10 @@ class LawParameters(Model):
         """Yield why the law cannot fly a nominal aircraft: nothing."""
         yield from ()
 
+    def holds_heading_by_bank(self, _aircraft: Aircraft) -> str | None:
+        """Return why the law holds the heading of an aircraft by bank; None: by the rudder."""
+        return None
+
     kind: str = Field(description="Name of the law.")
 
     lambda1: float = quantity("", gt=0.0, default=0.46, doc="Weight of the own speed error (31).")

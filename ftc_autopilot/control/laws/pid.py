@@ -5,6 +5,7 @@ per body axis for surface deflections, scaled with airspeed; another one holds t
 It uses no aircraft model, no neighbours, no fault information and no trigger.
 """
 
+from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -15,7 +16,9 @@ from ftc_autopilot.control.step import ALL, Command, Step
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.aircraft import AircraftRecord
+from sitl_plant.config import Aircraft
 from sitl_plant.rigid_body import R2
+from sitl_plant.stops import range_of
 from sitl_plant.vec3 import Vec3, clamp, mul
 
 _TimeConstant = Annotated[float, quantity("s", gt=0.0, doc="Time constant of an attitude loop.")]
@@ -67,6 +70,11 @@ class Pid(LawParameters):
     speed_p_n_s_m: float = quantity("N s/m", ge=0.0, default=206.0, doc="Gain of the speed error.")
     speed_i_n_m: float = quantity("N/m", ge=0.0, default=400.0, doc="Gain of its integral.")
 
+    def misfits(self, aircraft: Aircraft) -> Iterator[str]:
+        """Yield why the law cannot fly a nominal aircraft: it holds the heading by a rudder."""
+        if not aircraft.has("rudder"):
+            yield "the aircraft has no rudder to hold the heading"
+
 
 @compiled
 def pid_law(now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void) -> Command:
@@ -84,11 +92,10 @@ def pid_law(now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void)
         (_rate(e[0], 0, gains), _rate(e[1], 1, gains), _rate(e[2], 2, gains)),
     )
     scaling = gains["trim_airspeed_m_s"] / motion.V
-    stop = aircraft["surface_limit"]
     delta = (
-        _surface(0, commanded, motion.omega, scaling, stop, now.dt, gains, state),
-        _surface(1, commanded, motion.omega, scaling, stop, now.dt, gains, state),
-        _surface(2, commanded, motion.omega, scaling, stop, now.dt, gains, state),
+        _surface(0, commanded, motion.omega, scaling, aircraft, now.dt, gains, state),
+        _surface(1, commanded, motion.omega, scaling, aircraft, now.dt, gains, state),
+        _surface(2, commanded, motion.omega, scaling, aircraft, now.dt, gains, state),
     )
     V_error = -now.errors.V_tilde
     T = gains["thrust_trim_n"] + gains["speed_p_n_s_m"] * V_error + state["thrust_integral"]
@@ -112,7 +119,7 @@ def _surface(
     commanded: Vec3,
     omega: Vec3,
     scaling: float,
-    stop: float,
+    aircraft: AircraftRecord,
     dt: float,
     gains: np.void,
     state: np.void,
@@ -124,7 +131,8 @@ def _surface(
     error = commanded[axis] - omega[axis]
     proportional: float = gains["rate_p"][axis] * error + state["integral"][axis]
     delta: float = -(scaling * gains["rate_ff"][axis] * commanded[axis] + scaling**2 * proportional)
-    winds_up = (delta <= -stop and error > 0.0) or (delta >= stop and error < 0.0)
+    lowest, highest = range_of(aircraft, axis)
+    winds_up = (delta <= lowest and error > 0.0) or (delta >= highest and error < 0.0)
     if not winds_up:
         limit = gains["integral_limit_rad"][axis]
         grown = state["integral"][axis] + dt * gains["rate_i"][axis] * error

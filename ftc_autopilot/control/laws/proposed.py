@@ -1,5 +1,6 @@
 """The paper's controller: adaptive, fault-tolerant, for speed and attitude."""
 
+from collections.abc import Iterator
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -19,6 +20,7 @@ from ftc_autopilot.control.step import ALL, Command, SignalsRecord, Step
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.aircraft import AircraftRecord
+from sitl_plant.config import Aircraft
 from sitl_plant.vec3 import clamp_each, sub, vec3
 
 
@@ -76,6 +78,11 @@ class Proposed(LawParameters):
     beta_omega0: float = quantity("", ge=0.0, default=0.011, doc="beta_omega at t = 0.")
 
     rbf: Rbf = Field(default=Rbf(), description="The network's radial basis functions.")
+
+    def misfits(self, aircraft: Aircraft) -> Iterator[str]:
+        """Yield why the law cannot fly a nominal aircraft: it holds the heading by a rudder."""
+        if not aircraft.has("rudder"):
+            yield "the aircraft has no rudder to hold the heading"
 
 
 @compiled

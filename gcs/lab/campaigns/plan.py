@@ -128,7 +128,7 @@ def _planned(campaign: Campaign, path: Path) -> tuple[Plan, list[Problem]]:
     mark = Mark(campaign, str(file), tree, flown, code_version(), code_digest())
     schema = results_schema(draws.schema, flown)
     flights = Flights(campaign, mark.file, trees, filled, schema)
-    problems += [*_of_faulty_uavs(campaign, ids), *_of_factors(flights)]
+    problems += [*_of_faults(campaign, scenario), *_of_factors(flights)]
     if not of_variants:  # they decide which columns there are
         problems += _of_figures(flights)
     return Plan(mark, flights, draws, scenario), problems
@@ -189,8 +189,16 @@ def row_of(draws: "pa.Table", row: int) -> Row:
     return found
 
 
-def _of_faulty_uavs(campaign: Campaign, ids: list[int]) -> Iterator[Problem]:
+def _of_faults(campaign: Campaign, scenario: Scenario) -> Iterator[Problem]:
+    limits = {uav.id: scenario.aircraft_of(uav.id).fault_limits for uav in scenario.uavs}
+    ids = list(limits)
     for name, fault in campaign.faults.items():
+        for i, actuator in enumerate(fault.actuators):
+            hit = [uav for uav in fault.uavs or ids if uav in limits]
+            without = [str(uav) for uav in hit if not limits[uav].has(actuator)]
+            if without:
+                text = f"the aircraft of UAV {', '.join(without)} has no {actuator}"
+                yield Problem(("faults", name, "actuators", i), text)
         for i, uav in enumerate(fault.uavs):
             if uav not in ids:
                 text = f"expected one of the UAVs {', '.join(map(str, ids))}, got {uav}"

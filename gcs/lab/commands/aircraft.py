@@ -51,7 +51,7 @@ def aircraft(
     airspeed: Annotated[
         float | None,
         typer.Option(
-            help="Airspeed of the level flight [m/s]; by default in the middle of its range.",
+            help="Airspeed of the level flight [m/s]; by default its cruise, or amid its range.",
             metavar="M/S",
             show_default=False,
         ),
@@ -64,8 +64,10 @@ def aircraft(
     """List the bundled aircraft, or show one: size, limits, trim, modes, authority.
 
     It also checks what the laws take for granted: a trim within the stops, thrust to spare, aileron
-    and rudder that do different work, sideslip that dies out while the rudder holds the heading.
+    and rudder that do different work, sideslip that dies out while the rudder holds the heading. If
+    that does not, or there is no rudder, the laws `surviving` and `tube` hold the heading by bank.
     """
+    from ftc_autopilot.control.heading import needs_bank
     from gcs.scenario.aircraft_file import load_aircraft
 
     if name is None:
@@ -87,6 +89,7 @@ def aircraft(
             "modes": [mode._asdict() for mode in shown.modes],
             "authority_rad_s2": shown.authority_rad_s2,
             "checks": [check._asdict() for check in shown.checks],
+            "heading_by_bank": needs_bank(shown.aircraft),
         }
         print_json(parts, indent=2)
         return
@@ -98,7 +101,8 @@ def _shown(name: str, aircraft: "Aircraft", airspeed: float | None) -> _Shown:
     from gcs.lab.theory.modes import authority, level_flight, modes
 
     low, high = aircraft.airspeed_min_m_s, aircraft.airspeed_max_m_s
-    speed = (low + high) / 2.0 if airspeed is None else airspeed
+    cruise = (low + high) / 2.0 if aircraft.cruise_m_s is None else aircraft.cruise_m_s
+    speed = cruise if airspeed is None else airspeed
     if not low <= speed <= high:
         limits = f"expected [{low:g}, {high:g}] m/s, the limits of {name}"
         raise BadInput(f"--airspeed is {speed:g}, {limits}")
@@ -111,6 +115,8 @@ def _shown(name: str, aircraft: "Aircraft", airspeed: float | None) -> _Shown:
 
 
 def _print(name: str, shown: _Shown, quiet: bool) -> None:
+    from ftc_autopilot.control.heading import needs_bank
+
     console = console_of(stderr=False, quiet=quiet)
     one, flight = shown.aircraft, shown.flight
     size = table_of(texts(name), numbers(""))
@@ -118,6 +124,8 @@ def _print(name: str, shown: _Shown, quiet: bool) -> None:
         ("mass", f"{one.mass_kg:g} kg"),
         ("wing", f"{one.wing_span_m:g} m, {one.wing_area_m2:g} m²"),
         ("airspeeds", f"{one.airspeed_min_m_s:g} to {one.airspeed_max_m_s:g} m/s"),
+        ("cruise", "-" if one.cruise_m_s is None else f"{one.cruise_m_s:g} m/s"),
+        ("stall", "-" if one.stall_deg is None else f"{one.stall_deg:g}°"),
         ("thrust by weight", f"{one.thrust_limit_n / (one.mass_kg * one.gravity_m_s2 or 1.0):.2g}"),
     ):
         size.add_row(label, value)
@@ -126,13 +134,13 @@ def _print(name: str, shown: _Shown, quiet: bool) -> None:
         console.print(f"Source: {one.source}")
     at = f"Straight, level flight at {flight.airspeed_m_s:g} m/s"
     trim = table_of(texts(at), numbers(""), texts("of"))
-    stop = f"±{one.surface_limit_deg:g}°"
+    aileron, elevator, rudder = map(_stops_text, one.stops_deg)
     for label, value, limit in (
         ("angle of attack", f"{flight.alpha_deg:.1f}°", ""),
         ("sideslip", f"{flight.beta_deg + 0.0:.1f}°", ""),
-        ("aileron", f"{flight.aileron_deg:.1f}°", stop),
-        ("elevator", f"{flight.elevator_deg:.1f}°", stop),
-        ("rudder", f"{flight.rudder_deg:.1f}°", stop),
+        ("aileron", f"{flight.aileron_deg:.1f}°", aileron),
+        ("elevator", f"{flight.elevator_deg:.1f}°", elevator),
+        ("rudder", f"{flight.rudder_deg:.1f}°" if one.has("rudder") else "", rudder),
         ("thrust", f"{flight.thrust_n:.0f} N", f"{one.thrust_limit_n:g} N"),
     ):
         trim.add_row(label, value.replace("-0.0°", "0.0°"), limit)
@@ -161,6 +169,15 @@ def _print(name: str, shown: _Shown, quiet: bool) -> None:
     for check in shown.checks:
         table.add_row(check.name, check.value, "met" if check.is_met else "NOT MET")
     console.print(table)
+    reason = needs_bank(one)
+    console.print(f"Heading is held by {f'bank: {reason}' if reason else 'the rudder'}")
     for check in shown.checks:
         if not check.is_met:
             console.print(f"{check.name}: {check.otherwise}")
+
+
+def _stops_text(stops: tuple[float, float]) -> str:
+    low, high = stops
+    if low == high:
+        return "none"
+    return f"±{high:g}°" if low == -high else f"{low:g}° to {high:g}°"

@@ -100,7 +100,8 @@ def trim(
     console = console_of(quiet=quiet)
     with working(console, "solving for steady flights"):
         limits = roll, sideslip
-        kept = [t for name in _KEPT for at in airspeeds for t in _kept(aircraft, name, at, *limits)]
+        names = [name for name in _KEPT if aircraft.has(name)]
+        kept = [t for name in names for at in airspeeds for t in _kept(aircraft, name, at, *limits)]
         given_up = [
             t for name in _GIVEN_UP for t in _given_up(aircraft, name, airspeeds[0], *limits)
         ]

@@ -5,9 +5,12 @@ sideslip is left to itself, and must die out: the side force by sideslip, less w
 that balances the yawing moment of the same sideslip, has to be against it.
 """
 
+import math
 from typing import NamedTuple
 
+from ftc_autopilot.control.heading import remaining_side_force, weathercock_problem
 from gcs.lab.theory.modes import LevelFlight
+from mavlink_defs.constants import SURFACES
 from sitl_plant.aerodynamics import lateral
 from sitl_plant.aircraft import aircraft_record
 from sitl_plant.config import Aircraft
@@ -15,6 +18,8 @@ from sitl_plant.config import Aircraft
 _PAIRING = 0.6
 """Least share of the aileron in what rolls, relative gain array (Bristol 1966)."""
 _AREA = 0.3  # by which S may differ from b c
+_NO_TRIM = "level flight is not possible: choose another airspeed, or check moments and stops"
+_RESERVE_DEG = 4.0  # of the angle of attack to the stall
 _SPARE_THRUST = 1.3  # of the drag
 
 
@@ -41,6 +46,11 @@ def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
         )
     ]
     found += _surfaces_within_stops(aircraft, flight)
+    if aircraft.stall_deg is not None:
+        reserve = aircraft.stall_deg - flight.alpha_deg
+        text = f"no room for turns and gusts, {_RESERVE_DEG:g}° at least: choose a higher airspeed"
+        is_met = reserve >= _RESERVE_DEG
+        found.append(Check("angle of attack below the stall", f"{reserve:.1f}°", is_met, text))
     spare = aircraft.thrust_limit_n / flight.thrust_n if flight.thrust_n > 0.0 else float("inf")
     found.append(
         Check(
@@ -50,12 +60,23 @@ def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
             "it can neither climb nor speed up: choose another airspeed, or check thrust and drag",
         )
     )
+    if not aircraft.has("rudder"):
+        stiffness = yaw.beta - yaw.aileron * roll.beta / (roll.aileron or math.nan)
+        return [
+            *found,
+            Check(
+                "turns into the wind while the aileron holds the roll (cn_beta)",
+                f"{stiffness:.3g}",
+                weathercock_problem(aircraft) is None,
+                "without a rudder nothing holds the nose: check cn_beta, cn_da and cl_da",
+            ),
+        ]
     if yaw.rudder == 0.0:
-        text = "no rudder: the laws, which hold heading by one, cannot fly it"
+        text = "the rudder does nothing: check cn_dr, or say `surface_limits_deg: {rudder: none}`"
         return [*found, Check("yawing moment by rudder", "0", False, text)]
     determinant = roll.aileron * yaw.rudder - roll.rudder * yaw.aileron
     pairing = roll.aileron * yaw.rudder / determinant if determinant != 0.0 else float("nan")
-    effective = air.side.beta - air.side.rudder * yaw.beta / yaw.rudder
+    effective = remaining_side_force(aircraft, flight.airspeed_m_s)
     tau_s = (
         aircraft.mass_kg * flight.airspeed_m_s / -effective if effective != 0.0 else float("inf")
     )
@@ -72,23 +93,18 @@ def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
             "sideslip dies out while the rudder holds the heading",
             f"{tau_s:.3g} s",
             0.0 < tau_s < float("inf"),
-            "sideslip grows until the rudder is at its stop: hold the heading by bank",
+            "sideslip would grow until the rudder is at its stop: `surviving` and `tube` hold the "
+            "heading by bank; other laws lose it",
         ),
     ]
 
 
 def _surfaces_within_stops(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
-    stop = aircraft.surface_limit_deg
-    return [
-        Check(
-            f"{name} in level flight",
-            f"{abs(angle) / stop:.0%} of its stop",
-            abs(angle) < stop,
-            "level flight is not possible: choose another airspeed, or check moments and stops",
-        )
-        for name, angle in (
-            ("aileron", flight.aileron_deg),
-            ("elevator", flight.elevator_deg),
-            ("rudder", flight.rudder_deg),
-        )
-    ]
+    angles = flight.aileron_deg, flight.elevator_deg, flight.rudder_deg
+    found = []
+    for name, angle, (low, high) in zip(SURFACES, angles, aircraft.stops_deg, strict=True):
+        if aircraft.has(name):
+            share = angle / (high if angle > 0.0 else low)
+            what, value = f"{name} in level flight", f"{share:.0%} of its stop"
+            found.append(Check(what, value, share < 1.0, _NO_TRIM))
+    return found

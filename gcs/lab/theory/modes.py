@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mavlink_defs.constants import ACTUATORS, THROTTLE
+from mavlink_defs.constants import SURFACES
 from sitl_plant.aerodynamics import control_effectiveness
 from sitl_plant.aircraft import AircraftRecord, aircraft_record
 from sitl_plant.config import Aircraft
@@ -32,7 +32,10 @@ _LEFT = 1e-6  # m/s², rad/s² and m/s that a trim may leave
 
 
 class LevelFlight(NamedTuple):
-    """Trim of straight, level flight; angles in degrees."""
+    """Trim of straight, level flight; angles in degrees.
+
+    Without a rudder, a bank takes its part, which is 0 if the aircraft is symmetric.
+    """
 
     airspeed_m_s: float
     alpha_deg: float
@@ -41,6 +44,7 @@ class LevelFlight(NamedTuple):
     elevator_deg: float
     rudder_deg: float
     thrust_n: float
+    roll_deg: float = 0.0
 
 
 class Mode(NamedTuple):
@@ -62,13 +66,16 @@ def level_flight(aircraft: Aircraft, airspeed_m_s: float) -> LevelFlight | None:
 
     record = aircraft_record(aircraft)
 
+    has_rudder = aircraft.has("rudder")
+
     def unrest(x: np.ndarray) -> list[float]:
-        state, delta, thrust = _unpacked(x, airspeed_m_s)
+        state, delta, thrust = _unpacked(x, airspeed_m_s, has_rudder)
         _, v_dot, _, omega_dot = _derivative(state, delta, thrust, record)
         return [*v_dot, *omega_dot, mul(R1(state[2]), state[1])[2]]
 
     found = root(unrest, [0.05, 0.0, 0.05, 0.0, 0.0, 0.0, 0.1], tol=1e-10)
-    alpha, beta, _, aileron, elevator, rudder, thrust = (float(part) for part in found.x)
+    alpha, beta, _, aileron, elevator, last, thrust = (float(part) for part in found.x)
+    rudder, roll = (last, 0.0) if has_rudder else (0.0, last)
     is_solved = found.success and max(map(abs, unrest(found.x))) <= _LEFT
     if not is_solved or max(abs(alpha), abs(beta)) > _LARGEST:
         return None
@@ -80,15 +87,18 @@ def level_flight(aircraft: Aircraft, airspeed_m_s: float) -> LevelFlight | None:
         math.degrees(elevator),
         math.degrees(rudder),
         _NEWTONS * thrust,
+        math.degrees(roll),
     )
 
 
 def modes(aircraft: Aircraft, flight: LevelFlight) -> list[Mode]:
     """Return the modes of small motions about a level flight, the longitudinal ones first."""
     record = aircraft_record(aircraft)
-    angles = [flight.alpha_deg, flight.beta_deg, flight.alpha_deg, *flight[3:6]]
+    has_rudder = aircraft.has("rudder")
+    last = flight.rudder_deg if has_rudder else flight.roll_deg
+    angles = [flight.alpha_deg, flight.beta_deg, flight.alpha_deg, *flight[3:5], last]
     packed = np.array([*np.radians(angles), flight.thrust_n / _NEWTONS])
-    state, delta, thrust = _unpacked(packed, flight.airspeed_m_s)
+    state, delta, thrust = _unpacked(packed, flight.airspeed_m_s, has_rudder)
 
     def slope(x: np.ndarray) -> np.ndarray:
         v, phi, omega = x[:3], (float(x[4]), float(x[3]), 0.0), x[5:]
@@ -107,20 +117,28 @@ def modes(aircraft: Aircraft, flight: LevelFlight) -> list[Mode]:
 
 
 def authority(aircraft: Aircraft, airspeed_m_s: float) -> dict[str, float]:
-    """Return the angular acceleration that full deflection of each surface makes [rad/s²]."""
-    stop = math.radians(aircraft.surface_limit_deg)
-    effect = control_effectiveness(aircraft_record(aircraft)) * airspeed_m_s**2 * stop
-    return {name: abs(float(effect[i, i])) for i, name in enumerate(ACTUATORS[:THROTTLE])}
+    """Return the angular acceleration by full deflection of each surface [rad/s²].
+
+    It is that to the side of the nearer stop.
+    """
+    effect = control_effectiveness(aircraft_record(aircraft)) * airspeed_m_s**2
+    stops = np.radians(aircraft.stops_deg)
+    return {
+        name: abs(float(effect[i, i])) * float(np.abs(stops[i]).min())
+        for i, name in enumerate(SURFACES)
+        if aircraft.has(name)
+    }
 
 
-def _unpacked(x: np.ndarray, V: float) -> tuple[State, Vec3, float]:
-    alpha, beta, pitch, da, de, dr, thrust = (float(part) for part in x)
+def _unpacked(x: np.ndarray, V: float, has_rudder: bool) -> tuple[State, Vec3, float]:
+    alpha, beta, pitch, da, de, last, thrust = (float(part) for part in x)
+    dr, roll = (last, 0.0) if has_rudder else (0.0, last)
     v = (
         V * math.cos(alpha) * math.cos(beta),
         V * math.sin(beta),
         V * math.sin(alpha) * math.cos(beta),
     )
-    return (_REST, v, (0.0, pitch, 0.0), _REST), (da, de, dr), _NEWTONS * thrust
+    return (_REST, v, (roll, pitch, 0.0), _REST), (da, de, dr), _NEWTONS * thrust
 
 
 def _derivative(state: State, delta: Vec3, thrust: float, record: AircraftRecord) -> State:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mavlink_defs.constants import ACTUATORS, AILERON, RUDDER, THROTTLE, Actuator
+from mavlink_defs.constants import ACTUATORS, AILERON, RUDDER, SURFACES, THROTTLE, Actuator
 from sitl_plant.aircraft import aircraft_record
 from sitl_plant.config import Aircraft
 from sitl_plant.rigid_body import R1, R2, STILL_AIR, state_derivative
@@ -79,7 +79,7 @@ def trim_stuck(
         stuck: The actuator.
         position: Where it is stuck [deg, throttle N].
         airspeed_m_s: Airspeed; where it follows from the position, the one to begin the search at.
-        roll_deg: Roll angle.
+        roll_deg: Roll angle; without a rudder, the one that balances the aircraft is found.
         sideslip_limit_deg: Largest sideslip of a flight that is possible: the coefficients are
             linear, and say nothing of an aircraft at right angles to the air.
     """
@@ -90,22 +90,27 @@ def trim_stuck(
     turns = channel in _CHOSEN_AIRSPEED
     roll = math.radians(roll_deg)
 
-    def unpacked(x: np.ndarray) -> tuple[float, float, float, float, float, list[float]]:
+    balanced_by_bank = not aircraft.has("rudder") and channel != RUDDER
+
+    def unpacked(x: np.ndarray) -> tuple[float, float, float, float, float, float, list[float]]:
         alpha, beta, pitch, last, *others = x
         controls = [float(other) for other in others]
         controls.insert(channel, value)
         controls[THROTTLE] *= _NEWTONS
+        bank = roll
+        if balanced_by_bank:
+            bank, controls[RUDDER] = controls[RUDDER], 0.0
         V, turn = (airspeed_m_s, last) if turns else (_METRES_S * last, 0.0)
-        return float(alpha), float(beta), float(pitch), float(V), float(turn), controls
+        return float(alpha), float(beta), bank, float(pitch), float(V), float(turn), controls
 
     def unrest(x: np.ndarray) -> list[float]:
-        alpha, beta, pitch, V, turn, (da, de, dr, thrust) = unpacked(x)
+        alpha, beta, bank, pitch, V, turn, (da, de, dr, thrust) = unpacked(x)
         v = (
             V * math.cos(alpha) * math.cos(beta),
             V * math.sin(beta),
             V * math.sin(alpha) * math.cos(beta),
         )
-        phi = (roll, pitch, 0.0)
+        phi = (bank, pitch, 0.0)
         state = ((0.0, 0.0, 0.0), v, phi, mul(R2(phi), (0.0, 0.0, turn)))
         rest = (0.0, 0.0, 0.0)
         _, v_dot, _, omega_dot = state_derivative(
@@ -119,7 +124,7 @@ def trim_stuck(
     found = root(unrest, begin, tol=_TOLERANCE)
     if not found.success or max(map(abs, unrest(found.x))) > math.sqrt(_TOLERANCE):
         return None
-    alpha, beta, pitch, V, turn, (da, de, dr, thrust) = unpacked(found.x)
+    alpha, beta, bank, pitch, V, turn, (da, de, dr, thrust) = unpacked(found.x)
     return Trim(
         stuck=stuck,
         airspeed_m_s=V,
@@ -129,7 +134,7 @@ def trim_stuck(
         thrust_n=thrust,
         alpha_deg=math.degrees(alpha),
         beta_deg=math.degrees(beta),
-        roll_deg=roll_deg,
+        roll_deg=math.degrees(bank) if balanced_by_bank else roll_deg,
         pitch_deg=math.degrees(pitch),
         turn_rate_deg_s=math.degrees(turn),
         beyond=(
@@ -142,11 +147,10 @@ def trim_stuck(
 def _beyond(
     aircraft: Aircraft, stuck: int, V: float, delta: tuple[float, ...], thrust: float
 ) -> tuple[str, ...]:
-    stop = aircraft.surface_limit_deg
     found: list[str] = [
         name
-        for channel, name in enumerate(ACTUATORS[:THROTTLE])
-        if channel != stuck and abs(math.degrees(delta[channel])) > stop
+        for channel, (name, stops) in enumerate(zip(SURFACES, aircraft.stops_deg, strict=True))
+        if channel != stuck and not stops[0] <= math.degrees(delta[channel]) <= stops[1]
     ]
     if not 0.0 <= thrust <= aircraft.thrust_limit_n and stuck != THROTTLE:
         found.append("throttle")
@@ -168,9 +172,10 @@ def stuck_range(
     The range is the longest one of positions `step` [deg, throttle 20 N] apart; its ends are then
     searched by bisection, unless they are the actuator's own.
     """
-    low, high = -aircraft.surface_limit_deg, aircraft.surface_limit_deg
-    if ACTUATORS.index(stuck) == THROTTLE:
+    if stuck == "throttle":
         low, high, step = 0.0, aircraft.thrust_limit_n, 20.0 * step
+    else:
+        low, high = aircraft.stops_deg[ACTUATORS.index(stuck)]
 
     def flown(position: float) -> Trim | None:
         trim = trim_stuck(aircraft, stuck, position, airspeed_m_s, roll_deg, sideslip_limit_deg)

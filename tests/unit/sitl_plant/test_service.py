@@ -24,11 +24,12 @@ NAN = math.nan
 
 
 class Bench:
-    def __init__(self) -> None:
+    def __init__(self, rudder: tuple[float, float] = (-35.0, 35.0)) -> None:
         self.faults = no_faults(1)[0]
         self.applied = np.radians([5.0, -3.0, 20.0, 0.0])
         self.applied[3] = 700.0
-        limits = FaultLimits(surface_deg=35.0, thrust_n=2000.0)
+        others = (-35.0, 35.0)
+        limits = FaultLimits(surfaces_deg=(others, others, rudder), thrust_n=2000.0)
         self.service = AircraftService(UAV, COMPONENT, self.faults, self.applied, limits)
         self.speaker = FramePacker(UAV, 1)
         self.now = 0.0
@@ -87,6 +88,17 @@ def test_values_out_of_range_are_denied_and_named(params: tuple[float, ...], nam
     assert result == DENIED
     assert named in "".join(str(m.text) for m in said)
     assert bench.active == []
+
+
+def test_a_rudder_that_is_not_there_does_not_fail() -> None:
+    bench = Bench(rudder=(0.0, 0.0))
+    for command in ((SET, 2, 0.9, 0.0, 0.0, NAN, NAN), (INJECT, SERVO, OFF, 3)):
+        result, said = bench.command(*command)
+        assert result == DENIED
+        assert "the aircraft has no rudder" in "".join(str(m.text) for m in said)
+    assert bench.active == []
+    assert bench.command(INJECT, SERVO, OFF, 0)[0] == ACCEPTED
+    assert [row[0] for row in bench.active] == [0, 1]
 
 
 def test_inject_failure_off_and_stuck_and_ok() -> None:

@@ -44,7 +44,8 @@ class Gains(NamedTuple):
 def gains_of(aircraft: Aircraft) -> Gains:
     """Return the gains of an aircraft; a formation of equal aircraft computes them once."""
     airspeeds = airspeeds_of(aircraft)
-    lateral = [lateral_gain(aircraft, V) for V in airspeeds]
+    no_gain = np.zeros(LATERAL)  # of a rudder that is not there
+    lateral = [lateral_gain(aircraft, V) if aircraft.has("rudder") else no_gain for V in airspeeds]
     longitudinal = [longitudinal_gain(aircraft, V) for V in airspeeds]
     return Gains(airspeeds, np.array(lateral), np.array(longitudinal))
 

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from ftc_autopilot.control.diagnosis import DIAGNOSIS, DiagnosisParameters
+from ftc_autopilot.control.heading import needs_bank, weathercock_problem
 from ftc_autopilot.control.inversion import inversion_problem
 from ftc_autopilot.control.laws.base import Gains, LawParameters
 from ftc_autopilot.control.laws.surviving.gains import (
@@ -41,6 +42,7 @@ class FaultTolerant(LawParameters):
         ("airspeeds", "f8", (AIRSPEEDS,)),  # m/s
         ("rudder_gains", "f8", (AIRSPEEDS, LATERAL)),
         ("thrust_gains", "f8", (AIRSPEEDS, LONGITUDINAL)),
+        ("by_bank", "i8", ()),  # 1: heading is held by bank
     )
 
     neighbour_speed_limit_m_s: float = quantity(
@@ -78,6 +80,21 @@ class FaultTolerant(LawParameters):
         default=3.0,
         doc="With the elevator lost, the speed is held up to this error.",
     )
+    heading: Literal["auto", "rudder", "bank"] = Field(
+        default="auto",
+        description="What holds the heading; auto: bank, if there is no rudder or sideslip grows "
+        "while it holds the heading.",
+    )
+    heading_gain_1_s: float = quantity(
+        "1/s",
+        ge=0.0,
+        le=10.0,
+        default=0.0,
+        doc="Gain of the heading by bank; 0: the largest without overshoot.",
+    )
+    bank_limit_deg: float = quantity(
+        "deg", gt=0.0, le=70.0, default=40.0, doc="Largest bank that the heading asks for."
+    )
     reconfigure: bool = Field(
         default=True,
         description="Whether the other actuators take over from a lost one; false only corrects "
@@ -89,7 +106,8 @@ class FaultTolerant(LawParameters):
 
     def misfits(self, aircraft: Aircraft) -> Iterator[str]:
         """Yield why the law cannot fly a nominal aircraft: neither inversion nor gains exist."""
-        if (problem := inversion_problem(aircraft)) is not None:
+        problem = inversion_problem(aircraft, needs_rudder=False) or weathercock_problem(aircraft)
+        if problem is not None:
             yield problem
             return
         try:
@@ -98,8 +116,15 @@ class FaultTolerant(LawParameters):
         except ValueError:  # of the linear algebra, which names neither aircraft nor cause
             yield "rudder or thrust alone cannot hold it, so that the loops without a surface fail"
 
+    def holds_heading_by_bank(self, aircraft: Aircraft) -> str | None:
+        """Return why the heading of an aircraft is held by bank; None if the rudder holds it."""
+        if self.heading == "auto":
+            return needs_bank(aircraft)
+        return "chosen" if self.heading == "bank" else None
+
     def derive(self, aircraft: Aircraft, record: np.void) -> None:
-        """Compute the gains of the reconfigured loops."""
+        """Compute the gains of the reconfigured loops, and choose what holds the heading."""
+        record["by_bank"] = self.holds_heading_by_bank(aircraft) is not None
         gains = gains_of(aircraft)
         record["airspeeds"] = gains.airspeeds
         record["rudder_gains"], record["thrust_gains"] = gains.rudder, gains.thrust

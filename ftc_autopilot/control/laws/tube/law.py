@@ -12,7 +12,7 @@ from ftc_autopilot.control.laws.tube.check import check
 from ftc_autopilot.control.laws.tube.fallback import (
     coarser,
     fallback_flies,
-    only_rudder_lost,
+    flies_without_rudder,
     triggered,
 )
 from ftc_autopilot.control.laws.tube.observer import observe
@@ -21,6 +21,7 @@ from ftc_autopilot.control.triggers.base import in_steps
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aircraft import AircraftRecord
+from sitl_plant.stops import has_actuator, range_of
 from sitl_plant.vec3 import clamp
 
 _LONGEST_PERIOD_S = 0.03
@@ -43,7 +44,7 @@ def tube_law(
     thresholds = coarser(now.thresholds, gains["takeover_threshold"])
     surviving = reconfigured(now, aircraft, gains["fallback"], state["fallback"], signals)
     surviving = reaching_stops(surviving, thresholds, aircraft)
-    no_rudder = only_rudder_lost(gains, state)
+    no_rudder = flies_without_rudder(aircraft, gains, state)
     positions, commands = state["positions"], state["commands"]
     actuators = state["fallback"]["diagnosis"]["actuators"]
     for j in range(N_CHANNELS):
@@ -68,7 +69,11 @@ def tube_law(
                 state["dither"][j] = actuators[j]["dither"]
             state["exit"][j] = math.nan
     else:
-        if no_rudder and triggered(now, RUDDER, surviving, thresholds, aircraft, commands):
+        if (
+            no_rudder
+            and has_actuator(aircraft, RUDDER)
+            and triggered(now, RUDDER, surviving, thresholds, aircraft, commands)
+        ):
             mask |= 1 << RUDDER
         if checked if now.clock_s[0] == 0.0 else now.due != 0:
             rudder = commands[RUDDER]
@@ -117,8 +122,7 @@ def _dither(
     mask, diagnosis = 0, state["fallback"]["diagnosis"]
     for j in range(N_CHANNELS):
         actuator, limits = diagnosis["actuators"][j], limits_of(gains, j)
-        highest = aircraft["thrust_limit"] if j == THROTTLE else aircraft["surface_limit"]
-        lowest = 0.0 if j == THROTTLE else -highest
+        lowest, highest = range_of(aircraft, j)
         is_check = diagnosis["age"] < limits.check + limits.suspicion
         moves = (is_check or actuator["lost"] != 0) and now.clock_s[j] < _LONGEST_PERIOD_S
         dither = actuator["dither"] if moves else 0.0

@@ -10,7 +10,7 @@ from mavlink_defs.runtime.jit import compiled
 from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.lag import lagged
 from sitl_plant.rigid_body import STILL_AIR, State, advance, state_derivative
-from sitl_plant.vec3 import Vec3, norm
+from sitl_plant.vec3 import Vec3, clamp, norm
 
 
 class Servo(NamedTuple):
@@ -30,6 +30,7 @@ class Start(NamedTuple):
     disturbance: np.ndarray  # of v̇ and ω̇ [m/s², rad/s²], shape (6,)
     slope: np.ndarray  # its derivative, shape (6,)
     persistence: float  # of the slope [s]
+    by_bank: bool = False  # heading is held by bank: minus the sideslip in place of the yaw angle
 
 
 @compiled
@@ -78,6 +79,8 @@ def predict(
         state = advance(state, h, derivative)
         outputs[0, k] = norm(state[1])
         outputs[1, k], outputs[2, k], outputs[3, k] = state[2]
+        if start.by_bank:
+            outputs[3, k] = -math.asin(clamp(state[1][1] / outputs[0, k], -1.0, 1.0))
 
 
 @compiled

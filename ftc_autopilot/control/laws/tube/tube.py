@@ -15,6 +15,8 @@ from ftc_autopilot.control.laws.tube.parameters import OUTPUTS
 from ftc_autopilot.control.step import Step
 from mavlink_defs.runtime.jit import compiled
 
+_YAW = 3
+
 
 @compiled
 def build_tube(now: Step, rows: int, gains: np.void, path: np.ndarray, width: np.ndarray) -> None:
@@ -43,12 +45,15 @@ def build_tube(now: Step, rows: int, gains: np.void, path: np.ndarray, width: np
     h, tau, scale = gains["prediction_step_s"], gains["funnel_s"], gains["tube_scale"]
     filter_step, funnel_step = math.exp(-bandwidth * h), math.exp(-h / tau)
     for o in range(OUTPUTS):
-        z, slope, bend = reference[o, 0] - command[o], reference[o, 1], reference[o, 2]
+        target = command[o]
+        z, slope, bend = reference[o, 0] - target, reference[o, 1], reference[o, 2]
         error, neighbours = weighted[o], own[o] - weighted[o]
         if o == 0:
             d, rate = scale * gains["width_m_s"], gains["return_m_s2"]
         else:
             z, error, neighbours = wrap(z), wrap(error), wrap(neighbours)
+            if o == _YAW and now.by_bank:  # the error is against the direction of flight
+                target, z, slope, bend = 0.0, 0.0, 0.0, 0.0
             d, rate = scale * gains["width_rad"][o - 1], gains["return_rad_s"][o - 1]
         k = scale * gains["widening"][o]
         inside = d + k * abs(z)
@@ -62,7 +67,7 @@ def build_tube(now: Step, rows: int, gains: np.void, path: np.ndarray, width: np
             funnel_decay *= funnel_step
             ahead = filter_decay * (z + slope * s + 0.5 * bend * s * s)
             left = math.copysign(max(beyond - rate * s, 0.0), error)
-            path[o, i] = command[o] + ahead + neighbours + left
+            path[o, i] = target + ahead + neighbours + left
             width[o, i] = d + k * abs(ahead) + outside * funnel_decay
 
 

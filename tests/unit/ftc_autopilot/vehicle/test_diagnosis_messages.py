@@ -5,11 +5,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from vehicle_bench import Bench, of_type
+from vehicle_bench import UAV, Bench, of_type
 
 from ftc_autopilot.control.controllers import reset_controllers
-from gcs.scenario.model import Scenario
+from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from mavlink_defs import dialect
+from mavlink_defs.config.inherit import merged
 
 MOTORS = dialect.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
 
@@ -103,3 +104,38 @@ def test_a_law_without_diagnosis_says_that_it_knows_nothing(scenario1: Scenario)
     assert all(map(math.isnan, (*message.effectiveness, *message.offset, *message.confidence)))
     status: Any = telemetry.make(dialect.MAVLINK_MSG_ID_SYS_STATUS)
     assert status.onboard_control_sensors_health & MOTORS
+
+
+@pytest.mark.parametrize(
+    ("name", "channel", "ending"),
+    [
+        ("airframes/skywalker_x8", 0, "nothing replaces it"),
+        ("slipping", 0, "roll by rudder, heading by bank"),
+        ("slipping", 2, "roll by aileron, heading by bank"),
+    ],
+)
+def test_where_bank_holds_the_heading_it_is_not_given_up(
+    name: str, channel: int, ending: str
+) -> None:
+    tree = scenario_tree("airframes/aerosonde" if name == "slipping" else name)
+    if name == "slipping":
+        tree = merged(tree, {"aircraft": {"coefficients": {"cY_dr": 1.2}}})
+    tree = merged(tree, {"controller": {"kind": "surviving"}})
+    bench = Bench(scenario_of(name, tree))
+    actuator = diagnosed(bench)["actuators"][channel]
+    said(bench)
+    actuator["lost"], actuator["decided_s"] = 1, 0.06
+    ((_, text),) = said(bench)
+    assert text.endswith(f"held at 0.0 deg, {ending}")
+
+
+@pytest.mark.parametrize(("name", "told"), [("skywalker_x8", True), ("aerosonde", False)])
+def test_who_holds_the_heading_by_bank_says_so_when_it_is_armed(name: str, told: bool) -> None:
+    tree = merged(scenario_tree(f"airframes/{name}"), {"controller": {"kind": "surviving"}})
+    bench = Bench(scenario_of(name, tree))
+    bench.run()
+    said(bench)
+    arm = dialect.MAV_CMD_COMPONENT_ARM_DISARM
+    answers = bench.say(dialect.MAVLink_command_long_message(UAV, 1, arm, 0, 1, 0, 0, 0, 0, 0, 0))
+    texts = [answer.text for answer in of_type(answers, "STATUSTEXT")]
+    assert ("heading by bank: no rudder" in texts) is told

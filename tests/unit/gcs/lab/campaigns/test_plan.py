@@ -16,6 +16,7 @@ from gcs.lab.campaigns.plan import load_plan, plan, row_of, rows_of
 from gcs.scenario.bundled import SCENARIOS
 from gcs.scenario.model import load_scenario
 from mavlink_defs.config.models import ConfigError
+from mavlink_defs.config.yaml_text import yaml_of
 
 LOSS = {"loss": {"kind": "choice", "values": [0.25]}}
 
@@ -124,6 +125,36 @@ def test_a_drawn_fault_is_a_fault_of_the_scenario(
     assert fault.model_dump(exclude_defaults=True) == pytest.approx(
         {"uav": 3, "actuator": actuator, "start_s": 5.0, **expected}
     )
+
+
+@pytest.mark.parametrize(
+    ("severity", "stuck_deg"), [(-0.5, -10.0), (0.5, 15.0), (-1.0, -20.0), (1.0, 30.0)]
+)
+@pytest.mark.parametrize("own", [False, True])
+def test_a_drawn_fault_is_a_share_of_the_stop_on_its_side(
+    tmp_path: Path, severity: float, stuck_deg: float, own: bool
+) -> None:
+    """Of the scenario's aircraft, or of one that the UAV has for itself."""
+    limits = {"rudder": [-20.0, 30.0]}
+    uavs = load_scenario("paper/scenario1").model_dump()["uavs"]
+    changes: dict[str, Any] = {"aircraft": {"surface_limits_deg": limits}}
+    if own:
+        paper = load_scenario("paper/scenario1").aircraft.model_dump()
+        uavs[2]["aircraft"] = paper | {"surface_limits_deg": limits}
+        changes = {"uavs": uavs}
+    (tmp_path / "s.yaml").write_text(yaml_of({"extends": "paper/scenario1", **changes}))
+    keys = faulty(kinds={"stuck": at(severity)}) | {"scenario": str(tmp_path / "s.yaml")}
+    campaign = planned(**keys)
+    (fault,) = campaign.flights.scenario(row_of(campaign.draws, 0)).faults
+    assert fault.model_dump()["stuck_deg"] == pytest.approx(stuck_deg)
+
+
+def test_a_campaign_cannot_draw_faults_of_a_rudder_that_is_not_there(tmp_path: Path) -> None:
+    keys = {"scenario": "airframes/mixed", "variants": {"v": {"faults": []}}, "factors": {}}
+    drawn = {"actuators": ["aileron", "rudder"], "kinds": LOSS, "start_s": at(5)}
+    text = message(tmp_path, faults={"f": drawn}, **keys)
+    assert text == "faults.f.actuators[1]: the aircraft of UAV 2 has no rudder"
+    load_plan(write_campaign(tmp_path, faults={"f": drawn | {"uavs": [1, 3]}}, **keys))
 
 
 def test_every_mistake_of_a_file_is_named(tmp_path: Path) -> None:

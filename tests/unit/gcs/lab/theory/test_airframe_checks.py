@@ -34,6 +34,7 @@ def test_bundled_aircraft_meet_all(name: str) -> None:
         ("coefficients.cn0", 0.04, "rudder in level flight"),
         ("thrust_limit_n", 10.0, "largest thrust by what level flight takes"),
         ("coefficients.cl_dr", -0.8, "aileron rolls, rudder yaws (relative gain)"),
+        ("stall_deg", 6.0, "angle of attack below the stall"),
         ("coefficients.cY_dr", 1.2, "sideslip dies out while the rudder holds the heading"),
     ],
 )
@@ -49,3 +50,13 @@ def test_without_a_rudder_there_is_nothing_to_pair() -> None:
     tree = with_values(known.model_dump(), {"coefficients.cn_dr": 0.0})
     *_, last = airframe_checks(Aircraft.model_validate(tree), flight)
     assert (last.name, last.is_met) == ("yawing moment by rudder", False)
+    tree = with_values(known.model_dump(), {"surface_limits_deg.rudder": "none"})
+    *_, last = airframe_checks(Aircraft.model_validate(tree), flight)
+    assert (last.name.split()[0], last.is_met) == ("turns", True)
+
+
+def test_a_flying_wing_has_to_turn_into_the_wind_by_itself() -> None:
+    tree = load_aircraft("skywalker_x8").model_dump()
+    bad = Aircraft.model_validate(with_values(tree, {"coefficients.cn_beta": 0.001}))
+    name = "turns into the wind while the aileron holds the roll (cn_beta)"
+    assert not_met(bad, 18.0) == [name]

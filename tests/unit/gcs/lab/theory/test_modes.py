@@ -38,6 +38,30 @@ def test_a_trim_is_at_rest(name: str, speed: float) -> None:
     assert [*v_dot, *omega_dot, climb[2]] == pytest.approx([0.0] * 7, abs=1e-6)
 
 
+def test_the_x8_trims_as_its_source_says() -> None:
+    """`u_trim` and `y_trim` of simX8.m: elevator 0.0370 rad, u = 17.9914 and w = 0.5551 m/s."""
+    flight = level_flight(load_aircraft("skywalker_x8"), math.hypot(17.9914, 0.5551))
+    assert flight is not None
+    assert math.radians(flight.elevator_deg) == pytest.approx(0.0370, abs=5e-5)
+    assert math.radians(flight.alpha_deg) == pytest.approx(math.atan2(0.5551, 17.9914), abs=5e-5)
+    thrust = 0.5 * 1.225 * 0.10178760197630929  # of its fan at a throttle of 0.1219
+    leaving = 18.0 + 0.1219 * (40.0 - 18.0)
+    assert flight.thrust_n == pytest.approx(thrust * leaving * (leaving - 18.0), rel=2e-3)
+
+
+def test_without_a_rudder_a_bank_balances_what_is_not_symmetric() -> None:
+    tree = load_aircraft("skywalker_x8").model_dump()
+    tree["coefficients"] |= {"cn0": 0.002, "cl0": 0.001}
+    aircraft = Aircraft.model_validate(tree)
+    flight = level_flight(aircraft, 18.0)
+    assert flight is not None
+    assert flight.rudder_deg == 0.0
+    assert abs(flight.roll_deg) > 0.1
+    c, beta = aircraft.coefficients, math.radians(flight.beta_deg)
+    yawing = c.cn0 + c.cn_beta * beta + c.cn_da * math.radians(flight.aileron_deg)
+    assert yawing == pytest.approx(0.0, abs=1e-7)
+
+
 def test_no_flight_is_invented_beyond_the_model(aerosonde: Aircraft) -> None:
     """150 kg would take an angle of attack of 76°."""
     assert level_flight(aerosonde.model_copy(update={"mass_kg": 150.0}), V) is None

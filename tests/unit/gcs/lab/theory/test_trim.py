@@ -8,7 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gcs.fleet.in_process import fly_in_process
+from gcs.lab.theory.modes import level_flight
 from gcs.lab.theory.trim import Trim, stuck_range, trim_stuck
+from gcs.scenario.aircraft_file import load_aircraft
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import Actuator
 from sitl_plant.aircraft import aircraft_record
@@ -141,3 +143,22 @@ def test_a_range_ends_where_the_sideslip_is_as_large_as_it_may_be(
     beyond = trim_stuck(aircraft, "aileron", 20.0, sideslip_limit_deg=limit_deg)
     assert beyond is not None
     assert beyond.beyond == ("sideslip",)
+
+
+def test_without_a_rudder_the_bank_balances_a_stuck_aileron() -> None:
+    """A flying wing then turns; with its elevator where it trims 18 m/s it flies level at that."""
+    x8 = load_aircraft("skywalker_x8")
+    turning = trim_stuck(x8, "aileron", 2.0, 18.0)
+    assert turning is not None
+    assert turning.rudder_deg == 0.0
+    other = trim_stuck(x8, "aileron", -2.0, 18.0)
+    assert other is not None
+    assert turning.roll_deg == pytest.approx(-other.roll_deg, rel=0.02)
+    assert abs(turning.roll_deg) > 5.0
+    assert turning.turn_rate_deg_s == pytest.approx(-other.turn_rate_deg_s, rel=0.02)
+    flight = level_flight(x8, 18.0)
+    assert flight is not None
+    straight = trim_stuck(x8, "elevator", flight.elevator_deg, 20.0)
+    assert straight is not None
+    assert straight.airspeed_m_s == pytest.approx(18.0, abs=1e-4)
+    assert straight.alpha_deg == pytest.approx(flight.alpha_deg, abs=1e-4)

@@ -1,0 +1,82 @@
+"""Checks of references and faults of a scenario against the aircraft that are to fly them."""
+
+from collections.abc import Mapping, Sequence
+
+from gcs.scenario.sections import Found, ProfileSegment, ScenarioFault
+from mavlink_defs.config.models import Loc
+from mavlink_defs.fault_kinds import FaultLimits
+from mavlink_defs.faults import MAX_FAULTS
+from mavlink_defs.profile import AirspeedLimits
+
+
+def airspeed_problems(loc: Loc, airspeed_m_s: float, limits: AirspeedLimits) -> Found:
+    """Yield that an airspeed at a place is none that the aircraft accepts."""
+    low, high = limits.min_m_s, limits.max_m_s
+    if not low <= airspeed_m_s <= high:
+        text = f"expected [{low:g}, {high:g}] m/s, the aircraft's limits, got {airspeed_m_s!r}"
+        yield (*loc, "airspeed_m_s"), text
+
+
+def profile_problems(
+    profile: Sequence[ProfileSegment], has_mission: bool, limits: AirspeedLimits
+) -> Found:
+    """Yield what is wrong with a profile.
+
+    Args:
+        profile: Its segments; none if a mission is flown.
+        has_mission: Whether a mission is.
+        limits: Airspeeds that every aircraft accepts.
+    """
+    if not profile and not has_mission:
+        yield ("profile",), "expected a segment, or a mission instead, got nothing"
+    if profile and has_mission:
+        yield ("mission",), "expected a profile or a mission, got both; null removes a profile"
+    if not profile:
+        return
+    if profile[0].start_s != 0.0:
+        text = f"expected 0 s in the first segment, got {profile[0].start_s!r}"
+        yield ("profile", 0, "start_s"), text
+    for i in range(1, len(profile)):
+        before, start = profile[i - 1].start_s, profile[i].start_s
+        if start <= before:
+            text = f"overlaps profile[{i - 1}]: expected > {before!r} s, got {start!r}"
+            yield ("profile", i, "start_s"), text
+    for i in sorted({0, len(profile) - 1}):
+        if profile[i].shape == "ramp":
+            text = "expected 'step' in the first and the last segment, got 'ramp'"
+            yield ("profile", i, "shape"), text
+    for i, segment in enumerate(profile):
+        yield from airspeed_problems(("profile", i), segment.airspeed_m_s, limits)
+
+
+def fault_problems(faults: Sequence[ScenarioFault], limits_of: Mapping[int, FaultLimits]) -> Found:
+    """Yield what is wrong with faults.
+
+    Args:
+        faults: The faults.
+        limits_of: Limits of the actuators, by UAV.
+    """
+    for i, fault in enumerate(faults):
+        if sum(other.uav == fault.uav for other in faults[:i]) == MAX_FAULTS:
+            text = f"UAV {fault.uav} has more than {MAX_FAULTS} faults, as many as fit"
+            yield ("faults", i, "uav"), text
+        limits = limits_of.get(fault.uav)
+        if limits is None:
+            ids = ", ".join(map(str, limits_of))
+            yield ("faults", i, "uav"), f"expected one of the UAVs {ids}, got {fault.uav}"
+        elif not limits.has(fault.actuator):
+            yield ("faults", i, "actuator"), f"the aircraft has no {fault.actuator}"
+        elif fault.value is not None:
+            kind, value = fault.value
+            low, high = kind.bounds(fault.actuator, limits)
+            if not low <= value <= high:
+                expected = f"[{low:g}, {high:g}] {kind.unit(fault.actuator)}"
+                text = f"expected {expected}, the aircraft's limits, got {value!r}"
+                yield ("faults", i, kind.key(fault.actuator)), text
+        for j in range(i):
+            if fault.overlaps(faults[j]):
+                text = (
+                    f"overlaps faults[{j}]: the {fault.actuator} of UAV {fault.uav} has a "
+                    f"fault in {faults[j].window} already, got {fault.window}"
+                )
+                yield ("faults", i), text
