@@ -94,7 +94,8 @@ def test_the_low_pass_is_a_first_order_lag_of_each_rate(
             for k in range(1, step + 1)
         )
         assert result["rates"] == pytest.approx([expected, -2.0 * expected, 0.5], abs=1e-9)
-        assert (result["velocity"] == x[3:6]).all() and result["step"] == step
+        assert (result["velocity"] == x[3:6]).all()
+        assert result["step"] == step
 
 
 def test_the_low_pass_begins_anew_after_a_gap_and_leaves_the_measured_state_alone() -> None:
