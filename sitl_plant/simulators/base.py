@@ -37,7 +37,7 @@ class Simulator(Protocol):
     stops: tuple[tuple[float, float], ...]
     """Least and largest deflection of aileron, elevator, rudder [rad]; shape (3, 2).
 
-    Positive deflections are those of the plant's signs: cl_da, cm_de and cn_dr are negative.
+    The signs are the plant's: cl_da, cm_de and cn_dr are negative.
     """
 
     def reset(self, motion: Motion) -> None:
