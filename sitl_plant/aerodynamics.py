@@ -93,7 +93,7 @@ def aerodynamics(v: Vec3, omega: Vec3, aircraft: AircraftRecord) -> Aerodynamics
 
 @compiled
 def _stalled(alpha: float, C_L: float, C_D: float, aircraft: AircraftRecord) -> tuple[float, float]:
-    """Blend lift and drag of attached flow with those of a flat plate, C_N = 2 sin² α.
+    """Blend lift and drag of attached flow with a flat plate's, C_N = 2 sin² α.
 
     The blend is the one of R. W. Beard, T. W. McLain, Small Unmanned Aircraft, eqs. (4.9), (4.10):
     half of each at the stall angle, on both sides.
