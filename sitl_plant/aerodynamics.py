@@ -4,8 +4,8 @@ No other module reads a coefficient: another aerodynamic model is another file l
 Linearised, it is `lateral` and `longitudinal`; level flight and balance have functions of their
 own. The control matrix is the moment's derivative by the deflections, here exact.
 
-Valid for attached flow: coefficients are linear in the angle of attack and in the angle of
-sideslip. Airspeed must be positive.
+Coefficients are linear in the angle of attack and in the angle of sideslip, of lift and drag with a
+stall if the aircraft has one; linearisations are for attached flow. Airspeed must be positive.
 """
 
 import math
@@ -58,10 +58,12 @@ def aerodynamics(v: Vec3, omega: Vec3, aircraft: AircraftRecord) -> Aerodynamics
         q = omega[1] * c_bar / (2.0 * V)
         r = omega[2] * b / (2.0 * V)
 
-    C_D = drag_coefficient(alpha, aircraft)
+    C_L, C_D = lift_coefficient(alpha, aircraft), drag_coefficient(alpha, aircraft)
+    if aircraft["stall"] > 0.0:
+        C_L, C_D = _stalled(alpha, C_L, C_D, aircraft)
     C_D += (aircraft["cD_beta"] + aircraft["cD_beta2"] * beta) * beta
     C_Y = aircraft["cY0"] + aircraft["cY_beta"] * beta + aircraft["cY_p"] * p + aircraft["cY_r"] * r
-    C_L = aircraft["cL0"] + aircraft["cL_alpha"] * alpha + aircraft["cL_q"] * q
+    C_L += aircraft["cL_q"] * q
     C_l = aircraft["cl0"] + aircraft["cl_beta"] * beta + aircraft["cl_p"] * p + aircraft["cl_r"] * r
     C_M = aircraft["cm0"] + aircraft["cm_alpha"] * alpha + aircraft["cm_q"] * q
     C_n = aircraft["cn0"] + aircraft["cn_beta"] * beta + aircraft["cn_p"] * p + aircraft["cn_r"] * r
@@ -87,6 +89,31 @@ def aerodynamics(v: Vec3, omega: Vec3, aircraft: AircraftRecord) -> Aerodynamics
         (by_aileron[2], by_elevator[2], by_rudder[2]),
     )
     return Aerodynamics(V, F, N, C, B, scale(-qS * aircraft["cD_de2"], drag_axis))
+
+
+@compiled
+def _stalled(alpha: float, C_L: float, C_D: float, aircraft: AircraftRecord) -> tuple[float, float]:
+    """Blend lift and drag of attached flow with a flat plate's, C_N = 2 sin² α.
+
+    The blend is the one of R. W. Beard, T. W. McLain, Small Unmanned Aircraft, eqs. (4.9), (4.10):
+    half of each at the stall angle, on both sides.
+
+    Args:
+        alpha: Angle of attack [rad].
+        C_L: Lift coefficient of attached flow.
+        C_D: Drag coefficient of attached flow.
+        aircraft: The aircraft, with a stall.
+    """
+    M, stall = aircraft["stall_sharpness"], aircraft["stall"]
+    above, below = math.exp(-M * (alpha - stall)), math.exp(M * (alpha + stall))
+    share = (1.0 + above + below) / ((1.0 + above) * (1.0 + below))
+    if abs(alpha) > 0.5 * math.pi:
+        share = 1.0
+    normal = 2.0 * math.sin(alpha) * abs(math.sin(alpha))
+    return (
+        (1.0 - share) * C_L + share * normal * math.cos(alpha),
+        (1.0 - share) * C_D + share * normal * math.sin(alpha),
+    )
 
 
 @compiled
@@ -204,8 +231,15 @@ def rate_damping(V: float, aircraft: AircraftRecord) -> tuple[float, float]:
 
 
 @compiled
+def lift_coefficient(alpha: float, aircraft: AircraftRecord) -> float:
+    """Return C_L of attached flow at α [rad], without rotation and with the elevator at rest."""
+    C_L: float = aircraft["cL0"] + aircraft["cL_alpha"] * alpha
+    return C_L
+
+
+@compiled
 def drag_coefficient(alpha: float, aircraft: AircraftRecord) -> float:
-    """Return C_D at α [rad], without sideslip and with the elevator at rest."""
+    """Return C_D of attached flow at α [rad], without sideslip and with the elevator at rest."""
     C_D: float = aircraft["cD0"] + (aircraft["cD_alpha"] + aircraft["cD_alpha2"] * alpha) * alpha
     return C_D
 
@@ -222,7 +256,7 @@ def carried(alpha: float, aircraft: AircraftRecord) -> float:
 
     The thrust, along the body, balances the drag, and has a part across: C_L + C_D tan α.
     """
-    lift: float = aircraft["cL0"] + aircraft["cL_alpha"] * alpha
+    lift = lift_coefficient(alpha, aircraft)
     return lift + drag_coefficient(alpha, aircraft) * math.tan(alpha)
 
 

@@ -24,6 +24,8 @@ AIRCRAFT = np.dtype(
         ("J_inv", "f8", (3, 3)),
         *((name, "f8") for name in COEFFICIENTS),
         ("per_rad_s", "i8"),  # 1: rate derivatives are per rad/s, as Table I's unit says
+        ("stall", "f8"),  # angle of attack [rad], 0: none
+        ("stall_sharpness", "f8"),  # 1/rad
         ("thrust_limit", "f8"),  # N
         ("stops", "f8", (3, 2)),  # least and largest aileron, elevator, rudder [rad]
     ]
@@ -67,6 +69,9 @@ def aircraft_record(aircraft: Aircraft) -> AircraftRecord:
                 if name.rstrip("2").endswith(suffix):
                     record[name] = 0.0
     record["per_rad_s"] = aircraft.rate_derivatives == "per_rad_s"
+    if aircraft.stall_deg is not None:
+        record["stall"] = np.radians(aircraft.stall_deg)
+        record["stall_sharpness"] = aircraft.stall_sharpness
     record["thrust_limit"] = aircraft.thrust_limit_n
     record["stops"] = np.radians(aircraft.stops_deg)
     return record[0]  # type: ignore[no-any-return]  # numpy gives Any

@@ -149,6 +149,16 @@ class Aircraft(Model):
         default="nondimensional",
         description="Whether cl_p and the like are per p b/2V, or per rad/s.",
     )
+    stall_deg: float | None = quantity(
+        "deg", gt=0.0, lt=90.0, default=None, doc="Angle of attack of the stall; none: no stall."
+    )
+    stall_sharpness: float = quantity(
+        "1/rad",
+        gt=0.0,
+        le=200.0,
+        default=50.0,
+        doc="Sharpness M of the blend from attached flow to a flat plate at the stall.",
+    )
     thrust_limit_n: float = quantity("N", gt=0.0, doc="Thrust is within 0 and this.")
     surface_limit_deg: float | None = quantity(
         "deg", gt=0.0, lt=90.0, default=None, doc="Stop on both sides of all surfaces."
@@ -159,9 +169,6 @@ class Aircraft(Model):
     airspeed_min_m_s: float = quantity("m/s", gt=0.0, doc="Lowest airspeed command accepted.")
     airspeed_max_m_s: float = quantity("m/s", gt=0.0, doc="Highest airspeed command accepted.")
     cruise_m_s: float | None = quantity("m/s", gt=0.0, default=None, doc="Airspeed in cruise.")
-    stall_deg: float | None = quantity(
-        "deg", gt=0.0, lt=90.0, default=None, doc="Angle of attack at which the wing stalls."
-    )
 
     @model_validator(mode="after")
     def _airspeeds_in_order(self) -> "Aircraft":

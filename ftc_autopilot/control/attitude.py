@@ -114,6 +114,7 @@ def attitude_law(
     zeta_omega = zeta(now, e_omega, omega_d_dot, K2, network, robust, aircraft)
 
     b2_z2 = beta_omega * beta_omega * dot(zeta_omega, zeta_omega)
+    b2_z2 = max(b2_z2, gains["gain_floor"])  # 0: the paper's law
     gain = -b2_z2 / math.sqrt(b2_z2 * dot(e_omega, e_omega) + gains["eps_omega"])
     Gt_e = mul_t(now.motion.air.C, mul_t(mat3(aircraft["J_inv"]), e_omega))  # Gᵀe_ω, G = J0⁻¹C0
     return AttitudeLaw(

@@ -34,6 +34,8 @@ DELAY = np.dtype(
         ("measured", SIM_STATE),  # last state received
         ("between", SIM_STATE),  # in place of a lost one
         ("predicted", SIM_STATE),
+        ("smoothed", SIM_STATE),
+        ("rates", "f8", (3,)),  # output of the low-pass [rad/s]
     ]
 )
 """What is remembered of the link between an autopilot and its aircraft."""
@@ -99,6 +101,31 @@ def interpolate(delay: np.void, measured: np.void) -> np.void:
 def _mix(before: np.ndarray, after: np.ndarray, share: float, result: np.ndarray) -> None:
     for k in range(3):
         result[k] = before[k] + share * (after[k] - before[k])
+
+
+@compiled
+def smoothed(delay: np.void, measured: np.void, filter_s: float, step_us: int) -> np.void:
+    """Return the state with angular velocities that have passed a first-order low-pass.
+
+    It starts at the first state, and again after a gap.
+
+    Args:
+        delay: Record of dtype `DELAY`; its fields `smoothed` and `rates` are written.
+        measured: FTC_SIM_STATE payload.
+        filter_s: Time constant of the low-pass [s]; 0: the measured state is returned.
+        step_us: Control period [µs].
+    """
+    if filter_s == 0.0:
+        return measured
+    share = 1.0 - math.exp(-step_us / 1e6 / filter_s)
+    if delay["started"] == 0 or is_after_gap(delay, measured, step_us):
+        share = 1.0
+    result: np.void = delay["smoothed"]
+    copy_record(result, measured)
+    for k in range(3):
+        delay["rates"][k] += share * (measured["rates"][k] - delay["rates"][k])
+        result["rates"][k] = delay["rates"][k]
+    return result
 
 
 @compiled

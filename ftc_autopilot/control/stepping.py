@@ -80,6 +80,7 @@ def controller_step(controllers: Controllers, i: int, measured: np.void, step_us
     for k in range(lost + 1):
         may_send = k == lost
         now = measured if may_send else state_predictor.interpolate(delay, measured)
+        now = state_predictor.smoothed(delay, now, common["gyro_filter_s"], step_us)
         motion = motion_of(
             state_predictor.predicted(delay, now, common["delay_s"], step_us, aircraft), aircraft
         )

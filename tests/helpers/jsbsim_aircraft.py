@@ -1,6 +1,8 @@
 """An aircraft of ours as JSBSim reads one: the same mass and aerodynamics, in its own words."""
 
+import math
 from collections.abc import Iterable
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -8,7 +10,7 @@ import pytest
 from sitl_plant.config import Aircraft
 
 needs_jsbsim = pytest.mark.skipif(
-    not __import__("importlib.util").util.find_spec("jsbsim"),
+    find_spec("jsbsim") is None,
     reason="jsbsim is missing: pip install 'ftc-sitl[jsbsim]'",
 )
 
@@ -17,16 +19,21 @@ AILERON, ELEVATOR, RUDDER = (
 )
 ALPHA, BETA = "aero/alpha-rad", "aero/beta-rad"
 P, Q, R = (f"ftc/{axis}-hat" for axis in "pqr")
+ATTACHED, PLATE_LIFT, PLATE_DRAG = (
+    f"ftc/{name}" for name in ("attached", "plate-lift", "plate-drag")
+)
 KG_M2_PER_SLUG_FT2 = 1.355817948331401  # JSBSim's own factor is off by 0.009 %
 KG_M3_PER_SLUG_FT3 = 515.3788183932  # 14.59390294 kg by 0.3048³ m³
 
 _AXES = {
-    "DRAG": (None, {"cD0": (), "cD_alpha": (ALPHA,), "cD_alpha2": (ALPHA, ALPHA),
+    "DRAG": (None, {"cD0": (ATTACHED,), "cD_alpha": (ATTACHED, ALPHA),
+                    "cD_alpha2": (ATTACHED, ALPHA, ALPHA), "plate_drag": (PLATE_DRAG,),
                     "cD_beta": (BETA,), "cD_beta2": (BETA, BETA),
                     "cD_de": (ELEVATOR,), "cD_de2": (ELEVATOR, ELEVATOR)}),
     "SIDE": (None, {"cY0": (), "cY_beta": (BETA,), "cY_p": (P,), "cY_r": (R,),
                     "cY_da": (AILERON,), "cY_dr": (RUDDER,)}),
-    "LIFT": (None, {"cL0": (), "cL_alpha": (ALPHA,), "cL_q": (Q,), "cL_de": (ELEVATOR,)}),
+    "LIFT": (None, {"cL0": (ATTACHED,), "cL_alpha": (ATTACHED, ALPHA), "cL_q": (Q,),
+                    "cL_de": (ELEVATOR,), "plate_lift": (PLATE_LIFT,)}),
     "ROLL": ("metrics/bw-ft", {"cl0": (), "cl_beta": (BETA,), "cl_p": (P,), "cl_r": (R,),
                                "cl_da": (AILERON,), "cl_dr": (RUDDER,)}),
     "PITCH": ("metrics/cbarw-ft", {"cm0": (), "cm_alpha": (ALPHA,), "cm_q": (Q,),
@@ -80,6 +87,7 @@ def _xml(aircraft: Aircraft, control: str) -> str:
   <channel name="all">{control}</channel>
  </flight_control>
  <aerodynamics>
+  {_stall(aircraft)}
   {_rate(P, "p", "bi2vel")}{_rate(Q, "q", "ci2vel")}{_rate(R, "r", "bi2vel")}
   {"".join(_axis(name, aircraft, length, terms) for name, (length, terms) in _AXES.items())}
  </aerodynamics>
@@ -100,6 +108,35 @@ def gain(name: str, output: str, value: float) -> str:
     )
 
 
+def _stall(aircraft: Aircraft) -> str:
+    """Share of the attached flow, and a flat plate's lift and drag by the other share."""
+    if aircraft.stall_deg is None:
+        return (
+            _function(ATTACHED, "<value>1</value>")
+            + _function(PLATE_LIFT, "<value>0</value>")
+            + _function(PLATE_DRAG, "<value>0</value>")
+        )
+    stall, M = math.radians(aircraft.stall_deg), aircraft.stall_sharpness
+    alpha = f"<property>{ALPHA}</property>"
+
+    def blend(sign: float) -> str:
+        shifted = f"<sum>{alpha}<value>{-sign * stall!r}</value></sum>"
+        return f"<exp><product><value>{-sign * M!r}</value>{shifted}</product></exp>"
+
+    above, below, one = blend(1.0), blend(-1.0), "<value>1</value>"
+    both = f"<product><sum>{one}{above}</sum><sum>{one}{below}</sum></product>"
+    share = f"<quotient><sum>{one}{above}{below}</sum>{both}</quotient>"
+    normal = (
+        f"<value>2</value><sin>{alpha}</sin><abs><sin>{alpha}</sin></abs>"
+        f"<difference>{one}<property>{ATTACHED}</property></difference>"
+    )
+    return (
+        _function(ATTACHED, f"<difference>{one}{share}</difference>")
+        + _function(PLATE_LIFT, f"<product>{normal}<cos>{alpha}</cos></product>")
+        + _function(PLATE_DRAG, f"<product>{normal}<sin>{alpha}</sin></product>")
+    )
+
+
 def _rate(name: str, axis: str, per: str) -> str:
     return _function(name, _product((f"velocities/{axis}-aero-rad_sec", f"aero/{per}")))
 
@@ -110,7 +147,7 @@ def _axis(
     functions = ""
     for coefficient, factors in terms.items():
         common = ("aero/qbar-psf", "metrics/Sw-sqft", *((length,) if length else ()))
-        value = getattr(aircraft.coefficients, coefficient)
+        value = getattr(aircraft.coefficients, coefficient, 1.0)
         functions += _function(f"aero/{coefficient}", _product((*common, *factors), value))
     return f'<axis name="{name}">{functions}</axis>'
 

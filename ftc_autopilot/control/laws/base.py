@@ -95,6 +95,9 @@ class LawParameters(Model):
     reference_bandwidth_rad_s: float = quantity(
         "rad/s", gt=0.0, default=2.5, doc="Triple pole of the reference filter (Assumption 4)."
     )
+    gyro_filter_s: float = quantity(
+        "s", ge=0.0, le=1.0, default=0.0, doc="Low-pass of the angular velocities; 0: none."
+    )
     delay_s: float = quantity(
         "s", ge=0.0, le=0.1, default=0.0, doc="Known delay of sensors and servos, predicted over."
     )

@@ -61,6 +61,12 @@ class Proposed(LawParameters):
     sigma_omega2: float = quantity("1/s", ge=0.0, default=25.0, doc="Leakage of beta_omega (39).")
     h_omega1: float = quantity("", gt=0.0, default=0.28, doc="Weight of the network (37), (38).")
     h_omega2: float = quantity("", gt=0.0, default=3.4, doc="Weight of the robust term (37).")
+    gain_floor: float = quantity(
+        "",
+        ge=0.0,
+        default=0.0,
+        doc="Least beta_omega^2 |zeta_omega|^2 in (37); 0: the paper's law.",
+    )
     tau_omega_d_s: float = quantity("s", gt=0.0, default=0.015, doc="Filter of omega_d (57).")
     omega_d_limit_deg_s: float = quantity(
         "deg/s",

@@ -1,6 +1,7 @@
 """``gcs aircraft``: the aircraft that come with the package, and what one is like."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -21,6 +22,7 @@ Examples:
 - gcs aircraft
 - gcs aircraft aerosonde
 - gcs aircraft my.yaml --airspeed 18 --json
+- gcs aircraft aerosonde --out polar && xdg-open polar/polar.png
 
 A scenario names one by `aircraft: aerosonde`, or `--set aircraft=aerosonde`.
 
@@ -56,6 +58,14 @@ def aircraft(
             show_default=False,
         ),
     ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder, new or empty, for a picture of the polar: polar.png and polar.svg.",
+            metavar="FOLDER",
+            show_default=False,
+        ),
+    ] = None,
     quiet: QuietOption = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print an object instead of tables.")
@@ -71,6 +81,8 @@ def aircraft(
     from gcs.scenario.aircraft_file import load_aircraft
 
     if name is None:
+        if out is not None:
+            raise BadInput("--out is for the polar of one aircraft; name it: gcs aircraft NAME")
         found = {known: load_aircraft(known) for known in aircraft_names()}
         if as_json:
             print_json({known: one.model_dump() for known, one in found.items()}, indent=2)
@@ -82,6 +94,12 @@ def aircraft(
             print_line(f"{known:{width}}  {size}, {speeds}.  {one.source}")
         return
     shown = _shown(name, load_aircraft(name), airspeed)
+    if out is not None:
+        from gcs.figures.style import save
+        from gcs.lab.figures.polar import draw_polar
+        from gcs.results.run_folder import make_run_folder
+
+        save(draw_polar(shown.aircraft, shown.flight), make_run_folder(out, ""), "polar")
     if as_json:
         parts = {
             "aircraft": shown.aircraft.model_dump(),

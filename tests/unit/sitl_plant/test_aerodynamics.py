@@ -7,7 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from gcs.scenario.aircraft_file import load_aircraft
 from sitl_plant.aerodynamics import (
     R3,
     Aerodynamics,
@@ -24,7 +27,7 @@ from sitl_plant.aerodynamics import (
     moment,
     rate_damping,
 )
-from sitl_plant.aircraft import COEFFICIENTS
+from sitl_plant.aircraft import COEFFICIENTS, aircraft_record
 from sitl_plant.vec3 import Vec3
 
 ROOT = Path(__file__).parents[3]
@@ -154,3 +157,50 @@ def test_drag_by_alpha_is_the_polar_s_slope(any_aircraft: np.void) -> None:
     slope = (drag(qS, alpha + H, any_aircraft) - drag(qS, alpha - H, any_aircraft)) / (2.0 * H)
     found = longitudinal(V, alpha, any_aircraft).drag_by_alpha
     assert found == pytest.approx(slope, rel=1e-5, abs=1e-6)
+
+
+def stalling(any_aircraft: np.void, stall_deg: float = 15.0, sharpness: float = 50.0) -> np.void:
+    record = any_aircraft.copy()
+    record["stall"], record["stall_sharpness"] = math.radians(stall_deg), sharpness
+    return record
+
+
+@given(alpha=st.floats(-math.pi, math.pi), V=st.floats(5.0, 80.0))
+def test_far_beyond_the_stall_the_wing_is_a_flat_plate(alpha: float, V: float) -> None:
+    """No force along it, 2 sin² α across it, whatever the attached flow would give."""
+    aircraft = stalling(aircraft_record(load_aircraft("aerosonde")))
+    attached, limit = aircraft.copy(), math.radians(15.0)
+    attached["stall"] = 0.0
+    v = (V * math.cos(alpha), 0.0, V * math.sin(alpha))
+    F = np.array(aerodynamics(v, (0.0, 0.0, 0.0), aircraft).F)
+    without = np.array(aerodynamics(v, (0.0, 0.0, 0.0), attached).F)
+    qS = 0.5 * aircraft["rho"] * V * V * aircraft["S"]
+    plate = qS * np.array([0.0, 0.0, -2.0 * math.sin(alpha) * abs(math.sin(alpha))])
+    far = math.exp(-50.0 * abs(abs(alpha) - limit))  # what is left of the other one, about
+    nearer = plate if abs(alpha) > limit else without
+    assert np.abs(F - nearer).max() <= 2.0 * far * np.abs(plate - without).max() + 1e-9 * qS
+
+
+def test_at_the_stall_half_of_each_is_left() -> None:
+    aircraft, stall = stalling(aircraft_record(load_aircraft("aerosonde"))), math.radians(15.0)
+    attached = aircraft.copy()
+    attached["stall"] = 0.0
+    for alpha in (stall, -stall):
+        v = (V * math.cos(alpha), 0.0, V * math.sin(alpha))
+        F = aerodynamics(v, (0.0, 0.0, 0.0), aircraft).F
+        without = aerodynamics(v, (0.0, 0.0, 0.0), attached).F
+        qS = 0.5 * aircraft["rho"] * V * V * aircraft["S"]
+        plate = np.array([0.0, 0.0, -2.0 * qS * math.sin(alpha) * abs(math.sin(alpha))])
+        assert pytest.approx(0.5 * (np.array(without) + plate), rel=1e-5) == list(F)
+
+
+def test_lift_has_its_maximum_at_the_stall() -> None:
+    aircraft = stalling(aircraft_record(load_aircraft("aerosonde")))
+    alphas = np.radians(np.linspace(0.0, 30.0, 301))
+    lift = []
+    for alpha in alphas:
+        air = aerodynamics((V * math.cos(alpha), 0.0, V * math.sin(alpha)), (0.0,) * 3, aircraft)
+        lift.append(air.F[0] * math.sin(alpha) - air.F[2] * math.cos(alpha))
+    best = math.degrees(alphas[int(np.argmax(lift))])
+    assert 10.0 < best < 15.0
+    assert lift[-1] < 0.6 * max(lift)

@@ -19,6 +19,7 @@ from ftc_autopilot.control.state_predictor import (
     note_commands,
     note_state,
     predicted,
+    smoothed,
 )
 from ftc_autopilot.control.stepping import controller_step
 from gcs.fleet.in_process import fly_in_process
@@ -73,6 +74,40 @@ def test_the_prediction_is_what_the_aircraft_then_does(calm: Scenario, delay: in
             wrong = np.abs(result[name] - then[part])
             assert (wrong < 0.05 * moved[part].max() + least).all(), name
         assert np.allclose(result["rates"], then[9:12], atol=1e-3)
+
+
+@given(
+    rates=st.lists(st.floats(-5.0, 5.0), min_size=2, max_size=30),
+    filter_s=st.floats(1e-4, 0.5),
+)
+def test_the_low_pass_is_a_first_order_lag_of_each_rate(
+    rates: list[float], filter_s: float
+) -> None:
+    """Its response to a staircase is the sum of the responses to the steps."""
+    memory, x = np.zeros(1, DELAY)[0], np.zeros(12)
+    for step, rate in enumerate(rates):
+        x[9:12] = rate, -2.0 * rate, 0.5
+        result = smoothed(memory, state_of(x, step, np.zeros(3)), filter_s, STEP_US)
+        note_commands(memory, step, np.zeros(4), 0.0, STEP_US)
+        expected = rates[0] + sum(
+            (rates[k] - rates[k - 1]) * -math.expm1(-(step - k + 1) * STEP_US / 1e6 / filter_s)
+            for k in range(1, step + 1)
+        )
+        assert result["rates"] == pytest.approx([expected, -2.0 * expected, 0.5], abs=1e-9)
+        assert (result["velocity"] == x[3:6]).all()
+        assert result["step"] == step
+
+
+def test_the_low_pass_begins_anew_after_a_gap_and_leaves_the_measured_state_alone() -> None:
+    memory, x = np.zeros(1, DELAY)[0], np.zeros(12)
+    for step, rate in ((0, 1.0), (500, -3.0)):  # 0.5 s without a state
+        x[9:12] = rate
+        measured = state_of(x, step, np.zeros(3))
+        assert (smoothed(memory, measured, 0.05, STEP_US)["rates"] == rate).all()
+        assert (measured["rates"] == rate).all()
+        assert smoothed(memory, measured, 0.0, STEP_US) == measured
+        note_commands(memory, step, np.zeros(4), 0.0, STEP_US)
+        note_state(memory, measured)
 
 
 def down_in_body_axes(attitude: np.ndarray) -> np.ndarray:
