@@ -14,7 +14,24 @@ class OwnPlant(Model):
     kind: Literal["own"] = Field(default="own", description="The plant's own equations.")
 
 
-_Replaced = Annotated[float, quantity("", doc="What the element holds, in the unit it names.")]
+def _form(value: object) -> str | None:
+    """Return the tag of a number, or of a text."""
+    if isinstance(value, str):
+        return "<text>"
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return "<number>" if number else None
+
+
+_Replaced = Annotated[
+    Annotated[float, quantity("", doc="In the unit that the element names."), Tag("<number>")]
+    | Annotated[Title, Tag("<text>")],
+    Discriminator(_form),
+]
+
+
+def is_own(aircraft: str) -> bool:
+    """Return whether the name of an aircraft is a folder or a file, not one that JSBSim has."""
+    return "/" in aircraft or aircraft.endswith(".xml")
 
 
 class JsbSimPlant(Model):
@@ -23,8 +40,8 @@ class JsbSimPlant(Model):
     kind: Literal["jsbsim"] = Field(description="JSBSim.")
     aircraft: Title = Field(
         min_length=1,
-        description="One that comes with JSBSim, such as c172p, or a folder of one's own, "
-        "such as ./NAME with NAME.xml in it.",
+        description="One that comes with JSBSim, such as c172p, or one's own: a folder ./NAME with "
+        "NAME.xml in it, or the file.",
     )
     thrust: Literal["force", "engine"] = Field(
         default="force",
@@ -35,7 +52,8 @@ class JsbSimPlant(Model):
     )
     patch: Annotated[dict[str, _Replaced], AtMost(100)] = Field(
         default={},
-        description="Elements of NAME.xml to change: path under fdm_config, and the new value.",
+        description="Elements of the file to change, or an attribute (@unit) of one: path under "
+        "fdm_config, and the new value.",
     )
 
 

@@ -15,6 +15,7 @@ from mavlink_defs.config.inherit import merged, read_inherited
 from mavlink_defs.config.models import ConfigError, Loc, Problem
 from mavlink_defs.config.written import WrittenDict, WrittenList, located
 from sitl_plant.config import Aircraft, Coefficients
+from sitl_plant.plant_section import is_own
 
 _OPTIONAL = {key for key, field in Aircraft.model_fields.items() if not field.is_required()}
 _OPTIONAL_COEFFICIENTS = {
@@ -108,7 +109,7 @@ def without_nulls(tree: dict[Any, Any]) -> dict[Any, Any]:
 def _with_folder(beside: Path, tree: dict[Any, Any]) -> dict[Any, Any]:
     plant = tree.get("plant")
     name = plant.get("aircraft") if isinstance(plant, dict) else None
-    if not isinstance(plant, dict) or not isinstance(name, str) or "/" not in name:
+    if not isinstance(plant, dict) or not isinstance(name, str) or not is_own(name):
         return tree
     folder = (beside / Path(name).expanduser()).resolve()
     return _with(tree, _with(plant, str(folder)), key="plant")

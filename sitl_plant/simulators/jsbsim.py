@@ -56,6 +56,7 @@ class JsbSim:
     Flights repeat bit for bit if each has an object of its own.
 
     Attributes:
+        version: Of JSBSim.
         body: Mass, inertia, reference lengths, as JSBSim has them when it is loaded.
         stops: Range of each surface [rad], (0, 0) of one that the aircraft has not.
     """
@@ -71,6 +72,7 @@ class JsbSim:
         Raises:
             SimulatorError: It cannot be flown.
         """
+        self.version = str(jsbsim.__version__)
         self._name = section.aircraft
         self._step_s = step_us / 1e6
         self._log = _Log()

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
-from sitl_plant.plant_section import JsbSimPlant
+from sitl_plant.plant_section import JsbSimPlant, is_own
 from sitl_plant.simulators.base import SimulatorError
 
 THRUST = "external_reactions/ftc-thrust"
@@ -34,13 +34,13 @@ def find(aircraft: str, bundled: Path) -> Source:
     """Return where an aircraft is.
 
     Args:
-        aircraft: Name of a bundled one, or a folder.
+        aircraft: Name of a bundled one, or a folder or file.
         bundled: Folder of the installed JSBSim, with `aircraft`, `engine` and `systems`.
 
     Raises:
         SimulatorError: There is no such aircraft.
     """
-    if "/" not in aircraft:
+    if not is_own(aircraft):
         folder = bundled / "aircraft" / aircraft
         if (folder / f"{aircraft}.xml").is_file():
             return Source(aircraft, folder, bundled / "engine", bundled / "systems")
@@ -48,20 +48,21 @@ def find(aircraft: str, bundled: Path) -> Source:
             f"plant.aircraft: expected one that comes with JSBSim, got {aircraft!r}",
             f"a folder of your own is ./{aircraft}; JSBSim has its own in {folder.parent}",
         )
-    own = Path(aircraft).expanduser().absolute()
-    if not own.is_dir():
-        raise SimulatorError(f"plant.aircraft: expected a folder, got {aircraft!r}")
-    if not (own / f"{own.name}.xml").is_file():
+    file = Path(aircraft).expanduser().absolute()
+    if file.is_dir():
+        file /= f"{file.name}.xml"
+    if file.suffix != ".xml" or not file.is_file():
         raise SimulatorError(
-            f"plant.aircraft: expected {own.name}.xml in the folder, got {aircraft!r}",
-            "a folder has the name of its aircraft, as JSBSim has it",
+            f"plant.aircraft: expected a folder NAME with NAME.xml in it, or the file, got "
+            f"{aircraft!r}"
         )
+    own = file.parent
 
     def beside(folder: str) -> Path:
         there = own.parent.parent / folder  # root/aircraft/NAME and root/engine, as JSBSim has it
         return there if there.is_dir() else bundled / folder
 
-    return Source(own.name, own, beside("engine"), beside("systems"))
+    return Source(file.stem, own, beside("engine"), beside("systems"))
 
 
 def write_copy(source: Source, section: JsbSimPlant, target: Path) -> None:
@@ -99,12 +100,13 @@ def _read(path: Path) -> ET.Element:
     return tree
 
 
-def _patch(tree: ET.Element, patch: dict[str, float], path: Path) -> None:
+def _patch(tree: ET.Element, patch: dict[str, float | str], path: Path) -> None:
     if tree.tag != "fdm_config":
         raise SimulatorError(f"{path}: expected an aircraft, <fdm_config>, got <{tree.tag}>")
     for place, value in patch.items():
+        element, _, attribute = place.partition("/@")
         try:
-            found = tree.findall(place)
+            found = tree.findall(element)
         except (SyntaxError, KeyError, TypeError):  # of a path that ElementTree does not understand
             found = []
         if len(found) != 1:
@@ -113,7 +115,11 @@ def _patch(tree: ET.Element, patch: dict[str, float], path: Path) -> None:
                 f"which is the path of {len(found)}",
                 "such as metrics/wingarea, or mass_balance/pointmass[@name='Pilot']/weight",
             )
-        found[0].text = repr(value)
+        text = value if isinstance(value, str) else repr(value)
+        if attribute:
+            found[0].set(attribute, text)
+        else:
+            found[0].text = text
 
 
 def _replace_engines(tree: ET.Element, folder: Path) -> None:

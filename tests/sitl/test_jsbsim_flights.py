@@ -111,7 +111,7 @@ def test_real_time_is_flown_to_its_end(tmp_path: Path) -> None:
     [
         ({"aircraft": "Camel"}, "JSBSim cannot fly Camel"),
         ({"aircraft": "c172p"}, "the aileron's stops"),
-        ({"aircraft": "./nothing"}, "expected a folder"),
+        ({"aircraft": "./nothing"}, "expected a folder NAME"),
         ({"aircraft": ""}, "plant.aircraft"),
         ({"aircraft": "c172p", "step_us": 300}, "expected a divisor of the control period"),
     ],

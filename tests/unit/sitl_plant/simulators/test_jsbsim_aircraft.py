@@ -164,6 +164,14 @@ def test_a_wrong_element_can_be_patched() -> None:
     assert patched.body.wing_area_m2 == pytest.approx(area, rel=0.1)
 
 
+def test_a_file_is_an_aircraft_too_and_its_units_can_be_patched(tmp_path: Path) -> None:
+    folder = write_aircraft(tmp_path, load_aircraft("aerosonde"))
+    (folder / "written.xml").rename(folder / "mine.xml")
+    patch = {"metrics/wingspan": 10.0, "metrics/wingspan/@unit": "FT"}
+    assert loaded(folder / "mine.xml").body.wing_span_m == pytest.approx(2.8956)
+    assert loaded(folder / "mine.xml", patch=patch).body.wing_span_m == pytest.approx(3.048)
+
+
 def test_the_installed_aircraft_stays_as_it_is_and_nothing_is_left() -> None:
     jsbsim: Any = importlib.import_module("jsbsim")
     file = Path(jsbsim.__file__).parent / "aircraft" / "c172p" / "c172p.xml"
@@ -244,8 +252,9 @@ def test_without_a_rudder_its_stops_are_0(tmp_path: Path) -> None:
             "expected one that comes with JSBSim, got 'nothing'",
             "./nothing",
         ),
-        ({"aircraft": "./nothing"}, "expected a folder, got './nothing'", ""),
-        ({"aircraft": "/usr"}, "expected usr.xml in the folder", "name of its aircraft"),
+        ({"aircraft": "./nothing"}, "expected a folder NAME with NAME.xml in it, or the", ""),
+        ({"aircraft": "/usr"}, "expected a folder NAME with NAME.xml in it, or the", ""),
+        ({"aircraft": "none.xml"}, "expected a folder NAME with NAME.xml in it, or the", ""),
         ({"aircraft": "T38"}, "fcs/throttle-cmd-norm does not exist", "plant.thrust: engine"),
         ({"aircraft": "Camel"}, "fcs/mixture-cmd-norm does not exist", "plant.thrust: engine"),
         ({"aircraft": "f16", "thrust": "engine"}, "has no inverse", "flight control of its own"),
