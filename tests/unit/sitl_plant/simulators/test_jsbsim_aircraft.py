@@ -1,9 +1,11 @@
 """Aircraft of JSBSim: which can be flown, by what surfaces and thrust, and that flights repeat."""
 
+import contextlib
 import gc
 import importlib
 import math
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -270,6 +272,21 @@ def test_what_cannot_be_flown_is_refused(keys: dict[str, Any], reason: str, hint
         loaded(**{"aircraft": "c172p", **keys})
     assert reason in str(refused.value)
     assert hint in refused.value.hint
+
+
+def test_the_page_names_all_that_can_be_flown() -> None:
+    """Of what comes with the version that requirements.txt has."""
+    page = (Path(__file__).parents[4] / "docs" / "how-to" / "jsbsim.md").read_text()
+    sentence = page[page.index("these can be flown with `thrust: force`:") :].partition(". ")[0]
+    named = set(re.findall(r"`([^`: ]+)`", sentence))
+    jsbsim: Any = importlib.import_module("jsbsim")
+    folder = Path(jsbsim.__file__).parent / "aircraft"
+    flown = set()
+    for aircraft in (path.name for path in folder.iterdir() if path.is_dir()):
+        with contextlib.suppress(SimulatorError):
+            loaded(aircraft)
+            flown.add(aircraft)
+    assert named == flown
 
 
 @pytest.mark.parametrize(
