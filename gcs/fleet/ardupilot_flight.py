@@ -83,6 +83,8 @@ class ArduPilotFlight:
         for uav, fault in scenario.fault_commands():
             received = fault_from_params(fault, scenario.aircraft.fault_limits)
             add_fault(self.fleet.faults[self._ids.index(uav)], received, now_s=0.0)
+        for i in range(n):
+            observe_at(self.fleet, i, 0, scenario.step_us)
         self._outputs = [Outputs(scenario.ardupilot, one) for one in self.fleet.aircraft]
         self._changed = np.zeros(n, np.uint8)  # actuators whose command is new, a mask of each
         self._launches = self._prepared()
@@ -112,7 +114,6 @@ class ArduPilotFlight:
     def load_code(self) -> None:
         """Load the compiled code that flies, so that no ArduPilot waits for it."""
         none = self._steps.part(0, 0)
-        observe_at(self.fleet, 0, 0, self._scenario.step_us)
         fly_steps(self.fleet, self._changed, 0, self._scenario.step_us, *none[1:])
         command(new_plant_state(self._scenario.plant_config(None)), 0, self._payloads[0])
 
@@ -237,8 +238,6 @@ class ArduPilotFlight:
         scenario, fleet = self._scenario, self.fleet
         if self.step == 0:
             self._changed[:] = _ALL  # the first command of each channel is one
-            for i in range(len(self._ids)):
-                observe_at(fleet, i, 0, scenario.step_us)
         for i in np.flatnonzero(self._changed).tolist():
             payload = self._payloads[i]
             payload["time_usec"] = self.step * scenario.step_us
