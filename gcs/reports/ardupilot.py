@@ -33,7 +33,7 @@ def ardupilot_tables(summary: ArduPilotSummary, scenario: Scenario) -> list[Tabl
 
 def _frames(summary: ArduPilotSummary, names: dict[int, str]) -> Table:
     columns = ("channels", "rate\n[Hz]", "frames", "changed", "repeated", "missing")
-    title = "Frames of ArduPilot; changed: those of the flight in which an output changed"
+    title = "Frames of ArduPilot; changed: an output changed, in the flight"
     table = table_of(texts("UAV"), *map(numbers, (*columns, "restarts", "dropped")), title=title)
     for one, uav in zip(summary.frames, summary.flight.uavs, strict=True):
         figures = (

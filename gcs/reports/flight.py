@@ -83,7 +83,7 @@ def _remarks(uav: UavSummary, steps: int) -> Iterator[Text]:
 
 
 def transmissions_table(summary: FlightSummary, names: dict[int, str]) -> Table:
-    """Return the events of each channel; `names` are those of the UAVs by id."""
+    """Return the events of each channel; `names` has each UAV's by its id."""
     columns = (texts("UAV"), texts("channel"))
     figures = map(numbers, ("events", "saved", "smallest interval", "repeats"))
     title = f"Transmissions in {summary.steps} control periods"

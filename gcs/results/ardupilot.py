@@ -1,4 +1,4 @@
-"""Figures of a flight by ArduPilot: those of any flight, and those of its frames."""
+"""Figures of a flight by ArduPilot: what any flight has, and its frames."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -62,7 +62,7 @@ class ArduPilotSummary:
 def ardupilot_summary(summary: FlightSummary, frames: Sequence[FrameSummary]) -> ArduPilotSummary:
     """Return the figures of a flight by ArduPilot.
 
-    ArduPilot controls in every step flown, so the saving is that of its changed outputs against a
+    ArduPilot controls in every step flown, so the saving counts its changed outputs against a
     sender of every channel in every control period. Bytes are not counted: it has other messages.
 
     Args:

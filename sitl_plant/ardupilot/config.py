@@ -1,7 +1,7 @@
 """Configuration of an ArduPilot SITL that flies the aircraft: which output moves which actuator.
 
-Output channels are numbered as SERVO1_FUNCTION and the like number them. The defaults are those
-of ArduPlane without mixers: aileron, elevator, throttle, rudder on 1 to 4, 1000 to 2000 µs, as its
+Output channels are numbered as SERVO1_FUNCTION and the like number them. The defaults are
+ArduPlane's without mixers: aileron, elevator, throttle, rudder on 1 to 4; 1000 to 2000 µs, as its
 own model of a plane (SIM_Plane.cpp) takes them.
 """
 
