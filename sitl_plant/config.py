@@ -118,6 +118,9 @@ class Aircraft(Model):
     surface_limit_deg: float = quantity("deg", gt=0.0, lt=90.0, doc="Symmetric surface stop.")
     airspeed_min_m_s: float = quantity("m/s", gt=0.0, doc="Lowest airspeed command accepted.")
     airspeed_max_m_s: float = quantity("m/s", gt=0.0, doc="Highest airspeed command accepted.")
+    cruise_m_s: float | None = quantity(
+        "m/s", gt=0.0, default=None, doc="Airspeed that a design is for; none: mid-range."
+    )
 
     @model_validator(mode="after")
     def _airspeeds_in_order(self) -> "Aircraft":
@@ -125,6 +128,9 @@ class Aircraft(Model):
         if high <= low:
             text = f"expected > airspeed_min_m_s = {low!r} m/s, got {high!r}"
             raise Problems([(("airspeed_max_m_s",), text)])
+        if self.cruise_m_s is not None and not low <= self.cruise_m_s <= high:
+            text = f"expected [{low!r}, {high!r}] m/s, its limits, got {self.cruise_m_s!r}"
+            raise Problems([(("cruise_m_s",), text)])
         return self
 
     @property
