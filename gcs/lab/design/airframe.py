@@ -76,7 +76,12 @@ def airframe_of(name: str, aircraft: Aircraft, airspeed: float | None = None) ->
     by_surface = authority(aircraft, V)
     aileron, elevator, rudder = (by_surface[surface] for surface in SURFACES)
     return Airframe(
-        name, aircraft, flight, (aileron, elevator, rudder), stops_of(aircraft), _damping(aircraft, V)
+        name,
+        aircraft,
+        flight,
+        (aileron, elevator, rudder),
+        stops_of(aircraft),
+        _damping(aircraft, V),
     )
 
 

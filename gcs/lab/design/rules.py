@@ -106,6 +106,8 @@ class Rules:
         )
         if is_deflection:
             return self._share_of_stop
+        if isinstance(model, TriggerParameters) and name == "a2_n":
+            return lambda value: self._thrust_threshold(value, model.a1)
         if isinstance(model, Scaled) and name == "within_s":
             return self._remembered
         return None
@@ -167,6 +169,21 @@ class Rules:
             return Line(rounded(value, share), f"{value:g} of 2000 N, as a share of the limit")
         return Line(rounded(value, similar), f"{value:g} × {self.similar.formula('N')}")
 
+    def _thrust_threshold(self, value: Schedule[float], a1: Schedule[float]) -> Line:
+        """The same acceleration as at home, a1 T + a2 with the thrust of level flight."""
+        force, relative = self.similar.factor("N"), a1.windows()[0][1]
+        thrust = home().flight.thrust_n * force - self.airframe.flight.thrust_n
+        more = relative * thrust
+        moved = [
+            {
+                **({} if until == math.inf else {"until_s": until}),
+                "value": max(one + more / force, 0.0),
+            }
+            for until, one in value.windows()
+        ]
+        number = scaled(type(value).model_validate(moved), force, self.similar.time)
+        return Line(number, f"{text_of(value)} N and a1 of 895 N, × m v s^-1")
+
     def _remembered(self, value: float) -> Line:
         """A time by its unit, within what the trigger remembers: 64 control periods."""
         longest = 64 * self.given.step_us / 1e6
@@ -179,7 +196,9 @@ class Rules:
         """Return the ratios of the gains to the defaults, by axis: authority and servo."""
         lag = self.given.servo_lag_s
         largest = _largest(K2)
-        most = [min(1.0, _SERVO / lag / k * s) if lag > 0.0 else 1.0 for k, s in self._axes(largest)]
+        most = [
+            min(1.0, _SERVO / lag / k * s) if lag > 0.0 else 1.0 for k, s in self._axes(largest)
+        ]
         return tuple(f / s for f, (_, s) in zip(most, self._axes(largest), strict=True))
 
     def _axes(self, values: tuple[float, ...]) -> list[tuple[float, float]]:

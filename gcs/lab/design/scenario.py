@@ -86,7 +86,7 @@ def design_of(
             f"expected at most {_SLOWEST:g}: its surfaces make [{able}] rad/s^2",
             "choose a higher --airspeed, or more thrust or control authority",
         )
-    problems = list(LAWS[law]().misfits(airframe.aircraft))  # type: ignore[call-arg]  # kind has a default
+    problems = list(LAWS[law](kind=law).misfits(airframe.aircraft))
     if problems:
         raise BadInput(f"{law} cannot fly {airframe.name}: {problems[0]}")
     key = aircraft_key or airframe.name
@@ -114,10 +114,11 @@ class Sections(NamedTuple):
 
 def sections_of(design: Design) -> Sections:
     """Return every parameter of law, trigger and guidance, with its rule."""
-    trigger = TRIGGERS[TRIGGER_OF.get(design.law, "per_channel")]()  # type: ignore[call-arg]  # as above
+    mode = TRIGGER_OF.get(design.law, "per_channel")
+    trigger = TRIGGERS[mode](mode=mode)
     least = min(value for _, value in trigger.b2_deg.windows())
     rules = Rules(design.airframe, design.similar, design.given, least)
-    law = LAWS[design.law]()  # type: ignore[call-arg]  # as above
+    law = LAWS[design.law](kind=design.law)
     controller, of_trigger, guidance = (
         parameters_of(model, design.similar, rules.rule_of)
         for model in (law, trigger, PathFollowing())
@@ -258,7 +259,8 @@ def text_of(design: Design, command: str) -> str:
     """
     similar = design.similar
     axes, authority = (
-        ", ".join(f"{x:.3g}" for x in triple) for triple in (similar.axes, design.airframe.authority)
+        ", ".join(f"{x:.3g}" for x in triple)
+        for triple in (similar.axes, design.airframe.authority)
     )
     head = [
         f"Written by: {command}",

@@ -41,7 +41,8 @@ class Similarity(NamedTuple):
             KeyError: It has a part that is not known.
         """
         length, mass, time = dimensions(unit)
-        return (self.velocity * self.time) ** length * self.mass**mass * self.time**time
+        ratio: float = (self.velocity * self.time) ** length * self.mass**mass * self.time**time
+        return ratio
 
     def formula(self, unit: str) -> str:
         """Return what `factor` multiplies by as a text, such as "s^-1"; "" for 1."""
