@@ -22,21 +22,25 @@ class Readings:
         dt: Interval [s].
         v: Velocity through the air, body axes [m/s], shape (n, 3).
         omega: Angular velocity [rad/s], shape (n, 3).
-        force: Specific force [m/s²], shape (n, 3).
+        force: Specific force [m/s²], shape (n, 3); None where it is not read.
         delta: Aileron, elevator, rudder [rad], shape (n, 3).
         thrust: Along x [N], shape (n,).
         piece: Number of the piece, shape (n,).
         group: Number of the experiment, shape (n,): errors of one are not independent.
+        ground: Without a specific force: velocity over the ground, body axes [m/s], shape (n, 3).
+        gravity: The same: gravity, body axes [m/s²], shape (n, 3).
     """
 
     dt: float
     v: np.ndarray
     omega: np.ndarray
-    force: np.ndarray
+    force: np.ndarray | None
     delta: np.ndarray
     thrust: np.ndarray
     piece: np.ndarray
     group: np.ndarray
+    ground: np.ndarray | None = None
+    gravity: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -72,9 +76,7 @@ def windows_of(readings: Readings, body: Body) -> Windows:
     V = np.linalg.norm(readings.v, axis=1)
     qS = 0.5 * body.air_density_kg_m3 * V**2 * body.wing_area_m2
     by = mean(qS)
-    coefficients = {
-        name: mean(force) / by for name, force in _forces(readings, body, V).items()
-    }
+    coefficients = {name: mean(force) / by for name, force in _forces(readings, body).items()}
     b, c = body.wing_span_m, body.mean_chord_m
     for name, length, part in (("cl", b, 0), ("cm", c, 1), ("cn", b, 2)):
         coefficients[name] = moment[:, part] / (by * length)
@@ -104,9 +106,12 @@ def angles_of(v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.arctan2(v[:, 2], v[:, 0]), np.arcsin(v[:, 1] / np.linalg.norm(v, axis=1))
 
 
-def _forces(readings: Readings, body: Body, V: np.ndarray) -> dict[str, np.ndarray]:
-    """Return lift, drag and side force [N], the thrust taken off."""
-    x, y, z = (readings.force * body.mass_kg).T
+def _forces(readings: Readings, body: Body) -> dict[str, np.ndarray]:
+    """Return lift, drag and side force [N] of each reading, the thrust taken off."""
+    felt = readings.force
+    if felt is None:
+        felt = _felt(readings)
+    x, y, z = (felt * body.mass_kg).T
     x = x - readings.thrust
     alpha, beta = angles_of(readings.v)
     ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
@@ -115,6 +120,23 @@ def _forces(readings: Readings, body: Body, V: np.ndarray) -> dict[str, np.ndarr
         "cD": -(x * ca * cb + y * sb + z * sa * cb),
         "cY": -x * ca * sb + y * cb - z * sa * sb,
     }
+
+
+def _felt(readings: Readings) -> np.ndarray:
+    """Return the specific force from the motion, v̇ + ω × v - g [m/s²], shape (n, 3).
+
+    Differences do not reach over the edge of a piece, where the force may jump.
+    """
+    ground, gravity = readings.ground, readings.gravity
+    assert ground is not None
+    assert gravity is not None
+    slope = np.zeros_like(ground)
+    edges = np.flatnonzero(np.diff(readings.piece)) + 1
+    for begin, end in zip([0, *edges], [*edges, len(ground)], strict=True):
+        if end - begin > 2:
+            part = ground[begin:end]
+            slope[begin:end] = np.gradient(part, readings.dt, axis=0, edge_order=2)
+    return slope + np.cross(readings.omega, ground) - gravity
 
 
 def _regressors(readings: Readings, body: Body, V: np.ndarray) -> dict[str, np.ndarray]:
