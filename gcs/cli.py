@@ -61,6 +61,10 @@ COMMANDS = {
         "List the bundled aircraft, or show one: size, limits, trim, modes, authority.",
     ),
     "design": ("design", "Write a scenario for an aircraft, every parameter derived from it."),
+    "identify": (
+        "identify",
+        "Identify the nominal aircraft of a simulator, or of a recorded flight.",
+    ),
     "scenarios": (
         "scenarios",
         "List the bundled scenarios, one per line: name and what it shows; then the additions.",
@@ -109,7 +113,8 @@ It is the first line of the command's own help, which is not imported for the he
 """
 
 _LAB = {
-    *("aircraft", "baseline", "campaign", "compare", "design", "reproduce", "sweep", "trim"),
+    *("aircraft", "baseline", "campaign", "compare", "design", "identify"),
+    *("reproduce", "sweep", "trim"),
 }
 """Commands of `gcs.lab`, which needs more packages than operators do."""
 

@@ -59,7 +59,7 @@ class OwnSimulator:
         self.advance(0.0)
 
     def control(self, delta: Vec3, thrust: float) -> None:
-        """Put aileron, elevator and rudder [rad] and the thrust along x [N] where they are to be."""
+        """Put aileron, elevator, rudder [rad] and the thrust along x [N] where they are to be."""
         self._inputs[:4] = [*delta, thrust]
 
     def set_wind(self, wind: Vec3) -> None:
@@ -73,8 +73,7 @@ class OwnSimulator:
     def read(self) -> Motion:
         """Return the present motion."""
         p, v, phi, omega, force = (
-            (float(a), float(b), float(c))
-            for a, b, c in (*self._x.reshape(4, 3), self._force)
+            (float(a), float(b), float(c)) for a, b, c in (*self._x.reshape(4, 3), self._force)
         )
         return Motion(p, v, phi, omega, force)
 
@@ -101,8 +100,6 @@ def _advance(
 
 
 @compiled
-def _slope(
-    state: State, delta: Vec3, thrust: float, wind: Vec3, aircraft: AircraftRecord
-) -> State:
+def _slope(state: State, delta: Vec3, thrust: float, wind: Vec3, aircraft: AircraftRecord) -> State:
     air: Air = (mul_t(R1(state[2]), wind), STILL_AIR[1])
     return state_derivative(state, thrust, delta, _NONE, _NONE, air, aircraft)

@@ -6,7 +6,6 @@ all motions are excited independently (persistent excitation).
 
 import math
 from collections.abc import Callable
-from itertools import pairwise
 
 import numpy as np
 
@@ -100,12 +99,16 @@ def experiment(
         text = "the aircraft left what can be flown in most of the experiment's segments"
         raise BadInput(text, "choose another --cruise, or check the aircraft's stability")
     table = np.array(rows)
+    numbers = table[:, 13:].astype(np.int64)
     return Readings(
-        STEP_S,
-        *(table[:, begin:end] for begin, end in pairwise((0, 3, 6, 9, 12))),
-        table[:, 12],
-        table[:, 13].astype(np.int64),
-        table[:, 14].astype(np.int64),
+        dt=STEP_S,
+        v=table[:, :3],
+        omega=table[:, 3:6],
+        force=table[:, 6:9],
+        delta=table[:, 9:12],
+        thrust=table[:, 12],
+        piece=numbers[:, 0],
+        group=numbers[:, 1],
     )
 
 

@@ -52,6 +52,7 @@ REGRESSORS = {
 }
 """What each coefficient of a force or moment is multiplied by."""
 _WIDE = 0.3  # half of an interval by the value, from which on a recording says too little
+_CONSTANT = 1e-6  # of a coefficient: less variation than this is rounding
 _ROUNDING = 1e-9  # singular values below this share of the largest are none
 
 
@@ -102,8 +103,9 @@ def fit(windows: Windows, nominal: dict[str, float] | None = None) -> Fit:
             estimates[worst] = Estimate(nominal[worst], found[worst].half_width, is_kept=True)
         estimates |= found
         rms = float(np.sqrt(np.mean(left**2)))
-        spread = float(np.std(windows.coefficients[axis]))
-        residuals[axis] = Residual(rms, rms / spread if spread > 0.0 else 0.0)
+        measured = windows.coefficients[axis]
+        size = max(float(np.std(measured)), _CONSTANT * float(np.sqrt(np.mean(measured**2))))
+        residuals[axis] = Residual(rms, rms / size if size > 0.0 else 0.0)
     ordered = {name: estimates[name] for names in REGRESSORS.values() for name in names}
     return Fit(ordered, residuals)
 
@@ -137,7 +139,9 @@ def _solved(
     freedom = max(len(groups) - len(free), 1)
     correction = len(groups) / freedom
     deviation = np.sqrt(correction * np.sum(scores**2, axis=0))
-    unseen = np.abs(Vt[~is_seen]).max(axis=0) > 1e-6 if not is_seen.all() else np.zeros(len(free), bool)
+    unseen = (
+        np.abs(Vt[~is_seen]).max(axis=0) > 1e-6 if not is_seen.all() else np.zeros(len(free), bool)
+    )
     widths = students_t.ppf(0.5 + CONFIDENCE / 2.0, freedom) * deviation
     widths[unseen] = np.inf
     found = {

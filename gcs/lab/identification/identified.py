@@ -127,9 +127,7 @@ def finished(
     return Identified(aircraft, found, flight, level, airframe_checks(aircraft, flight))
 
 
-def constants_at(
-    level: SimulatorTrim, body: Body, values: dict[str, float]
-) -> dict[str, float]:
+def constants_at(level: SimulatorTrim, body: Body, values: dict[str, float]) -> dict[str, float]:
     """Return the constant coefficients with which a model trims as the plant does."""
     qS = 0.5 * body.air_density_kg_m3 * level.airspeed**2 * body.wing_area_m2
     x, y, z = (body.mass_kg * part for part in level.specific_force)
@@ -209,7 +207,9 @@ def verdict(identified: Identified) -> list[str]:
             )
     kept = [name for name, one in identified.fit.estimates.items() if one.is_kept]
     if kept:
-        lines.append(f"the flight does not show {', '.join(kept)}: they stay at their nominal values")
+        lines.append(
+            f"the flight does not show {', '.join(kept)}: they stay at their nominal values"
+        )
     return lines or ["nothing speaks against it: `gcs design` derives a flight from it"]
 
 
@@ -225,10 +225,10 @@ def text_of(identified: Identified, command: str) -> str:
     head = [
         f"# Written by: {command}",
         "#",
-        f"# Level flight at {flight.airspeed_m_s:g} m/s: angle of attack {flight.alpha_deg:.2f} deg, "
-        f"thrust {flight.thrust_n:.4g} N.",
+        f"# Level flight at {flight.airspeed_m_s:g} m/s: angle of attack {flight.alpha_deg:.2f} "
+        f"deg, thrust {flight.thrust_n:.4g} N.",
         f"# Not explained of {shares}.",
-        "# Intervals hold the true coefficient in 95 of 100 experiments, if the plant is of our form.",
+        "# Intervals hold the true value in 95 of 100 experiments, if the plant is of our form.",
         *(f"# {line}" for line in verdict(identified)),
         "",
     ]

@@ -136,7 +136,8 @@ def _felt(readings: Readings) -> np.ndarray:
         if end - begin > 2:
             part = ground[begin:end]
             slope[begin:end] = np.gradient(part, readings.dt, axis=0, edge_order=2)
-    return slope + np.cross(readings.omega, ground) - gravity
+    felt: np.ndarray = slope + np.cross(readings.omega, ground) - gravity
+    return felt
 
 
 def _regressors(readings: Readings, body: Body, V: np.ndarray) -> dict[str, np.ndarray]:

@@ -59,7 +59,9 @@ def trim(simulator: Simulator, V: float, altitude: float = 0.0) -> SimulatorTrim
     def unrest(u: np.ndarray) -> np.ndarray:
         nonlocal felt
         alpha, delta, thrust = unpacked(u)
-        felt, turning = acceleration(simulator, motion_at(V, alpha, altitude=altitude), delta, thrust)
+        felt, turning = acceleration(
+            simulator, motion_at(V, alpha, altitude=altitude), delta, thrust
+        )
         along = felt[0] - gravity * math.sin(alpha)
         down = felt[2] + gravity * math.cos(alpha)
         return np.array([along, down, *turning])
@@ -113,9 +115,7 @@ def acceleration(
     for _ in range(_SPAN):
         simulator.advance(STEP_S)
     after = simulator.read()
-    turning = [
-        (b - a) / (_SPAN * STEP_S) for a, b in zip(before.rates, after.rates, strict=True)
-    ]
+    turning = [(b - a) / (_SPAN * STEP_S) for a, b in zip(before.rates, after.rates, strict=True)]
     return before.specific_force, (turning[0], turning[1], turning[2])
 
 
