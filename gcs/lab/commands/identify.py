@@ -229,7 +229,7 @@ def _print(found: "Identified", output: Terminal) -> None:
         for name in coefficients:
             one = found.fit.estimates[name]
             shift = values[name] - one.value
-            remark = "nominal" if one.is_kept else ""
+            remark = "nominal" if one.is_nominal else ""
             if found.level is not None and name in SET_BY_TRIM and abs(shift) > one.half_width:
                 remark = f"shifted by {shift:.2g} to the plant's trim"
             table.add_row(name, f"{values[name]:.5g}", f"{one.half_width:.2g}", remark)

@@ -109,7 +109,7 @@ def rounded(value: float, factor: float) -> float:
 
 
 def text_of(value: Any) -> str:
-    """Return numbers as a short text; of a schedule, those of its first window."""
+    """Return numbers as a short text; of a schedule, of its first window."""
     if isinstance(value, Schedule):
         return f"{text_of(value.windows()[0][1])}{' ...' if len(value.windows()) > 1 else ''}"
     if isinstance(value, list | tuple):

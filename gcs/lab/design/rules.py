@@ -1,6 +1,6 @@
 """Rules of the parameters that similarity alone would not make right, each with its reason.
 
-`s` is the time scale, `v` the ratio of airspeeds, `m` that of masses, `s_i` the time scale of an
+`s` is the time scale, `v` the ratio of airspeeds, `m` of masses, `s_i` the time scale of an
 axis; 0.5, 0.2 and the like are derived in docs/explanation/design-rules.md.
 """
 
@@ -45,7 +45,7 @@ HIDDEN_UNITS = {
     "phi_omega0": "1/s",
     "beta_omega0": "s^4",  # (37): the same deflection for ζ_ω ~ 1/s² and G ~ 1/s²
 }
-"""Units of the paper's numbers, which Table III prints without: what makes (33) to (39) similar."""
+"""Units of what Table III prints without: with them, (33) to (39) are similar."""
 
 
 @dataclass(frozen=True)

@@ -197,7 +197,7 @@ def steps_deg(design: Design) -> dict[str, tuple[float, str]]:
 def profile_of(design: Design) -> tuple[list[dict[str, float]], float]:
     """Return the segments of scenario 1 in the aircraft's units, and the pitch of the first [deg].
 
-    Its pitch angles are those of level flight at the airspeed, and a step up from it.
+    Pitch is the one of level flight at the airspeed, and a step up from it.
     """
     aircraft, s = design.airframe.aircraft, design.similar.time
     steps = {name: value for name, (value, _) in steps_deg(design).items()}

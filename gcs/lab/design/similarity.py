@@ -26,7 +26,7 @@ _HALVES = 2.0  # the time scale is rounded to halves
 
 
 class Similarity(NamedTuple):
-    """Ratios of an aircraft's units to those of the aircraft that the defaults were found on."""
+    """An aircraft's units, in units of the aircraft that the defaults were found on."""
 
     time: float  # s: the aircraft is so many times slower
     velocity: float

@@ -61,7 +61,7 @@ class Estimate(NamedTuple):
 
     value: float
     half_width: float  # of its confidence interval; infinite if the flight does not show it
-    is_kept: bool = False  # at its nominal value
+    is_nominal: bool = False  # at its nominal value
 
 
 class Residual(NamedTuple):
@@ -100,7 +100,7 @@ def fit(windows: Windows, nominal: dict[str, float] | None = None) -> Fit:
             if _width(found[worst], nominal, worst) <= _WIDE:
                 break
             y = y - nominal[worst] * windows.regressors[free.pop(worst)]
-            estimates[worst] = Estimate(nominal[worst], found[worst].half_width, is_kept=True)
+            estimates[worst] = Estimate(nominal[worst], found[worst].half_width, is_nominal=True)
         estimates |= found
         rms = float(np.sqrt(np.mean(left**2)))
         measured = windows.coefficients[axis]

@@ -195,7 +195,7 @@ def _short(value: float) -> float:
 
 
 def verdict(identified: Identified) -> list[str]:
-    """Return in words whether laws can fly the aircraft, and how well it is known."""
+    """Return sentences: whether laws can fly the aircraft, and how well it is known."""
     unmet = [check for check in identified.checks if not check.is_met]
     lines = [f"{check.name}: {check.value}: {check.otherwise}" for check in unmet]
     for axis in MOMENTS:
@@ -205,7 +205,7 @@ def verdict(identified: Identified) -> list[str]:
                 f"{share:.0%} of the {FORCES[axis]} is not explained, expected at most "
                 f"{WELL_EXPLAINED:.0%}: the laws, which invert it, will be less exact"
             )
-    kept = [name for name, one in identified.fit.estimates.items() if one.is_kept]
+    kept = [name for name, one in identified.fit.estimates.items() if one.is_nominal]
     if kept:
         lines.append(
             f"the flight does not show {', '.join(kept)}: they stay at their nominal values"
@@ -252,6 +252,6 @@ def _coefficients(identified: Identified) -> list[str]:
 def _remark(name: str, one: Estimate, is_trimmed: bool) -> str:
     if is_trimmed and name in SET_BY_TRIM:
         return "so that it trims where the plant does"
-    if one.is_kept:
+    if one.is_nominal:
         return "nominal: the flight does not show it"
     return f"± {one.half_width:.2g}"

@@ -17,8 +17,7 @@ from sitl_plant.rigid_body import angular_acceleration
 from sitl_plant.vec3 import Vec3, clamp, mat3, mul
 
 _AT_THE_STOP = 0.92  # of the stop
-_STOP_MEMORY_S = 0.7
-_DRIVING_RAD_S, _LARGEST_DRIVE = math.radians(40.0), math.radians(25.0)
+_LARGEST_DRIVE = math.radians(25.0)
 
 
 class LateralTrim(NamedTuple):
@@ -97,7 +96,7 @@ def rudder_for_roll(
         rudder -= gain_at(gains["airspeeds"], gains["rudder_gains"], motion.V, i) * x[i]
     rudder /= state["diagnosis"]["actuators"][RUDDER]["effectiveness"]
     stopped = clamp(rudder, -stop, stop)
-    state["rudder_mean"] += now.dt / _STOP_MEMORY_S * (stopped - state["rudder_mean"])
+    state["rudder_mean"] += now.dt / gains["stop_memory_s"] * (stopped - state["rudder_mean"])
     return rudder
 
 
@@ -109,7 +108,7 @@ def driven_aileron(now: Step, gains: np.void, state: np.void, stop: float) -> fl
     that costs nothing if it is stuck, and decides if it is only very weak.
     """
     if abs(state["rudder_mean"]) > _AT_THE_STOP * stop:
-        more = math.copysign(now.dt * _DRIVING_RAD_S, state["rudder_mean"])
+        more = math.copysign(now.dt * gains["driving_rad_s"], state["rudder_mean"])
         driven = state["aileron_driven"] + more
         state["aileron_driven"] = clamp(driven, -_LARGEST_DRIVE, _LARGEST_DRIVE)
     aileron: float = probed(AILERON, gains["diagnosis"], state["diagnosis"])

@@ -21,6 +21,9 @@ from sitl_plant.config import Aircraft
 from sitl_plant.hardware import ActuatorServos
 
 _RateLimit = Annotated[float, quantity("deg/s", gt=0.0, doc="Limit of an Euler angle's rate.")]
+_AccelerationLimit = Annotated[
+    float, quantity("rad/s^2", gt=0.0, doc="Limit of a commanded rate's derivative.")
+]
 
 
 class FaultTolerant(LawParameters):
@@ -68,9 +71,27 @@ class FaultTolerant(LawParameters):
     tau_omega_d_s: float = quantity(
         "s", gt=0.0, default=0.015, doc="Filter of the commanded rates."
     )
+    acceleration_limit_rad_s2: tuple[_AccelerationLimit, _AccelerationLimit, _AccelerationLimit] = (
+        Field(
+            default=(20.0, 20.0, 10.0),
+            description="Limits of the commanded rates' derivatives [rad/s^2].",
+        )
+    )
     c_v: float = quantity("1/s", gt=0.0, le=100.0, default=10.5, doc="Gain of the speed error.")
     alpha_limit_deg: float = quantity(
         "deg", gt=0.0, lt=90.0, default=33.0, doc="Angle of attack above which the nose is lowered."
+    )
+    pitch_lowering_1_s: float = quantity(
+        "1/s", gt=0.0, default=2.0, doc="Rate at which the nose is lowered, by that excess."
+    )
+    pitch_rate_1_s: float = quantity(
+        "1/s", gt=0.0, default=3.0, doc="Largest pitch rate, by the distance from that limit."
+    )
+    stop_memory_s: float = quantity(
+        "s", gt=0.0, default=0.7, doc="Memory of a rudder that is at its stop without the aileron."
+    )
+    driving_deg_s: float = quantity(
+        "deg/s", gt=0.0, default=40.0, doc="Rate at which a lost aileron is then driven to help."
     )
     pitch_error_limit_deg: float = quantity(
         "deg",

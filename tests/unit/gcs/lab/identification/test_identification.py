@@ -163,11 +163,11 @@ def flown(aerosonde: Aircraft, seconds: float) -> Fit:
 def test_a_recording_shows_what_was_excited_and_keeps_the_rest(aerosonde: Aircraft) -> None:
     known, found = aerosonde.coefficients.model_dump(), flown(aerosonde, 24.0)
     for name in ("cl_beta", "cl_p", "cl_da", "cm_de", "cm_alpha", "cL_alpha", "cn_dr", "cY_beta"):
-        assert not found.estimates[name].is_kept, name
+        assert not found.estimates[name].is_nominal, name
         assert found.estimates[name].value == pytest.approx(known[name], rel=0.02), name
-    assert found.estimates["cD_beta2"].is_kept
+    assert found.estimates["cD_beta2"].is_nominal
     still = flown(aerosonde, 2.5)  # before the first step of the profile
-    kept = {name for name, one in still.estimates.items() if one.is_kept}
+    kept = {name for name, one in still.estimates.items() if one.is_nominal}
     assert {"cl_beta", "cl_r", "cn_beta", "cn_dr", "cY_beta"} <= kept
     assert still.estimates["cn_dr"].value == 1.3 * known["cn_dr"]
 
