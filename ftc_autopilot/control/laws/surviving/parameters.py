@@ -14,6 +14,7 @@ from ftc_autopilot.control.laws.surviving.gains import (
     AIRSPEEDS,
     LATERAL,
     LONGITUDINAL,
+    LoopWeights,
     gains_of,
 )
 from mavlink_defs.config.quantity import quantity
@@ -99,6 +100,13 @@ class FaultTolerant(LawParameters):
         default=3.0,
         doc="With the elevator lost, the speed is held up to this error.",
     )
+    pitch_integral_limit_rad_s: float = quantity(
+        "rad s", gt=0.0, default=0.6, doc="Limit of the pitch error's integral in that loop."
+    )
+    loops: LoopWeights = Field(
+        default=LoopWeights(),
+        description="Weights of the loops without a surface, whose gains follow at the start.",
+    )
     reconfigure: bool = Field(
         default=True,
         description="Whether the other actuators take over from a lost one; false only corrects "
@@ -115,13 +123,13 @@ class FaultTolerant(LawParameters):
             return
         try:
             with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):
-                gains_of(aircraft)
+                gains_of(aircraft, self.loops)
         except ValueError:  # of the linear algebra, which names neither aircraft nor cause
             yield "rudder or thrust alone cannot hold it, so that the loops without a surface fail"
 
     def derive(self, aircraft: Aircraft, record: np.void) -> None:
         """Compute the gains of the reconfigured loops."""
-        gains = gains_of(aircraft)
+        gains = gains_of(aircraft, self.loops)
         record["airspeeds"] = gains.airspeeds
         record["rudder_gains"], record["thrust_gains"] = gains.rudder, gains.thrust
 

@@ -103,24 +103,41 @@ def numbers_of(value: Any) -> list[float]:
 
 
 @pytest.mark.parametrize(
-    ("law", "differing"), [("backstepping", 0.03), ("pid", 0.0), ("tube", 0.25)]
+    ("law", "stuck"),
+    [
+        *(("backstepping", None), ("pid", None), ("proposed", None)),
+        *(("surviving", None), ("surviving", "aileron"), ("surviving", "elevator")),
+        *(("tube", None), ("tube", "rudder")),
+    ],
 )
-def test_a_similar_aircraft_flies_the_same_flight(law: str, differing: float) -> None:
-    """In its own units: as many events, the same errors; what is left is constants in code."""
+def test_a_similar_aircraft_flies_the_same_flight(law: str, stuck: str | None) -> None:
+    """In its own units: as many events, the same errors, losses found at the same time.
+
+    Whatever number in the code has no key, or a wrong unit, makes a difference.
+    """
     flights = []
     for airframe, time in (
         (paper(), 1.0),
         (airframe_of("similar", similar_to(load_aircraft("paper"))), TIME),
     ):
         design = design_of(airframe, law, Conditions(step_us=round(1000 * time)))
-        aircraft = {"aircraft": airframe.aircraft.model_dump(exclude_none=True)}
-        scenario = scenario_of("x", plain(tree_of(design)) | aircraft)
+        tree = plain(tree_of(design))
+        tree["aircraft"] = airframe.aircraft.model_dump(exclude_none=True)
+        if stuck is not None:
+            fault = {"uav": 1, "actuator": stuck, "stuck_deg": 0.0, "start_s": 10.0 * time}
+            tree["faults"] = [fault]
+        scenario = scenario_of("x", tree)
         recording = fly_in_process(scenario)
         largest = np.abs(recording.error("reference")[1000:, 0]).max(axis=0)
-        flights.append((summarise(recording, scenario).uavs[0].events, largest))
-    (events, error), (found, other) = flights
-    assert found == pytest.approx(events, rel=differing)
-    assert other == pytest.approx(error * np.array([VELOCITY, 1.0, 1.0, 1.0]), rel=0.05, abs=1e-3)
+        uav = summarise(recording, scenario).uavs[0]
+        lost = [(one.actuator, one.phase, round(one.time_s / time, 3)) for one in uav.diagnosis]
+        flights.append((uav.events, largest, lost))
+    (events, error, lost), (found, other, lost_there) = flights
+    assert found == pytest.approx(events, rel=0.03)
+    units = np.array([VELOCITY, 1.0, 1.0, 1.0])
+    assert other == pytest.approx(error * units, rel=0.04, abs=5e-3)
+    assert lost_there == lost
+    assert bool(lost) == (stuck is not None)
 
 
 @pytest.mark.parametrize("law", ["surviving", "tube"])
