@@ -87,8 +87,12 @@ def airframe_of(name: str, aircraft: Aircraft, airspeed: float | None = None) ->
 
 def stops_of(aircraft: Aircraft) -> tuple[float, float, float]:
     """Return the least deflection to either side of aileron, elevator, rudder [rad]."""
-    stop = math.radians(aircraft.surface_limit_deg)
-    return stop, stop, stop
+    limits = getattr(aircraft, "surface_limits_deg", None) or {}
+    a, b, c = (
+        min(abs(x) for x in limits[name]) if name in limits else aircraft.surface_limit_deg
+        for name in SURFACES
+    )
+    return math.radians(a), math.radians(b), math.radians(c)
 
 
 def _damping(aircraft: Aircraft, V: float) -> tuple[float, float, float]:

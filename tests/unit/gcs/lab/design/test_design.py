@@ -211,3 +211,19 @@ def test_what_cannot_be_flown_is_refused_with_the_reason() -> None:
         design_of(replace(paper(), authority=(1.0, 1.0, 1.0)), "surviving", Conditions())
     with pytest.raises(BadInput, match="--airspeed is 100, expected"):
         airframe_of("aerosonde", load_aircraft("aerosonde"), 100.0)
+
+
+def test_axes_and_thrust_have_their_own_scale() -> None:
+    """Of an aircraft that is not similar: its pitch is slower than its roll, its engine weaker."""
+    airframe = airframe_of("aerosonde", load_aircraft("aerosonde"))
+    similar = similarity(airframe)
+    law = plain(sections_of(design_of(airframe, "surviving", Conditions())).controller)
+    home = (60.0, 40.0, 12.0)
+    for limit, known, s in zip(law["rate_limit_deg_s"], home, similar.axes, strict=True):
+        assert limit == pytest.approx(known / s, rel=1e-3)
+    assert len({round(s, 2) for s in similar.axes}) > 1
+    assert law["diagnosis"]["jump_n"] == pytest.approx(0.06 * airframe.aircraft.thrust_limit_n)
+    assert law["diagnosis"]["jump_deg"] == pytest.approx(
+        [x * 25.0 / 35.0 for x in (1.5, 2.0, 3.0)], rel=1e-3
+    )
+    assert law["alpha_limit_deg"] == pytest.approx(26.93 - 3.0, abs=0.05)
