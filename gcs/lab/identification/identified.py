@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from gcs.errors import BadInput
+from gcs.lab.design.airframe import SURFACES
 from gcs.lab.identification.experiment import experiment, stall_of
 from gcs.lab.identification.fit import Estimate, Fit, fit
 from gcs.lab.identification.readings import windows_of
@@ -178,6 +179,11 @@ def _aircraft(
         "airspeed_max_m_s": choices.airspeed_max or float(f"{_FASTEST * V:.3g}"),
         "cruise_m_s": V,
     }
+    if "surface_limits_deg" in Aircraft.model_fields:
+        tree["surface_limits_deg"] = {
+            name: [round(math.degrees(low), 3), round(math.degrees(high), 3)]
+            for name, (low, high) in zip(SURFACES, simulator.stops, strict=True)
+        }
     try:
         return Aircraft.model_validate(tree)
     except ValidationError as problem:
