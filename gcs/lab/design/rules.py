@@ -24,8 +24,6 @@ from gcs.lab.design.similarity import Similarity
 from mavlink_defs.config.quantity import Quantity
 
 _SERVO = 0.5  # K2 times the servos' lag
-_PID_SERVO = 1.0  # bandwidth of the rate loops of `pid` times that lag
-_PID_BANDWIDTH = 45.0  # of the rate loops by default, Table III's K2 [rad/s]
 _ENGINE = 0.3  # c_v times the engine's lag
 _NOISE = 0.2  # of the surfaces' threshold: noise of a command
 _FILTER = 0.25  # K2 times the time constant of the gyro's filter
@@ -128,7 +126,6 @@ class Rules:
             rules["K2"] = lambda _: self._gains(K2, K2, "K2")
             rules["gyro_filter_s"] = lambda _: self._gyro_filter(K2)
         if isinstance(model, Pid):
-            rules["time_constant_s"] = self._time_constant
             rules["rate_p"] = lambda value: self._rate_loop(value, 1.0)
             rules["rate_i"] = lambda value: self._rate_loop(value, 2.0)
             rules["rate_ff"] = self._feed_forward
@@ -251,21 +248,10 @@ class Rules:
         return Line(min(value, round(stall - _BELOW_STALL_DEG, 1)), "3 deg below the stall")
 
     def _rate_loop(self, value: Any, power: float) -> Line:
-        ratios = zip(home().effect, self.airframe.effect, self._loop_times(), strict=True)
+        ratios = zip(home().effect, self.airframe.effect, self.similar.axes, strict=True)
         factors = [known / M / s**power for known, M, s in ratios]
         text = "bandwidth 45/(M_i s_i)" if power == 1.0 else "a tenth of a second, times s_i"
-        limit = ", at most 1/servo lag" if self.given.servo_lag_s > 0.0 else ""
-        return Line(scaled(value, factors, 1.0), f"{text_of(value)} by authority: {text}{limit}")
-
-    def _loop_times(self) -> list[float]:
-        """Return by how much the rate loops of `pid` are slower than by default, by axis."""
-        slowest = self.given.servo_lag_s * _PID_BANDWIDTH / _PID_SERVO
-        return [max(s, slowest) for s in self.similar.axes]
-
-    def _time_constant(self, value: Any) -> Line:
-        times = [max(self.similar.time, one) for one in self._loop_times()]
-        text = "as many times longer as the rate loops are slower, at least s"
-        return Line(scaled(value, times, 1.0), f"{text_of(value)}, {text}")
+        return Line(scaled(value, factors, 1.0), f"{text_of(value)} by authority: {text}")
 
     def _feed_forward(self, value: Any) -> Line:
         known, own = home(), self.airframe
