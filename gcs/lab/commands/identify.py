@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 EPILOG = """
 Examples:
 
+- gcs identify jsbsim:c172p --cruise 55 -o c172p.yaml
 - gcs identify own:aerosonde --cruise 24 -o mine.yaml
 - gcs identify --from runs/mine --aircraft aerosonde
 
@@ -66,6 +67,14 @@ class IdentifyOptions:
             help="Highest one [m/s]; by default 1.3 times the cruise.", min=0.1, metavar="M/S"
         ),
     ] = None
+    wing_area: Annotated[
+        float | None,
+        typer.Option(
+            help="Reference area in place of the simulator's [m²], if that is wrong.",
+            min=1e-3,
+            metavar="M2",
+        ),
+    ] = None
     seed: Annotated[
         int, typer.Option(help="Of the experiment's random controls.", min=0, metavar="NUMBER")
     ] = 1
@@ -104,6 +113,7 @@ class IdentifyOptions:
             "--thrust-limit": self.thrust_limit,
             "--airspeed-min": self.airspeed_min,
             "--airspeed-max": self.airspeed_max,
+            "--wing-area": self.wing_area,
             "--seed": self.seed if self.seed != 1 else None,
         }
         options = [f"{name} {value:g}" for name, value in given.items() if value is not None]
@@ -115,7 +125,10 @@ def identify(
     plant: Annotated[
         str | None,
         typer.Argument(
-            help="What flies: own:AIRCRAFT, our own equations.", metavar="PLANT", show_default=False
+            help="What flies: jsbsim:AIRCRAFT, one of JSBSim or a file of it; own:AIRCRAFT, a file "
+            "flown by our own equations.",
+            metavar="PLANT",
+            show_default=False,
         ),
     ] = None,
     *,
@@ -166,7 +179,7 @@ def _of_plant(
 
     if options.cruise is None:
         raise BadInput("--cruise is missing, expected an airspeed in m/s", "as in --cruise 24")
-    simulator = simulator_of(plant)
+    simulator, name = simulator_of(plant, options.altitude, options.wing_area)
     choices = Choices(
         options.cruise,
         options.altitude,
@@ -174,7 +187,7 @@ def _of_plant(
         options.airspeed_min,
         options.airspeed_max,
         options.seed,
-        f"{plant}, by `{command}`; what is not seen in flight is our choice",
+        f"{name}; {command}; what no flight shows, thrust and airspeeds, is chosen",
     )
     with working(console) as work:
         task = work.add(f"flying {plant}", SEGMENTS, "segments")

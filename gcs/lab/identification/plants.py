@@ -1,23 +1,43 @@
-"""What can be identified, by its name: ``own:aerosonde``."""
+"""What can be identified, by its name: ``own:aerosonde``, ``jsbsim:c172p``."""
 
 from gcs.errors import BadInput
 from gcs.scenario.aircraft_file import load_aircraft
 from sitl_plant.simulators.base import Simulator
+from sitl_plant.simulators.jsbsim import JsbsimSimulator, SimulatorError
 from sitl_plant.simulators.own import OwnSimulator
 
-_EXPECTED = "expected own:AIRCRAFT, a bundled aircraft or a file flown by our own equations"
+_EXPECTED = "expected jsbsim:AIRCRAFT, or own:AIRCRAFT for an aircraft file and our own equations"
 
 
-def simulator_of(plant: str) -> Simulator:
-    """Return the simulator that a name such as ``own:aerosonde`` stands for.
+def simulator_of(
+    plant: str, altitude: float, wing_area: float | None = None
+) -> tuple[Simulator, str]:
+    """Return the simulator that a name such as ``jsbsim:c172p`` stands for, and its full name.
+
+    Args:
+        plant: The name.
+        altitude: Where it starts [m].
+        wing_area: Reference area in place of the simulator's [m²].
 
     Raises:
-        BadInput: There is none of that kind.
+        BadInput: There is none of that kind, or it cannot fly the aircraft.
         ConfigError: Its aircraft cannot be used.
     """
     kind, _, aircraft = plant.partition(":")
     if kind == "own" and aircraft:
-        return OwnSimulator(load_aircraft(aircraft))
+        known = load_aircraft(aircraft)
+        if wing_area is not None:
+            known = known.model_copy(update={"wing_area_m2": wing_area})
+        return OwnSimulator(known), plant
+    if kind == "jsbsim" and aircraft:
+        try:
+            simulator = JsbsimSimulator(aircraft, altitude, wing_area)
+        except SimulatorError as problem:
+            raise BadInput(f"{plant}: {problem}") from problem
+        return (
+            simulator,
+            f"{aircraft} of JSBSim {simulator.version}, thrust at the centre of gravity",
+        )
     raise BadInput(
         f"PLANT is {plant!r}, {_EXPECTED}", "as in gcs identify own:aerosonde --cruise 24"
     )
