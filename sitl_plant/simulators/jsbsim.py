@@ -69,17 +69,18 @@ class JsbsimSimulator:
             raise SimulatorError(text) from problem
         self.version: str = jsbsim.__version__
         jsbsim.FGJSBBase().debug_lvl = 0  # else it prints a banner on the standard output
-        self._scratch = tempfile.TemporaryDirectory(prefix="ftc-jsbsim-")
-        root = Path(self._scratch.name)
-        name = _copied(aircraft, Path(jsbsim.get_default_root_dir()), root, wing_area)
         self._altitude = altitude
         self._north = self._east = 0.0
         self._signs = [1.0, 1.0, 1.0]
-        try:
-            self._load(jsbsim, name, root)
-        except RuntimeError as problem:  # of JSBSim: properties that engines have, say
-            text = f"JSBSim does not load {name} without its engines: {_one_line(problem)}"
-            raise SimulatorError(text) from problem
+        self._wind: Vec3 = (0.0, 0.0, 0.0)
+        with tempfile.TemporaryDirectory(prefix="ftc-jsbsim-") as scratch:
+            root = Path(scratch)
+            name = _copied(aircraft, Path(jsbsim.get_default_root_dir()), root, wing_area)
+            try:
+                self._load(jsbsim, name, root)
+            except RuntimeError as problem:  # of JSBSim: properties that engines have, say
+                text = f"JSBSim does not load {name} without its engines: {_one_line(problem)}"
+                raise SimulatorError(text) from problem
         self.stops: tuple[tuple[float, float], ...] = tuple(
             (float(p[0]), float(p[-1])) if sign > 0.0 else (-float(p[-1]), -float(p[0]))
             for (p, _), sign in zip(self._maps, self._signs, strict=True)
@@ -117,6 +118,7 @@ class JsbsimSimulator:
         ):
             fdm[name] = rate
         fdm.run_ic()
+        self.set_wind(self._wind)  # which that has forgotten
         for axis in "xyz":
             fdm[f"{_THRUST}/location-{axis}-in"] = fdm[f"inertia/cg-{axis}-in"]
 
@@ -130,6 +132,7 @@ class JsbsimSimulator:
 
     def set_wind(self, wind: Vec3) -> None:
         """Set the velocity of the air, north, east, down [m/s]."""
+        self._wind = wind
         for axis, speed in zip(("north", "east", "down"), wind, strict=True):
             self._fdm[f"atmosphere/wind-{axis}-fps"] = speed / _FOOT
 
