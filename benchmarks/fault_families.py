@@ -22,12 +22,11 @@ from ftc_autopilot.common.phases import LOST
 from gcs.fleet.in_process import fly_in_process
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from mavlink_defs.config.inherit import merged
-from mavlink_defs.constants import ACTUATORS, THROTTLE
+from mavlink_defs.constants import ACTUATORS, SURFACES
 
 UAV = 3
 """Follower 2 has the faults."""
 HARDWARE = ("ideal", "realistic", "turbulent")
-SURFACES = ACTUATORS[:THROTTLE]
 _BALANCED = {"aileron": (-2.0, 10.0), "elevator": (-5.0, 5.0), "rudder": (6.0, 34.0)}  # deg
 _OVERTURNED_DEG, _LARGE_DEG, _HEADING_LOST_DEG = 90.0, 5.0, 15.0
 

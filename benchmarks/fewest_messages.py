@@ -134,8 +134,7 @@ class Sky:
         fleet = PlantState(*(array.copy() for array in self._start))
         states = np.zeros((self.steps, 12))
         aircraft = fleet.aircraft[0]
-        stop = aircraft["surface_limit"]
-        limits = np.array([stop, stop, stop, aircraft["thrust_limit"]])
+        limits = np.array([*aircraft["stops"][:, 1], aircraft["thrust_limit"]])
         commands = schedule.commands(self.steps, self.step_us) * limits
         if not fly_open_loop(fleet, commands, self.step_us, states):
             return None
@@ -299,8 +298,8 @@ def first_guess(scenario: Scenario, segments: int) -> Schedule:
         Scenario.model_validate(scenario.model_dump() | {"controller": {"kind": "backstepping"}})
     )
     held = flight.signals["held"][:, flight.uav_ids.index(_FOLLOWER_2)]
-    stop = np.radians(scenario.aircraft.surface_limit_deg)
-    shares = held / np.array([stop, stop, stop, scenario.aircraft.thrust_limit_n])
+    aircraft = scenario.aircraft
+    shares = held / np.array([*np.radians(aircraft.stops_deg)[:, 1], aircraft.thrust_limit_n])
     times = np.arange(segments) * scenario.duration_s / segments
     means = np.stack([part.mean(axis=0) for part in np.array_split(shares, segments)])
     return Schedule((times,) * N_CHANNELS, tuple(means.T))
@@ -312,7 +311,7 @@ def draw(sky: Sky, schedule: Schedule, folder: Path) -> None:
     assert error is not None
     t = np.arange(sky.steps) * sky.step_us / 1e6
     aircraft = sky.scenario.aircraft
-    limits = [aircraft.surface_limit_deg] * 3 + [aircraft.thrust_limit_n]
+    limits = [*(high for _, high in aircraft.stops_deg), aircraft.thrust_limit_n]
     figure = new_figure(4.6)
     panels = figure.subplots(2, len(QUANTITIES), sharex=True)
     for k, quantity in enumerate(QUANTITIES):

@@ -26,6 +26,9 @@ Actuator: TypeAlias = Literal["aileron", "elevator", "rudder", "throttle"]
 ACTUATORS: tuple[Actuator, ...] = get_args(Actuator)
 """Names of the actuator channels, in the order of FTC_ACTUATOR."""
 
+SURFACES = ACTUATORS[:THROTTLE]
+"""Names of the surfaces."""
+
 LAST_SYSTEM = 250
 """Largest system id of a UAV."""
 

@@ -8,7 +8,7 @@ what that is, and how people name the value. Another kind takes an entry of FTC_
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from mavlink_defs.constants import Actuator
+from mavlink_defs.constants import ACTUATORS, Actuator
 from mavlink_defs.dialect import (
     FTC_FAULT_KIND_DRIFT,
     FTC_FAULT_KIND_HARDOVER,
@@ -21,10 +21,20 @@ MAX_FREQUENCY_HZ = 500.0
 
 @dataclass(frozen=True)
 class FaultLimits:
-    """Largest magnitudes that the actuators of an aircraft can take."""
+    """Ranges of the actuators of an aircraft.
 
-    surface_deg: float
+    Attributes:
+        surfaces_deg: Least and largest angle of aileron, elevator and rudder [deg]; both are 0 for
+            a surface that the aircraft has not.
+        thrust_n: Largest thrust [N].
+    """
+
+    surfaces_deg: tuple[tuple[float, float], ...]
     thrust_n: float
+
+    def has(self, actuator: Actuator) -> bool:
+        """Return whether the aircraft has an actuator."""
+        return actuator == "throttle" or any(self.surfaces_deg[ACTUATORS.index(actuator)])
 
 
 @dataclass(frozen=True)
@@ -70,7 +80,7 @@ class FaultKind:
     def bounds(self, actuator: Actuator, limits: FaultLimits) -> tuple[float, float]:
         """Return the smallest and the largest value, in its unit."""
         if actuator != "throttle":
-            return -limits.surface_deg, limits.surface_deg
+            return limits.surfaces_deg[ACTUATORS.index(actuator)]
         return (0.0 if self.replaces else -limits.thrust_n), limits.thrust_n
 
     def describe(self, value: float, unit: str, wave: str, minus: str = "-") -> str:

@@ -156,6 +156,8 @@ def fault_from_params(params: Sequence[float], limits: FaultLimits) -> Fault:
         raise _invalid(7, "Kind", code, " or ".join(map(str, sorted(CODES))))
     fault = Fault(int(actuator), effectiveness, value, frequency, start, end, int(code))
     name, kind = fault.actuator_name, fault.kind
+    if not limits.has(name):
+        raise InvalidParam(1, "Actuator", f"Fault: the aircraft has no {name}")
     _check(2, "Effectiveness", effectiveness, (0.0, 0.0 if kind.replaces else 1.0))
     _check(3, "Value", value, kind.bounds(name, limits), kind.unit(name))
     _check(4, "Frequency", frequency, (0.0, MAX_FREQUENCY_HZ), "Hz")

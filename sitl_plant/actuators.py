@@ -172,10 +172,10 @@ def apply_faults(
             dr = rho * dr + f
         else:
             thrust = rho * thrust + f
-    stop = aircraft["surface_limit"]
+    stops = aircraft["stops"]
     return (
-        min(max(da, -stop), stop),
-        min(max(de, -stop), stop),
-        min(max(dr, -stop), stop),
+        min(max(da, stops[0, 0]), stops[0, 1]),
+        min(max(de, stops[1, 0]), stops[1, 1]),
+        min(max(dr, stops[2, 0]), stops[2, 1]),
         min(max(thrust, 0.0), aircraft["thrust_limit"]),
     )

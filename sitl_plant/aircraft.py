@@ -4,10 +4,13 @@ from typing import TypeAlias
 
 import numpy as np
 
+from mavlink_defs.constants import SURFACES
 from sitl_plant.config import Aircraft, Coefficients
 
 COEFFICIENTS = tuple(Coefficients.model_fields)
 """Aerodynamic coefficients and derivatives, per rad."""
+
+_SUFFIXES = ("_da", "_de", "_dr")  # of what a surface makes, in the order of SURFACES
 
 AIRCRAFT = np.dtype(
     [
@@ -24,7 +27,7 @@ AIRCRAFT = np.dtype(
         ("stall", "f8"),  # angle of attack [rad], 0: none
         ("stall_sharpness", "f8"),  # 1/rad
         ("thrust_limit", "f8"),  # N
-        ("surface_limit", "f8"),  # rad
+        ("stops", "f8", (3, 2)),  # least and largest aileron, elevator, rudder [rad]
     ]
 )
 
@@ -60,10 +63,15 @@ def aircraft_record(aircraft: Aircraft) -> AircraftRecord:
     record["J_inv"] = np.linalg.inv(J)
     for name in COEFFICIENTS:
         record[name] = getattr(aircraft.coefficients, name)
+    for surface, suffix in zip(SURFACES, _SUFFIXES, strict=True):
+        if not aircraft.has(surface):
+            for name in COEFFICIENTS:
+                if name.rstrip("2").endswith(suffix):
+                    record[name] = 0.0
     record["per_rad_s"] = aircraft.rate_derivatives == "per_rad_s"
     if aircraft.stall_deg is not None:
         record["stall"] = np.radians(aircraft.stall_deg)
         record["stall_sharpness"] = aircraft.stall_sharpness
     record["thrust_limit"] = aircraft.thrust_limit_n
-    record["surface_limit"] = np.radians(aircraft.surface_limit_deg)
+    record["stops"] = np.radians(aircraft.stops_deg)
     return record[0]  # type: ignore[no-any-return]  # numpy gives Any

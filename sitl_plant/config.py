@@ -5,7 +5,7 @@ Symbols are the paper's of section II-A and Table I; every bound is declared her
 
 from typing import Annotated, Literal
 
-from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationError, model_validator
 
 from mavlink_defs.config.files import problems_of
 from mavlink_defs.config.models import (
@@ -19,6 +19,7 @@ from mavlink_defs.config.models import (
     unknown_key,
 )
 from mavlink_defs.config.quantity import quantity, whole
+from mavlink_defs.constants import SURFACES
 from mavlink_defs.fault_kinds import FaultLimits
 from mavlink_defs.profile import AirspeedLimits
 from sitl_plant.atmosphere import Wind
@@ -88,6 +89,47 @@ class Coefficients(Model):
     cY_dr: float = quantity("1/rad", default=0.0, doc="Side force due to rudder.")
 
 
+_NONE_SUCH = "none"
+
+
+def _has_stops(value: object) -> str | None:
+    """Return the tag of one angle for both stops, of two, or of no surface."""
+    if isinstance(value, list | tuple):
+        return "<stops>"
+    if value == _NONE_SUCH:
+        return "<none>"
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return "<angle>" if number else None
+
+
+def _on_both_sides(stops: tuple[float, float]) -> tuple[float, float]:
+    if not stops[0] < 0.0 < stops[1]:
+        text = f"expected a negative and a positive angle [deg], got {list(stops)!r}"
+        raise ValueError(text)
+    return stops
+
+
+_Angle = Annotated[float, quantity("deg", gt=0.0, lt=90.0, doc="Stop on both sides.")]
+_Stop = Annotated[float, quantity("deg", gt=-90.0, lt=90.0, doc="Least or largest angle.")]
+_Stops = Annotated[
+    Annotated[_Angle, Tag("<angle>")]
+    | Annotated[tuple[_Stop, _Stop], AfterValidator(_on_both_sides), Tag("<stops>")]
+    | Annotated[Literal["none"], Tag("<none>")],
+    Discriminator(_has_stops),
+]
+
+
+class SurfaceLimits(Model):
+    """Stops of each surface: `[least, largest]`, one angle for both sides, or `none`.
+
+    `none` means that the aircraft has no such surface; its derivatives then count as 0.
+    """
+
+    aileron: _Stops | None = Field(default=None, description="Of the aileron [deg].")
+    elevator: _Stops | None = Field(default=None, description="Of the elevator [deg].")
+    rudder: _Stops | None = Field(default=None, description="Of the rudder [deg].")
+
+
 class Aircraft(Model):
     """One aircraft type; of a plant the true one, of a controller the nominal one."""
 
@@ -115,7 +157,12 @@ class Aircraft(Model):
         doc="Sharpness M of the blend from attached flow to a flat plate at the stall.",
     )
     thrust_limit_n: float = quantity("N", gt=0.0, doc="Thrust is within 0 and this.")
-    surface_limit_deg: float = quantity("deg", gt=0.0, lt=90.0, doc="Symmetric surface stop.")
+    surface_limit_deg: float | None = quantity(
+        "deg", gt=0.0, lt=90.0, default=None, doc="Stop on both sides of all surfaces."
+    )
+    surface_limits_deg: SurfaceLimits = Field(
+        default=SurfaceLimits(), description="Stops of single surfaces, in place of it [deg]."
+    )
     airspeed_min_m_s: float = quantity("m/s", gt=0.0, doc="Lowest airspeed command accepted.")
     airspeed_max_m_s: float = quantity("m/s", gt=0.0, doc="Highest airspeed command accepted.")
     cruise_m_s: float | None = quantity(
@@ -133,6 +180,37 @@ class Aircraft(Model):
             raise Problems([(("cruise_m_s",), text)])
         return self
 
+    @model_validator(mode="after")
+    def _every_surface_has_stops(self) -> "Aircraft":
+        own = self.surface_limits_deg
+        missing = [name for name in SURFACES if getattr(own, name) is None]
+        if self.surface_limit_deg is None and missing:
+            text = "missing; expected the stop of all surfaces [deg], or each one's in surface_limits_deg"
+            if len(missing) < len(SURFACES):
+                names = " and ".join(missing)
+                text = f"missing; expected it, or the stops of {names} in surface_limits_deg"
+            raise Problems([(("surface_limit_deg",), text)])
+        return self
+
+    def has(self, surface: str) -> bool:
+        """Return whether the aircraft has a surface."""
+        return bool(getattr(self.surface_limits_deg, surface) != _NONE_SUCH)
+
+    @property
+    def stops_deg(self) -> tuple[tuple[float, float], ...]:
+        """Least and largest angle of aileron, elevator and rudder [deg]; 0 of one it has not."""
+        return tuple(self._stops_of(name) for name in SURFACES)
+
+    def _stops_of(self, surface: str) -> tuple[float, float]:
+        stops = getattr(self.surface_limits_deg, surface)
+        if stops is None:
+            stops = self.surface_limit_deg
+        if isinstance(stops, tuple):
+            return stops
+        if stops == _NONE_SUCH:
+            return 0.0, 0.0
+        return -float(stops), float(stops)
+
     @property
     def airspeed_limits(self) -> AirspeedLimits:
         """Range of airspeed commands accepted."""
@@ -140,8 +218,8 @@ class Aircraft(Model):
 
     @property
     def fault_limits(self) -> FaultLimits:
-        """Largest magnitudes that its actuators can take."""
-        return FaultLimits(self.surface_limit_deg, self.thrust_limit_n)
+        """Ranges of its actuators."""
+        return FaultLimits(self.stops_deg, self.thrust_limit_n)
 
 
 _Factor = Annotated[float, quantity("", doc="Ratio of true to nominal value.")]

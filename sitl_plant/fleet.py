@@ -27,6 +27,7 @@ from sitl_plant.plant import (
 )
 from sitl_plant.sensors import measure, new_sensors, true_motions
 from sitl_plant.servo import begin_period, new_servos, sent_commands
+from sitl_plant.stops import position_of, range_of
 from sitl_plant.turbulence import advance_turbulence, start_turbulence
 from sitl_plant.vec3 import norm, sub, vec3
 from sitl_plant.wind import air_around, new_wind
@@ -125,9 +126,9 @@ def receive_controls(fleet: PlantState, i: int, actuators: np.void) -> int:
         if not lowest <= controls[c] <= 1.0:  # false for NaN, too
             return DropReason.OUT_OF_RANGE
     aircraft = fleet.aircraft[i]
-    for c in range(THROTTLE):
-        fleet.controls[i, c] = controls[c] * aircraft["surface_limit"]
-    fleet.controls[i, THROTTLE] = controls[THROTTLE] * aircraft["thrust_limit"]
+    for c in range(N_CHANNELS):
+        lowest, highest = range_of(aircraft, c)
+        fleet.controls[i, c] = position_of(controls[c], lowest, highest)
     message["actuator_time_usec"] = actuators["time_usec"]
     return 0
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from ftc_autopilot.common.motion import Motion
 from ftc_autopilot.control.step import Step
-from mavlink_defs.constants import ACTUATORS, THROTTLE
+from mavlink_defs.constants import SURFACES
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aerodynamics import control_effectiveness, force
 from sitl_plant.aircraft import AircraftRecord, aircraft_record
@@ -31,7 +31,7 @@ def inversion_problem(aircraft: Aircraft) -> str | None:
     _, sizes, combinations = np.linalg.svd(effect)
     if sizes[-1] >= _LEAST_EFFECT * sizes[0] > 0.0:
         return None
-    names = zip(ACTUATORS[:THROTTLE], np.abs(combinations[-1]), strict=True)
+    names = zip(SURFACES, np.abs(combinations[-1]), strict=True)
     weak = " and ".join(name for name, part in names if part > _CONCERNED)
     ratio = sizes[-1] / sizes[0] if sizes[0] > 0.0 else 0.0
     return (

@@ -13,16 +13,11 @@ import numpy as np
 from ftc_autopilot.control.step import Command, ControllerRecord, ParametersRecord, Step
 from ftc_autopilot.control.triggers import decide
 from ftc_autopilot.control.triggers.base import Candidates
-from mavlink_defs.constants import N_CHANNELS, THROTTLE
+from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aircraft import AircraftRecord
+from sitl_plant.stops import position_of, range_of, share_of
 from sitl_plant.vec3 import clamp
-
-
-@compiled
-def on_wire(command: float, lowest: float, highest: float) -> np.float32:
-    """Return the command as HIL_ACTUATOR_CONTROLS has it: saturated, a share of the limit."""
-    return np.float32(clamp(command, lowest, highest) / highest)
 
 
 @compiled
@@ -38,8 +33,9 @@ def not_finite(command: Command) -> int:
 
 
 @compiled
-def _saturated(commanded: float, lowest: float, highest: float, held: float) -> float:
-    """Return a command within its limits; the one in force in place of one that is not finite."""
+def _saturated(commanded: float, j: int, aircraft: AircraftRecord, held: float) -> float:
+    """Return a command within its stops; the one in force in place of one that is not finite."""
+    lowest, highest = range_of(aircraft, j)
     return clamp(commanded, lowest, highest) if math.isfinite(commanded) else held
 
 
@@ -67,12 +63,12 @@ def transmit(
     Returns:
         Bit mask of the channels that transmit, bit numbers as FTC_ACTUATOR.
     """
-    stop, T_max, held = aircraft["surface_limit"], aircraft["thrust_limit"], state["held"]
+    held = state["held"]
     saturated = (
-        _saturated(command.delta[0], -stop, stop, held[0]),
-        _saturated(command.delta[1], -stop, stop, held[1]),
-        _saturated(command.delta[2], -stop, stop, held[2]),
-        _saturated(command.thrust, 0.0, T_max, held[THROTTLE]),
+        _saturated(command.delta[0], AILERON, aircraft, held[0]),
+        _saturated(command.delta[1], ELEVATOR, aircraft, held[1]),
+        _saturated(command.delta[2], RUDDER, aircraft, held[2]),
+        _saturated(command.thrust, THROTTLE, aircraft, held[THROTTLE]),
     )
     a, b = now.thresholds.a, now.thresholds.b
     relative, absolute = (b[0], b[0], b[0], a[0]), (b[1], b[1], b[1], a[1])
@@ -87,7 +83,7 @@ def transmit(
             state["not_finite"][i] += (failed >> i) & 1
     for i in range(N_CHANNELS):
         if mask & (1 << i):
-            lowest, highest = (0.0, T_max) if i == THROTTLE else (-stop, stop)
-            controls[i] = on_wire(saturated[i], lowest, highest)
-            held[i] = controls[i] * highest
+            lowest, highest = range_of(aircraft, i)
+            controls[i] = share_of(saturated[i], lowest, highest)
+            held[i] = position_of(controls[i], lowest, highest)
     return mask

@@ -334,7 +334,9 @@ class Scenario(Model):
             if fault.uav not in self._ids:
                 ids = ", ".join(map(str, self._ids))
                 yield ("faults", i, "uav"), f"expected one of the UAVs {ids}, got {fault.uav}"
-            if fault.value is not None:
+            if not limits.has(fault.actuator):
+                yield ("faults", i, "actuator"), f"the aircraft has no {fault.actuator}"
+            elif fault.value is not None:
                 kind, value = fault.value
                 low, high = kind.bounds(fault.actuator, limits)
                 if not low <= value <= high:

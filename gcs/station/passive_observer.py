@@ -11,12 +11,13 @@ from gcs.station.fleet_state import FleetState
 from gcs.station.notifications import Notification
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
+from mavlink_defs.constants import SURFACES
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.fault_kinds import FaultLimits
 from mavlink_defs.faults import InvalidParam, fault_from_params
 from mavlink_defs.services.fault_list import FaultList
 
-_ANY = FaultLimits(math.inf, math.inf)
+_ANY = FaultLimits(((-math.inf, math.inf),) * len(SURFACES), math.inf)
 _ALL = -1.0
 _Item = dialect.MAVLink_mission_item_int_message
 

@@ -4,6 +4,8 @@ An aircraft given by its coefficients is flown with the same rigid-body motion a
 in the plant, by the classical Runge-Kutta method, its surfaces exactly where they were put.
 """
 
+import math
+
 import numpy as np
 
 from mavlink_defs.runtime.jit import compiled
@@ -38,7 +40,6 @@ class OwnSimulator:
         Args:
             aircraft: The aircraft.
         """
-        stop = float(np.radians(aircraft.surface_limit_deg))
         self.body = Body(
             aircraft.mass_kg,
             aircraft.inertia_kg_m2,
@@ -47,7 +48,9 @@ class OwnSimulator:
             aircraft.mean_chord_m,
             aircraft.air_density_kg_m3,
         )
-        self.stops: tuple[tuple[float, float], ...] = ((-stop, stop),) * 3
+        self.stops: tuple[tuple[float, float], ...] = tuple(
+            (math.radians(low), math.radians(high)) for low, high in aircraft.stops_deg
+        )
         self._aircraft = aircraft_record(aircraft)
         self._x = np.zeros(12)
         self._inputs = np.zeros(7)  # aileron, elevator, rudder, thrust, wind

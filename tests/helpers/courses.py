@@ -32,6 +32,8 @@ from sitl_plant.config import Aircraft
 from sitl_plant.fleet import PlantState, fly, new_plant_state, observe
 from sitl_plant.hardware import ActuatorServos
 
+_RECORDED_AS = {"stops": "surface_limit"}
+"""Names of fields when courses were recorded; the stops of all surfaces were one number."""
 FOLDER = Path(__file__).parents[1] / "data" / "courses"
 
 
@@ -122,7 +124,9 @@ def neighbours_at(t: float, nominal: np.void, neighbours: np.ndarray) -> None:
 def digest(record: np.void | np.ndarray, name: str = "") -> Iterator[tuple[str, float]]:
     """Yield a number of each field, in which each of its elements has another weight."""
     for field in record.dtype.names or ():
-        part, path = record[field], f"{name}{field}"
+        part, path = record[field], f"{name}{_RECORDED_AS.get(field, field)}"
+        if field == "stops":
+            part = part[0, 1]
         if part.dtype.names:
             yield from digest(part, f"{path}.")
         elif part.dtype.kind in "fiub":

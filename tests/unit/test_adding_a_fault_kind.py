@@ -50,7 +50,7 @@ from mavlink_defs.faults import Fault, fault_from_params
 
 texts = {"value": "-2", "effectiveness": "0.5", "start_s": "3"}
 fault = read_fault("throttle", FAULT_KINDS["shock"], texts).fault
-assert fault_from_params(fault, FaultLimits(25.0, 4000.0))[:5] == fault[:5]
+assert fault_from_params(fault, FaultLimits(((-25.0, 25.0),) * 3, 4000.0))[:5] == fault[:5]
 listed = MAVLink_ftc_fault_message(0.5, -2.0, 0.0, 3.0, float("inf"), 0, 1, 3, 1, fault.code)
 print(Fault.from_message(listed).describe())
 print(Fault.from_message(listed).as_dict(None)["shock_n"])

@@ -13,6 +13,7 @@ from ftc_autopilot.control.step import SignalsRecord, Step
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aircraft import AircraftRecord
+from sitl_plant.stops import range_of
 from sitl_plant.vec3 import clamp
 
 _FIRST_SIGMA = 0.2  # standard deviation of the residual at first, relative to the jump threshold
@@ -48,6 +49,7 @@ def diagnose(
     changed = -1
     for j in range(N_CHANNELS):
         actuator, limits = actuators[j], limits_of(gains, j)
+        lowest, highest = range_of(aircraft, j)
         before = actuator["lost"]
         if now.seen.after_gap:
             actuator["blanking_s"] = max(actuator["blanking_s"], _GAP_FILTERS * gains["filter_s"])
@@ -56,7 +58,7 @@ def diagnose(
             actuator["variance"] = (_FIRST_SIGMA * limits.jump) ** 2
         monitor(actuator, limits, state["age"], dt, gains)
         if j < THROTTLE:
-            at_stop = abs(held[j]) > _AT_STOP * aircraft["surface_limit"]
+            at_stop = held[j] < _AT_STOP * lowest or held[j] > _AT_STOP * highest
             watch_stop(actuator, limits, at_stop, dt, gains)
         dither = past_dither(j, now, gains, state)
         found = decide(actuator, dither, limits, state["age"], dt, gains, j == THROTTLE)
@@ -67,12 +69,13 @@ def diagnose(
         if actuator["lost"] == 0 and state["age"] > gains["offset_start_s"]:
             if j < THROTTLE:
                 _weigh(actuator, limits.prior, limits.excitation, gains["effectiveness_s"], dt)
-                largest = _LARGEST_OFFSET * aircraft["surface_limit"]
+                least, largest = _LARGEST_OFFSET * lowest, _LARGEST_OFFSET * highest
             else:
-                largest = _LARGEST_THRUST_OFFSET * aircraft["thrust_limit"]
-            at_a_stop = j == THROTTLE and not 1.0 < held[j] < aircraft["thrust_limit"] - 1.0
+                largest = _LARGEST_THRUST_OFFSET * highest
+                least = -largest
+            at_a_stop = j == THROTTLE and not 1.0 < held[j] < highest - 1.0
             if not at_a_stop:
-                _offset(actuator, limits.offset, largest, dt)
+                _offset(actuator, limits.offset, least, largest, dt)
         signals["effectiveness"][j] = actuator["effectiveness"]
         signals["offset"][j] = actuator["stuck"] if actuator["lost"] != 0 else actuator["offset"]
         signals["confidence"][j] = actuator["confidence"]
@@ -124,8 +127,8 @@ def _weigh(actuator: np.void, prior: float, excitation: float, memory_s: float, 
 
 
 @compiled
-def _offset(actuator: np.void, memory_s: float, largest: float, dt: float) -> None:
-    """Follow the offset f = y - ρ u, at most `largest`."""
+def _offset(actuator: np.void, memory_s: float, least: float, largest: float, dt: float) -> None:
+    """Follow the offset f = y - ρ u, from `least` to `largest`."""
     f = actuator["measured"] - actuator["effectiveness"] * actuator["commanded"]
     actuator["offset"] += dt / memory_s * (f - actuator["offset"])
-    actuator["offset"] = clamp(actuator["offset"], -largest, largest)
+    actuator["offset"] = clamp(actuator["offset"], least, largest)

@@ -17,7 +17,9 @@ from sitl_plant.vec3 import clamp
 
 
 @compiled
-def dithered(delta: float, j: int, stop: float, gains: np.void, state: np.void) -> float:
+def dithered(
+    delta: float, j: int, stops: tuple[float, float], gains: np.void, state: np.void
+) -> float:
     """Return the command of surface j [rad], moved to and fro if the surface is suspect.
 
     The side is the side of the law's own answer to the jump, or toward zero where the stop is near.
@@ -25,7 +27,7 @@ def dithered(delta: float, j: int, stop: float, gains: np.void, state: np.void) 
     Args:
         delta: Command of the law [rad].
         j: The surface, number as FTC_ACTUATOR.
-        stop: Largest deflection [rad].
+        stops: Least and largest deflection [rad].
         gains: Parameters, record made of `DiagnosisParameters`.
         state: Record of dtype `DIAGNOSIS`.
     """
@@ -36,9 +38,11 @@ def dithered(delta: float, j: int, stop: float, gains: np.void, state: np.void) 
     actuator["dither"] = 0.0
     if actuator["suspect_s"] == 0.0 or actuator["dither_s"] == 0.0:
         return delta
-    delta = clamp(delta, -stop, stop)
+    lowest, highest = stops
+    delta = clamp(delta, lowest, highest)
     size, sign = gains["dither_rad"][j], actuator["dither_sign"]
-    if abs(delta + sign * size) > stop:
+    moved = delta + sign * size
+    if moved < lowest or moved > highest:
         sign = -math.copysign(1.0, delta)
     if actuator["dither_s"] % (2.0 * half) < half:
         actuator["dither"] = sign * size

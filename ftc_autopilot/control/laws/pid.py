@@ -16,6 +16,7 @@ from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import R2
+from sitl_plant.stops import range_of
 from sitl_plant.vec3 import Vec3, clamp, mul
 
 _TimeConstant = Annotated[float, quantity("s", gt=0.0, doc="Time constant of an attitude loop.")]
@@ -84,11 +85,10 @@ def pid_law(now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void)
         (_rate(e[0], 0, gains), _rate(e[1], 1, gains), _rate(e[2], 2, gains)),
     )
     scaling = gains["trim_airspeed_m_s"] / motion.V
-    stop = aircraft["surface_limit"]
     delta = (
-        _surface(0, commanded, motion.omega, scaling, stop, now.dt, gains, state),
-        _surface(1, commanded, motion.omega, scaling, stop, now.dt, gains, state),
-        _surface(2, commanded, motion.omega, scaling, stop, now.dt, gains, state),
+        _surface(0, commanded, motion.omega, scaling, aircraft, now.dt, gains, state),
+        _surface(1, commanded, motion.omega, scaling, aircraft, now.dt, gains, state),
+        _surface(2, commanded, motion.omega, scaling, aircraft, now.dt, gains, state),
     )
     V_error = -now.errors.V_tilde
     T = gains["thrust_trim_n"] + gains["speed_p_n_s_m"] * V_error + state["thrust_integral"]
@@ -112,7 +112,7 @@ def _surface(
     commanded: Vec3,
     omega: Vec3,
     scaling: float,
-    stop: float,
+    aircraft: AircraftRecord,
     dt: float,
     gains: np.void,
     state: np.void,
@@ -124,7 +124,8 @@ def _surface(
     error = commanded[axis] - omega[axis]
     proportional: float = gains["rate_p"][axis] * error + state["integral"][axis]
     delta: float = -(scaling * gains["rate_ff"][axis] * commanded[axis] + scaling**2 * proportional)
-    winds_up = (delta <= -stop and error > 0.0) or (delta >= stop and error < 0.0)
+    lowest, highest = range_of(aircraft, axis)
+    winds_up = (delta <= lowest and error > 0.0) or (delta >= highest and error < 0.0)
     if not winds_up:
         limit = gains["integral_limit_rad"][axis]
         grown = state["integral"][axis] + dt * gains["rate_i"][axis] * error

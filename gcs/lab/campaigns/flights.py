@@ -14,7 +14,8 @@ from gcs.scenario.model import Scenario, scenario_of
 from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import PlaceError, merged, value_at, with_values
 from mavlink_defs.config.models import ConfigError, Problem
-from mavlink_defs.fault_kinds import FAULT_KINDS, FaultLimits
+from mavlink_defs.fault_kinds import FAULT_KINDS
+from sitl_plant.config import Aircraft
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -114,9 +115,9 @@ class Flights:
         if (drawn_kind := row[f"fault.{name}.kind"]) == LOSS:
             return drawn | {"effectiveness": 1.0 - abs(severity)}
         kind = FAULT_KINDS[drawn_kind]
-        limits = FaultLimits(aircraft["surface_limit_deg"], aircraft["thrust_limit_n"])
-        low, limit = kind.bounds(actuator, limits)
-        return drawn | {kind.key(actuator): (severity if low < 0.0 else abs(severity)) * limit}
+        low, high = kind.bounds(actuator, Aircraft.model_validate(aircraft).fault_limits)
+        value = -severity * low if severity < 0.0 and low < 0.0 else abs(severity) * high
+        return drawn | {kind.key(actuator): value}
 
 
 def variant_trees(

@@ -144,13 +144,13 @@ def _print(name: str, shown: _Shown, quiet: bool) -> None:
         console.print(f"Source: {one.source}")
     at = f"Straight, level flight at {flight.airspeed_m_s:g} m/s"
     trim = table_of(texts(at), numbers(""), texts("of"))
-    stop = f"±{one.surface_limit_deg:g}°"
+    aileron, elevator, rudder = map(_stops_text, one.stops_deg)
     for label, value, limit in (
         ("angle of attack", f"{flight.alpha_deg:.1f}°", ""),
         ("sideslip", f"{flight.beta_deg + 0.0:.1f}°", ""),
-        ("aileron", f"{flight.aileron_deg:.1f}°", stop),
-        ("elevator", f"{flight.elevator_deg:.1f}°", stop),
-        ("rudder", f"{flight.rudder_deg:.1f}°", stop),
+        ("aileron", f"{flight.aileron_deg:.1f}°", aileron),
+        ("elevator", f"{flight.elevator_deg:.1f}°", elevator),
+        ("rudder", f"{flight.rudder_deg:.1f}°", rudder),
         ("thrust", f"{flight.thrust_n:.0f} N", f"{one.thrust_limit_n:g} N"),
     ):
         trim.add_row(label, value.replace("-0.0°", "0.0°"), limit)
@@ -182,3 +182,10 @@ def _print(name: str, shown: _Shown, quiet: bool) -> None:
     for check in shown.checks:
         if not check.is_met:
             console.print(f"{check.name}: {check.otherwise}")
+
+
+def _stops_text(stops: tuple[float, float]) -> str:
+    low, high = stops
+    if low == high:
+        return "none"
+    return f"±{high:g}°" if low == -high else f"{low:g}° to {high:g}°"

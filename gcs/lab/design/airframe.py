@@ -7,12 +7,10 @@ from functools import cache
 from gcs.errors import BadInput
 from gcs.lab.theory.modes import LevelFlight, authority, level_flight
 from gcs.scenario.aircraft_file import load_aircraft
-from mavlink_defs.constants import ACTUATORS, THROTTLE
+from mavlink_defs.constants import SURFACES
 from sitl_plant.aerodynamics import rate_damping
 from sitl_plant.aircraft import aircraft_record
 from sitl_plant.config import Aircraft
-
-SURFACES = ACTUATORS[:THROTTLE]
 
 
 @dataclass(frozen=True)
@@ -48,7 +46,8 @@ class Airframe:
     @property
     def effect(self) -> tuple[float, float, float]:
         """Angular acceleration by deflection of aileron, elevator, rudder [1/s²]."""
-        a, b, c = (x / stop for x, stop in zip(self.authority, self.stops, strict=True))
+        pairs = zip(self.authority, self.stops, strict=True)
+        a, b, c = (x / stop if stop > 0.0 else 0.0 for x, stop in pairs)
         return a, b, c
 
 
@@ -74,7 +73,7 @@ def airframe_of(name: str, aircraft: Aircraft, airspeed: float | None = None) ->
         text = f"{name} has no straight, level flight at {V:g} m/s"
         raise BadInput(text, "choose another --airspeed, or check its lift and its moments")
     by_surface = authority(aircraft, V)
-    aileron, elevator, rudder = (by_surface[surface] for surface in SURFACES)
+    aileron, elevator, rudder = (by_surface.get(surface, 0.0) for surface in SURFACES)
     return Airframe(
         name,
         aircraft,
@@ -87,12 +86,8 @@ def airframe_of(name: str, aircraft: Aircraft, airspeed: float | None = None) ->
 
 def stops_of(aircraft: Aircraft) -> tuple[float, float, float]:
     """Return the least deflection to either side of aileron, elevator, rudder [rad]."""
-    limits = getattr(aircraft, "surface_limits_deg", None) or {}
-    a, b, c = (
-        min(abs(x) for x in limits[name]) if name in limits else aircraft.surface_limit_deg
-        for name in SURFACES
-    )
-    return math.radians(a), math.radians(b), math.radians(c)
+    a, b, c = (math.radians(min(-low, high)) for low, high in aircraft.stops_deg)
+    return a, b, c
 
 
 def _damping(aircraft: Aircraft, V: float) -> tuple[float, float, float]:

@@ -8,7 +8,6 @@ from typing import Any
 from pydantic import ValidationError
 
 from gcs.errors import BadInput
-from gcs.lab.design.airframe import SURFACES
 from gcs.lab.identification.experiment import experiment, stall_of
 from gcs.lab.identification.fit import Estimate, Fit, fit
 from gcs.lab.identification.readings import windows_of
@@ -17,6 +16,7 @@ from gcs.lab.theory.airframe_checks import Check, airframe_checks
 from gcs.lab.theory.modes import LevelFlight, level_flight
 from mavlink_defs.config.files import problems_of
 from mavlink_defs.config.yaml_text import yaml_of
+from mavlink_defs.constants import SURFACES
 from sitl_plant.config import Aircraft
 from sitl_plant.simulators.base import Body, Simulator
 
@@ -174,16 +174,11 @@ def _aircraft(
         "coefficients": {name: _short(value) for name, value in values.items()},
         "stall_deg": None if stall is None else round(math.degrees(stall), 1),
         "thrust_limit_n": float(f"{limit:.4g}"),
-        "surface_limit_deg": _stop_deg(simulator),
+        "surface_limits_deg": _stops_deg(simulator),
         "airspeed_min_m_s": choices.airspeed_min or float(f"{min(slowest, 0.9 * V):.3g}"),
         "airspeed_max_m_s": choices.airspeed_max or float(f"{_FASTEST * V:.3g}"),
         "cruise_m_s": V,
     }
-    if "surface_limits_deg" in Aircraft.model_fields:
-        tree["surface_limits_deg"] = {
-            name: [round(math.degrees(low), 3), round(math.degrees(high), 3)]
-            for name, (low, high) in zip(SURFACES, simulator.stops, strict=True)
-        }
     try:
         return Aircraft.model_validate(tree)
     except ValidationError as problem:
@@ -191,9 +186,13 @@ def _aircraft(
         raise BadInput(f"what was identified is no aircraft: {lines}") from problem
 
 
-def _stop_deg(simulator: Simulator) -> float:
-    """Return the least way of a surface to a stop [deg]."""
-    return round(math.degrees(min(min(-low, high) for low, high in simulator.stops)), 3)
+def _stops_deg(simulator: Simulator) -> dict[str, Any]:
+    """Return the stops of each surface [deg], as an aircraft file has them."""
+    found: dict[str, Any] = {}
+    for name, stops in zip(SURFACES, simulator.stops, strict=True):
+        low, high = (round(math.degrees(stop), 2) for stop in stops)
+        found[name] = high if low == -high else [low, high]
+    return found
 
 
 def _short(value: float) -> float:

@@ -8,6 +8,7 @@ that balances the yawing moment of the same sideslip, has to be against it.
 from typing import NamedTuple
 
 from gcs.lab.theory.modes import LevelFlight
+from mavlink_defs.constants import SURFACES
 from sitl_plant.aerodynamics import lateral
 from sitl_plant.aircraft import aircraft_record
 from sitl_plant.config import Aircraft
@@ -15,6 +16,7 @@ from sitl_plant.config import Aircraft
 _PAIRING = 0.6
 """Least share of the aileron in what rolls, relative gain array (Bristol 1966)."""
 _AREA = 0.3  # by which S may differ from b c
+_NO_TRIM = "level flight is not possible: choose another airspeed, or check moments and stops"
 _SPARE_THRUST = 1.3  # of the drag
 
 AREA = "wing area by span times chord"
@@ -84,17 +86,11 @@ def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
 
 
 def _surfaces_within_stops(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
-    stop = aircraft.surface_limit_deg
-    return [
-        Check(
-            f"{name} in level flight",
-            f"{abs(angle) / stop:.0%} of its stop",
-            abs(angle) < stop,
-            "level flight is not possible: choose another airspeed, or check moments and stops",
-        )
-        for name, angle in (
-            ("aileron", flight.aileron_deg),
-            ("elevator", flight.elevator_deg),
-            ("rudder", flight.rudder_deg),
-        )
-    ]
+    angles = flight.aileron_deg, flight.elevator_deg, flight.rudder_deg
+    found = []
+    for name, angle, (low, high) in zip(SURFACES, angles, aircraft.stops_deg, strict=True):
+        if aircraft.has(name):
+            share = angle / (high if angle > 0.0 else low)
+            what, value = f"{name} in level flight", f"{share:.0%} of its stop"
+            found.append(Check(what, value, share < 1.0, _NO_TRIM))
+    return found

@@ -231,13 +231,14 @@ def _sent(
     s, (lowest, highest) = known.signals, known.limits[:, channels]
     held, demand = s["held"][:, channels], s["demand"][:, channels]
     saturated = np.clip(demand, lowest, highest)
-    on_wire = (saturated / highest).astype(np.float32).astype(np.float64) * highest
+    stop = np.where(saturated < 0.0, -lowest, highest)
+    on_wire = (saturated / stop).astype(np.float32).astype(np.float64) * stop
     before = np.roll(held, 1, axis=0)
     before[0] = 0.0
     event = (s["events"][:, None] >> channels & 1).astype(bool)
     relative, absolute = (part[:, channels] for part in thresholds(known, trigger))
     threshold = relative * np.abs(held) + absolute
-    beyond = np.maximum(np.abs(saturated - held) - threshold - WIRE_ROUNDING * highest, 0.0)
+    beyond = np.maximum(np.abs(saturated - held) - threshold - WIRE_ROUNDING * stop, 0.0)
     healthy = ~known.faulty[:, channels]
     trigger_equation, threshold_equation, actuator_equation = equations
     return [

@@ -69,8 +69,9 @@ def _demand(
     """Return the command before saturation [deg, deg, deg, N], (steps, 4), and its limits."""
     demand = recording.signals["demand"][:, i].copy()
     demand[:, :3] = np.degrees(demand[:, :3])
-    stop, thrust = scenario.aircraft.surface_limit_deg, scenario.aircraft.thrust_limit_n
-    return demand, (np.array([-stop, -stop, -stop, 0.0]), np.array([stop, stop, stop, thrust]))
+    aircraft = scenario.aircraft
+    lowest, highest = np.array([*aircraft.stops_deg, (0.0, aircraft.thrust_limit_n)]).T
+    return demand, (lowest, highest)
 
 
 def _largest_rates(command: np.ndarray, recording: Recording) -> dict[str, float]:
@@ -89,7 +90,8 @@ def _against_bound(
     if name == "throttle":
         unit, schedule, limit = "n", trigger.a2_n, scenario.aircraft.thrust_limit_n
     else:
-        unit, schedule, limit = "deg", trigger.b2_deg, scenario.aircraft.surface_limit_deg
+        stops = scenario.aircraft.stops_deg[ACTUATORS.index(name)]
+        unit, schedule, limit = "deg", trigger.b2_deg, max(map(abs, stops))
     keys = ("bound_s", "bound_below_period", "intervals_below_bound", "held")
     result: dict[str, Any] = {f"threshold_{unit}": None, **dict.fromkeys(keys)}
     if not trigger.BY_THRESHOLD or not len(recording.time_s):

@@ -117,7 +117,6 @@ def known_quantities(recording: Recording, i: int, scenario: Scenario) -> Known:
     calm, nothing = np.zeros_like(table), np.zeros_like(applied)
     G_nominal, G_true = control_effectiveness(nominal), control_effectiveness(true)
     rho, faulty = _faults(scenario, uav_id, time_s)
-    stop, thrust = float(nominal["surface_limit"]), aircraft.thrust_limit_n
     neighbours, reported = _neighbours(recording, i, scenario)
     present, lockstep = present_steps(recording, i), recording.mode != "real_time"
     a_sum = float(neighbours.weights.sum())
@@ -154,7 +153,7 @@ def known_quantities(recording: Recording, i: int, scenario: Scenario) -> Known:
             G_error=G_true - G_nominal,
             G_nominal=G_nominal,
             mass=aircraft.mass_kg,
-            limits=np.array([[-stop, -stop, -stop, 0.0], [stop, stop, stop, thrust]]),
+            limits=np.array([*nominal["stops"], (0.0, aircraft.thrust_limit_n)]).T,
             R2=R2(states[:, 6:9]),
             wraps=_wraps(recording.signals["error"][:, :, 1:], i),
         )

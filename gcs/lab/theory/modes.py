@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mavlink_defs.constants import ACTUATORS, THROTTLE
+from mavlink_defs.constants import SURFACES
 from sitl_plant.aerodynamics import control_effectiveness
 from sitl_plant.aircraft import AircraftRecord, aircraft_record
 from sitl_plant.config import Aircraft
@@ -107,10 +107,17 @@ def modes(aircraft: Aircraft, flight: LevelFlight) -> list[Mode]:
 
 
 def authority(aircraft: Aircraft, airspeed_m_s: float) -> dict[str, float]:
-    """Return the angular acceleration that full deflection of each surface makes [rad/s²]."""
-    stop = math.radians(aircraft.surface_limit_deg)
-    effect = control_effectiveness(aircraft_record(aircraft)) * airspeed_m_s**2 * stop
-    return {name: abs(float(effect[i, i])) for i, name in enumerate(ACTUATORS[:THROTTLE])}
+    """Return the angular acceleration by full deflection of each surface [rad/s²].
+
+    It is that to the side of the nearer stop.
+    """
+    effect = control_effectiveness(aircraft_record(aircraft)) * airspeed_m_s**2
+    stops = np.radians(aircraft.stops_deg)
+    return {
+        name: abs(float(effect[i, i])) * float(np.abs(stops[i]).min())
+        for i, name in enumerate(SURFACES)
+        if aircraft.has(name)
+    }
 
 
 def _unpacked(x: np.ndarray, V: float) -> tuple[State, Vec3, float]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mavlink_defs.constants import ACTUATORS, AILERON, RUDDER, THROTTLE, Actuator
+from mavlink_defs.constants import ACTUATORS, AILERON, RUDDER, SURFACES, THROTTLE, Actuator
 from sitl_plant.aircraft import aircraft_record
 from sitl_plant.config import Aircraft
 from sitl_plant.rigid_body import R1, R2, STILL_AIR, state_derivative
@@ -142,11 +142,10 @@ def trim_stuck(
 def _beyond(
     aircraft: Aircraft, stuck: int, V: float, delta: tuple[float, ...], thrust: float
 ) -> tuple[str, ...]:
-    stop = aircraft.surface_limit_deg
     found: list[str] = [
         name
-        for channel, name in enumerate(ACTUATORS[:THROTTLE])
-        if channel != stuck and abs(math.degrees(delta[channel])) > stop
+        for channel, (name, stops) in enumerate(zip(SURFACES, aircraft.stops_deg, strict=True))
+        if channel != stuck and not stops[0] <= math.degrees(delta[channel]) <= stops[1]
     ]
     if not 0.0 <= thrust <= aircraft.thrust_limit_n and stuck != THROTTLE:
         found.append("throttle")
@@ -168,9 +167,10 @@ def stuck_range(
     The range is the longest one of positions `step` [deg, throttle 20 N] apart; its ends are then
     searched by bisection, unless they are the actuator's own.
     """
-    low, high = -aircraft.surface_limit_deg, aircraft.surface_limit_deg
-    if ACTUATORS.index(stuck) == THROTTLE:
+    if stuck == "throttle":
         low, high, step = 0.0, aircraft.thrust_limit_n, 20.0 * step
+    else:
+        low, high = aircraft.stops_deg[ACTUATORS.index(stuck)]
 
     def flown(position: float) -> Trim | None:
         trim = trim_stuck(aircraft, stuck, position, airspeed_m_s, roll_deg, sideslip_limit_deg)

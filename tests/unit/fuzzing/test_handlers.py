@@ -144,7 +144,7 @@ ANY = st.floats() | st.sampled_from([0.0, 1.0, -1.0, 3.0])
 @given(params=st.tuples(*[ANY] * 7))
 def test_what_the_fault_decoder_accepts_is_finite_and_in_range(params: tuple[float, ...]) -> None:
     with suppress(InvalidParam):
-        fault = fault_from_params(params, FaultLimits(35.0, 2000.0))
+        fault = fault_from_params(params, FaultLimits(((-35.0, 35.0),) * 3, 2000.0))
         assert fault.actuator in range(4)
         assert 0.0 <= fault.effectiveness <= 1.0
         assert np.isfinite([fault.value, fault.frequency_hz]).all()

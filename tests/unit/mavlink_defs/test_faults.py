@@ -13,7 +13,7 @@ from mavlink_defs.fault_kinds import CODES, HARDOVER, INTERMITTENT, STUCK, Fault
 from mavlink_defs.faults import Fault, InvalidParam, fault_from_params
 from mavlink_defs.services.command import command_params
 
-LIMITS = FaultLimits(surface_deg=25.0, thrust_n=4000.0)
+LIMITS = FaultLimits(surfaces_deg=((-25.0, 25.0),) * 3, thrust_n=4000.0)
 NAN, INF = math.nan, math.inf
 
 
@@ -104,7 +104,8 @@ def test_bad_parameter_is_named(params: tuple[float, ...], index: int, text: str
 
 def test_limit_that_went_through_radians_does_not_refuse_itself() -> None:
     for degrees in range(1, 90):
-        limits = FaultLimits(math.degrees(math.radians(degrees)), 1.0)
+        stop = math.degrees(math.radians(degrees))
+        limits = FaultLimits(((-stop, stop),) * 3, 1.0)
         fault = fault_from_params((0, 1, float(degrees), 0, NAN, NAN, 0), limits)
         assert fault.value == degrees
 

@@ -75,7 +75,7 @@ def test_a_drift_grows_from_its_start(
 
 def test_a_drift_ends_at_the_stop(nominal: np.void) -> None:
     row = row_with(Fault(RUDDER, 1.0, 10.0, 0.0, 0.0, NAN, DRIFT.code))
-    assert applied(row, 9.0, nominal)[RUDDER] == nominal["surface_limit"]
+    assert applied(row, 9.0, nominal)[RUDDER] == nominal["stops"][RUDDER, 1]
 
 
 @given(since_s=st.integers(0, 7_999).map(lambda n: n / 1000), half_s=st.sampled_from([0.25, 2.0]))
@@ -148,7 +148,7 @@ def test_a_full_table_refuses_another_fault() -> None:
 
 
 def test_actuators_stop_at_their_stops(nominal: np.void) -> None:
-    limit = nominal["surface_limit"]
+    limit = nominal["stops"][RUDDER, 1]
     row = row_with(Fault(RUDDER, 1.0, 30.0, 0.0, 0.0, NAN))
     assert apply_faults((0.0, 0.0, limit, 0.0), 1.0, 1.0, row, nominal)[2] == limit
     row = row_with(Fault(THROTTLE, 1.0, -500.0, 0.0, 0.0, NAN))

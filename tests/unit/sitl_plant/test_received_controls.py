@@ -22,7 +22,7 @@ def test_what_is_no_command_leaves_all_channels_as_they_were(
 ) -> None:
     fleet = new_plant_state(scenario1.plant_config())
     aircraft = fleet.aircraft[0]
-    limits = np.array([*[aircraft["surface_limit"]] * THROTTLE, aircraft["thrust_limit"]])
+    limits = np.array([*aircraft["stops"][:, 1], aircraft["thrust_limit"]])
     for step, controls in enumerate(received, 1):
         fleet.messages[0]["time_usec"] = 1000 * step
         message = np.zeros(1, ACTUATORS)[0]

@@ -37,7 +37,7 @@ def in_vacuum(J: np.ndarray) -> np.void:
     record = np.zeros(1, AIRCRAFT)[0]
     record["m"] = record["S"] = record["b"] = record["c_bar"] = 1.0
     record["J"], record["J_inv"] = J, np.linalg.inv(J)
-    record["surface_limit"] = record["thrust_limit"] = 1.0
+    record["stops"], record["thrust_limit"] = (-1.0, 1.0), 1.0
     return record
 
 

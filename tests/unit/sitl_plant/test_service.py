@@ -28,7 +28,7 @@ class Bench:
         self.faults = no_faults(1)[0]
         self.applied = np.radians([5.0, -3.0, 20.0, 0.0])
         self.applied[3] = 700.0
-        limits = FaultLimits(surface_deg=35.0, thrust_n=2000.0)
+        limits = FaultLimits(surfaces_deg=((-35.0, 35.0),) * 3, thrust_n=2000.0)
         self.service = AircraftService(UAV, COMPONENT, self.faults, self.applied, limits)
         self.speaker = FramePacker(UAV, 1)
         self.now = 0.0

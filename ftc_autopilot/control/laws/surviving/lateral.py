@@ -77,7 +77,7 @@ def lateral_trim(now: Step, lost: int, aircraft: AircraftRecord, diagnosis: np.v
 
 @compiled
 def rudder_for_roll(
-    now: Step, trim: LateralTrim, gains: np.void, state: np.void, stop: float
+    now: Step, trim: LateralTrim, gains: np.void, state: np.void, stops: tuple[float, float]
 ) -> float:
     """Return the rudder [rad] with the aileron lost: δ* - K [β - β*, p, r - r*, φ - φ_r].
 
@@ -95,19 +95,20 @@ def rudder_for_roll(
     for i in range(len(x)):
         rudder -= gain_at(gains["airspeeds"], gains["rudder_gains"], motion.V, i) * x[i]
     rudder /= state["diagnosis"]["actuators"][RUDDER]["effectiveness"]
-    stopped = clamp(rudder, -stop, stop)
+    stopped = clamp(rudder, stops[0], stops[1])
     state["rudder_mean"] += now.dt / gains["stop_memory_s"] * (stopped - state["rudder_mean"])
     return rudder
 
 
 @compiled
-def driven_aileron(now: Step, gains: np.void, state: np.void, stop: float) -> float:
+def driven_aileron(now: Step, gains: np.void, state: np.void, stops: tuple[float, float]) -> float:
     """Return what the lost aileron is sent [rad]: its position, a probe, and a drive.
 
     When the rudder has stood at its stop for long, the aileron is driven toward the helping side:
     that costs nothing if it is stuck, and decides if it is only very weak.
     """
-    if abs(state["rudder_mean"]) > _AT_THE_STOP * stop:
+    mean = state["rudder_mean"]
+    if mean < _AT_THE_STOP * stops[0] or mean > _AT_THE_STOP * stops[1]:
         more = math.copysign(now.dt * gains["driving_rad_s"], state["rudder_mean"])
         driven = state["aileron_driven"] + more
         state["aileron_driven"] = clamp(driven, -_LARGEST_DRIVE, _LARGEST_DRIVE)

@@ -19,6 +19,7 @@ from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import angular_acceleration
+from sitl_plant.stops import range_of, stop_beside
 from sitl_plant.vec3 import mat3, mul, sub
 
 _LEAST_COSINE = 0.3  # of the roll angle, in the turn rate of a trim
@@ -54,7 +55,6 @@ def reconfigured(
     no_elevator = may and actuators[ELEVATOR]["lost"] != 0
     no_rudder = may and actuators[RUDDER]["lost"] != 0
     no_throttle = may and actuators[THROTTLE]["lost"] != 0
-    stop = aircraft["surface_limit"]
 
     rates = commanded_rates(now, gains, state)
     if no_aileron or no_rudder:  # yaw is left to the trim
@@ -71,8 +71,8 @@ def reconfigured(
 
     if no_aileron:
         if not no_rudder:
-            rudder = rudder_for_roll(now, trim, gains, state, stop)
-        aileron = driven_aileron(now, gains, state, stop)
+            rudder = rudder_for_roll(now, trim, gains, state, range_of(aircraft, RUDDER))
+        aileron = driven_aileron(now, gains, state, range_of(aircraft, RUDDER))
     else:
         state["aileron_driven"], state["rudder_mean"] = 0.0, now.held[RUDDER]
         if no_rudder:
@@ -94,9 +94,11 @@ def reconfigured(
         thrust += probe(THROTTLE, gains["diagnosis"], diagnosis)
     return Command(
         (
-            dithered(aileron, AILERON, stop, gains["diagnosis"], diagnosis),
-            dithered(elevator, ELEVATOR, stop, gains["diagnosis"], diagnosis),
-            dithered(rudder, RUDDER, stop, gains["diagnosis"], diagnosis),
+            dithered(aileron, AILERON, range_of(aircraft, AILERON), gains["diagnosis"], diagnosis),
+            dithered(
+                elevator, ELEVATOR, range_of(aircraft, ELEVATOR), gains["diagnosis"], diagnosis
+            ),
+            dithered(rudder, RUDDER, range_of(aircraft, RUDDER), gains["diagnosis"], diagnosis),
         ),
         dithered_thrust(thrust, aircraft["thrust_limit"], gains["diagnosis"], diagnosis),
         ALL,
@@ -114,11 +116,21 @@ def reaching_stops(command: Command, thresholds: Thresholds, aircraft: AircraftR
         thresholds: Of the trigger.
         aircraft: Nominal aircraft, with its stops.
     """
-    stop, b = aircraft["surface_limit"], thresholds.b
-    near = b[0] * stop + b[1]
     aileron, elevator, rudder = command.delta
-    delta = at_stop(aileron, stop, near), at_stop(elevator, stop, near), at_stop(rudder, stop, near)
+    delta = (
+        _reaching(aileron, AILERON, thresholds.b, aircraft),
+        _reaching(elevator, ELEVATOR, thresholds.b, aircraft),
+        _reaching(rudder, RUDDER, thresholds.b, aircraft),
+    )
     return Command(delta, command.thrust, command.channels)
+
+
+@compiled
+def _reaching(delta: float, j: int, b: tuple[float, float], aircraft: AircraftRecord) -> float:
+    """Return the deflection of surface j, or its stop if that is nearer than the threshold b."""
+    lowest, highest = range_of(aircraft, j)
+    stop = stop_beside(delta, lowest, highest)
+    return at_stop(delta, stop, b[0] * stop + b[1])
 
 
 @compiled

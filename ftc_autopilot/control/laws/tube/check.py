@@ -14,6 +14,7 @@ from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import angular_acceleration
+from sitl_plant.stops import range_of
 from sitl_plant.vec3 import clamp, mat3, mul, scale, vec3
 
 _AIRSPEED, _ROLL, _PITCH, _YAW = range(OUTPUTS)
@@ -166,8 +167,7 @@ def _plan(
     commands[j] = before
     for k in range(rows):
         influence[o, k] = (influence[o, k] - error[o, k]) / small
-    highest = aircraft["thrust_limit"] if j == THROTTLE else aircraft["surface_limit"]
-    lowest = 0.0 if j == THROTTLE else -highest
+    lowest, highest = range_of(aircraft, j)
     settled_s = max(gains["settle_s"][o], _CLOCK_SHARE * now.clock_s[j])
     return best_change(
         error[o],
@@ -192,9 +192,9 @@ def trim(now: Step, aircraft: AircraftRecord, commands: np.ndarray) -> None:
     motion, J = now.motion, mat3(aircraft["J"])
     turning = angular_acceleration(motion.omega, motion.air.N, J, mat3(aircraft["J_inv"]))
     delta = surfaces_for(scale(-1.0, mul(J, turning)), motion.air.C)
-    stop = aircraft["surface_limit"]
     for i in range(3):
-        commands[i] = clamp(delta[i], -stop, stop)
+        lowest, highest = range_of(aircraft, i)
+        commands[i] = clamp(delta[i], lowest, highest)
     thrust = thrust_for(now.reference.V_dot, motion, vec3(commands), aircraft)
     commands[THROTTLE] = clamp(thrust, 0.0, aircraft["thrust_limit"])
 

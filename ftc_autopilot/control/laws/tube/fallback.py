@@ -15,6 +15,7 @@ from ftc_autopilot.control.step import Command, Step, Thresholds
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aircraft import AircraftRecord
+from sitl_plant.stops import range_of
 from sitl_plant.vec3 import clamp
 
 _MOST_DOUBLINGS = 4
@@ -85,12 +86,12 @@ def triggered(
         aircraft: Nominal aircraft, whose limits saturate the command.
         commands: In force [rad, rad, rad, N], shape (4,), updated.
     """
+    lowest, highest = range_of(aircraft, j)
     if j == THROTTLE:
-        saturated = clamp(command.thrust, 0.0, aircraft["thrust_limit"])
+        saturated = clamp(command.thrust, lowest, highest)
         least = thresholds.a[0] * abs(commands[j]) + thresholds.a[1]
     else:
-        stop = aircraft["surface_limit"]
-        saturated = clamp(command.delta[j], -stop, stop)
+        saturated = clamp(command.delta[j], lowest, highest)
         least = thresholds.b[0] * abs(commands[j]) + thresholds.b[1]
     fired = bool(abs(saturated - commands[j]) >= least)
     if now.clock_s[j] > 0.0:

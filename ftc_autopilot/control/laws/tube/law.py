@@ -21,6 +21,7 @@ from ftc_autopilot.control.triggers.base import in_steps
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aircraft import AircraftRecord
+from sitl_plant.stops import range_of
 from sitl_plant.vec3 import clamp
 
 _LONGEST_PERIOD_S = 0.03
@@ -117,8 +118,7 @@ def _dither(
     mask, diagnosis = 0, state["fallback"]["diagnosis"]
     for j in range(N_CHANNELS):
         actuator, limits = diagnosis["actuators"][j], limits_of(gains, j)
-        highest = aircraft["thrust_limit"] if j == THROTTLE else aircraft["surface_limit"]
-        lowest = 0.0 if j == THROTTLE else -highest
+        lowest, highest = range_of(aircraft, j)
         is_check = diagnosis["age"] < limits.check + limits.suspicion
         moves = (is_check or actuator["lost"] != 0) and now.clock_s[j] < _LONGEST_PERIOD_S
         dither = actuator["dither"] if moves else 0.0

@@ -89,7 +89,7 @@ def test_integrals_of_the_pid_law(scenario1: Scenario) -> None:
         rate_ff=(0.0,) * 3, rate_p=(0.3,) * 3, speed_p_n_s_m=0.0, integral_limit_deg=(90.0,) * 3
     )
     pilot = flying(law, scenario1)
-    integral, thrust, stop = np.zeros(3), 0.0, float(pilot.nominal["surface_limit"])
+    integral, thrust, stop = np.zeros(3), 0.0, float(pilot.nominal["stops"][0, 1])
     for motion in alone(pilot):
         now = pilot.step(motion, (45.0, *motion.phi))
         scaling = (law.trim_airspeed_m_s / motion.V) ** 2
@@ -134,7 +134,7 @@ def test_memory_of_the_surviving_law(scenario1: Scenario) -> None:
     law = Surviving(alpha_limit_deg=1.0, pitch_error_limit_deg=0.0)
     pilot = flying(law, scenario1)
     state, motions = pilot.state["surviving"], alone(pilot)
-    actuators, stop = state["diagnosis"]["actuators"], float(pilot.nominal["surface_limit"])
+    actuators, stop = state["diagnosis"]["actuators"], float(pilot.nominal["stops"][0, 1])
     for c in (AILERON, ELEVATOR):
         actuators[c]["lost"] = 1
     mean = state["rudder_mean"] = 0.99 * stop
@@ -179,7 +179,7 @@ def test_effectiveness_and_offset_that_the_diagnosis_uses(scenario1: Scenario) -
         difference = actuators["measured"] - used * actuators["commanded"]
         memory = np.array([0.06, 0.06, 0.06, 0.3])
         offsets += DT / memory * (difference - offsets)
-        largest = np.array([25.0 / 35.0 * pilot.nominal["surface_limit"]] * 3 + [1e9])
+        largest = np.array([25.0 / 35.0 * pilot.nominal["stops"][0, 1]] * 3 + [1e9])
         offsets = np.clip(offsets, -largest, largest)
         assert actuators["offset"][:3] == exactly(offsets[:3])
 

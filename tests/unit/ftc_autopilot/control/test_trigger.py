@@ -102,7 +102,7 @@ def test_the_held_value_is_the_one_on_the_wire(
 ) -> None:
     sender = Sender(nominal)
     sender.step(*delta, T=T, first=True)
-    limits = np.array([nominal["surface_limit"]] * 3 + [nominal["thrust_limit"]])
+    limits = np.array([*nominal["stops"][:, 1], nominal["thrust_limit"]])
     assert np.array_equal(sender.held, sender.controls[:4].astype(np.float64) * limits)
     assert np.all(np.abs(sender.controls) <= 1.0)
     assert sender.controls[3] >= 0.0

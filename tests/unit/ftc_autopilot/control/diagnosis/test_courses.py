@@ -81,7 +81,7 @@ def test_one_actuator_alone(name: str) -> None:
         elif is_throttle:
             command = base + probe(j, GAINS, state)
         elif actuator["lost"] == 0:
-            command = dithered(base, j, STOP, GAINS, state)
+            command = dithered(base, j, (-STOP, STOP), GAINS, state)
         else:
             command = probed(j, GAINS, state)
         sent.append((command, float(actuator["dither"])))

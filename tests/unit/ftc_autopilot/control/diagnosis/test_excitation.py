@@ -33,7 +33,7 @@ def test_a_suspect_surface_is_moved_to_one_side_and_back(j: int, sign: float) ->
         for within in (0.01, 0.99):
             state = suspect(j, (halves + within) * HALVES[j], sign)
             moved = sign * SIZES[j] if halves % 2 == 0 else 0.0
-            assert dithered(0.1, j, STOP, GAINS, state) == pytest.approx(0.1 + moved)
+            assert dithered(0.1, j, (-STOP, STOP), GAINS, state) == pytest.approx(0.1 + moved)
             assert state["actuators"][j]["dither"] == pytest.approx(moved)
 
 
@@ -44,9 +44,13 @@ def test_a_surface_near_its_stop_is_moved_toward_zero(j: int) -> None:
             for side in (1.0, -1.0):
                 state = suspect(j, 0.01, sign)
                 expected = side * (min(delta, STOP) - SIZES[j])
-                assert dithered(side * delta, j, STOP, GAINS, state) == pytest.approx(expected)
+                assert dithered(side * delta, j, (-STOP, STOP), GAINS, state) == pytest.approx(
+                    expected
+                )
     room = STOP - 1.01 * SIZES[j]
-    assert dithered(room, j, STOP, GAINS, suspect(j, 0.01)) == pytest.approx(room + SIZES[j])
+    assert dithered(room, j, (-STOP, STOP), GAINS, suspect(j, 0.01)) == pytest.approx(
+        room + SIZES[j]
+    )
 
 
 @pytest.mark.parametrize("changed", [{"suspect_s": 0.0}, {"dither_s": 0.0}, {"lost": 1}])
@@ -55,9 +59,9 @@ def test_no_other_surface_is_moved(changed: dict[str, float]) -> None:
     for name, value in changed.items():
         state["actuators"][ELEVATOR][name] = value
     state["actuators"][ELEVATOR]["dither"] = 0.5
-    assert dithered(0.8, ELEVATOR, STOP, GAINS, state) == 0.8
+    assert dithered(0.8, ELEVATOR, (-STOP, STOP), GAINS, state) == 0.8
     assert state["actuators"][ELEVATOR]["dither"] == (0.5 if "lost" in changed else 0.0)
-    assert dithered(0.8, AILERON, STOP, GAINS, state) == 0.8
+    assert dithered(0.8, AILERON, (-STOP, STOP), GAINS, state) == 0.8
 
 
 @pytest.mark.parametrize("thrust", [-50.0, 0.0, 100.0, 900.0, 1700.0, 1800.0, 2500.0])

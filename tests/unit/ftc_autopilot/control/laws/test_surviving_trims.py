@@ -189,7 +189,7 @@ def test_the_rudder_feeds_back_what_is_off_the_trim(
     trim = lateral_trim(now, AILERON, nominal, state["diagnosis"])
     state["rudder_mean"] = 0.1
     x = np.array([0.04 - trim.beta, 0.02, 0.3 - trim.r, -0.15])
-    rudder = rudder_for_roll(now, trim, gains, state, STOP)
+    rudder = rudder_for_roll(now, trim, gains, state, (-STOP, STOP))
     assert rudder == pytest.approx((trim.delta - row @ x) / 0.8)
     stopped = min(max(rudder, -STOP), STOP)
     assert state["rudder_mean"] == pytest.approx(0.1 + 1e-3 / 0.7 * (stopped - 0.1))
@@ -213,7 +213,7 @@ def test_the_lost_aileron_is_driven_while_the_rudder_is_at_its_stop(
     state["rudder_mean"], state["aileron_driven"] = mean * STOP, math.radians(before_deg)
     aileron = state["diagnosis"]["actuators"][AILERON]
     aileron["lost"], aileron["stuck"], aileron["decided_s"] = 1, 0.1, 9.0
-    sent = driven_aileron(seen(nominal), gains, state, STOP)
+    sent = driven_aileron(seen(nominal), gains, state, (-STOP, STOP))
     assert math.degrees(state["aileron_driven"]) == pytest.approx(after_deg)
     assert sent == pytest.approx(0.1 + math.radians(2.0 + after_deg))  # 2°: the probe
 
@@ -241,7 +241,7 @@ def test_a_deflection_near_a_stop_becomes_the_stop(nominal: np.void) -> None:
     assert at_stop(-0.52, 0.6, 0.1) == -0.6
     assert at_stop(0.48, 0.6, 0.1) == 0.48
     assert at_stop(-0.48, 0.6, 0.1) == -0.48
-    stop = float(nominal["surface_limit"])
+    stop = float(nominal["stops"][RUDDER, 1])
     near = 0.1 * stop + 0.02
     thresholds = Thresholds((0.5, 100.0), (0.1, 0.02))
     for inside, moved in ((0.01, False), (-0.01, True)):

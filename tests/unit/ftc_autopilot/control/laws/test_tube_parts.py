@@ -354,7 +354,7 @@ def test_its_commands_are_sent_by_the_papers_triggers(
     now = step_of(measured(nominal))
     thresholds, commands = coarser(now.thresholds, factor), COMMANDS.copy()
     command = Command((0.0, 0.0, rudder), thrust, ALL)
-    stop = nominal["surface_limit"]
+    stop = nominal["stops"][0, 1]
     commanded = min(max(rudder, -stop), stop)
     due = abs(commanded - 0.3) >= factor * (0.01 * 0.3 + math.radians(1.0))
     assert triggered(now, 2, command, thresholds, nominal, commands) == due

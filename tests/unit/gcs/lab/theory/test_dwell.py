@@ -6,12 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from theory_flights import DT, scenario_with, synthetic
 
-from ftc_autopilot.control.transmit import on_wire
 from gcs.fleet.in_process import fly_in_process
 from gcs.lab.theory.dwell import dwell_times, in_force
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import THROTTLE
+from sitl_plant.stops import share_of
 
 pytestmark = pytest.mark.slow
 
@@ -106,7 +106,7 @@ def test_no_working_trigger_beats_its_bound(scenario1: Scenario, demand: list[fl
     held, events = 0.0, []
     for k, command in enumerate(demand):
         if k == 0 or abs(min(max(command, 0.0), limit) - held) >= 0.01 * held + 0.5:
-            held = float(on_wire(command, 0.0, limit)) * limit
+            held = float(share_of(command, 0.0, limit)) * limit
             events.append(k)
     throttle = dwell_times(with_thrust(demand, events), 0, scenario1)["throttle"]
     assert throttle["held"] in {True, None}
