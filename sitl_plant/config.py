@@ -185,7 +185,7 @@ class Aircraft(Model):
         own = self.surface_limits_deg
         missing = [name for name in SURFACES if getattr(own, name) is None]
         if self.surface_limit_deg is None and missing:
-            text = "missing; expected the stop of all surfaces [deg], or each one's in surface_limits_deg"
+            text = "missing; expected the stop of all surfaces [deg], or surface_limits_deg of each"
             if len(missing) < len(SURFACES):
                 names = " and ".join(missing)
                 text = f"missing; expected it, or the stops of {names} in surface_limits_deg"
