@@ -232,13 +232,13 @@ def _json(found: "Identified") -> dict[str, object]:
 
 
 def _print(found: "Identified", output: Terminal) -> None:
-    from gcs.lab.identification.fit import REGRESSORS
     from gcs.lab.identification.identified import FORCES, SET_BY_TRIM, verdict
+    from sitl_plant.config import TERMS
 
     values = found.aircraft.coefficients.model_dump()
     columns = (texts("coefficient"), numbers("value"), numbers("95 % interval ±"), texts(""))
     table = table_of(*columns)
-    for coefficients in REGRESSORS.values():
+    for coefficients in TERMS.values():
         for name in coefficients:
             one = found.fit.estimates[name]
             shift = values[name] - one.value

@@ -8,7 +8,7 @@ from gcs.errors import BadInput
 from gcs.lab.theory.modes import LevelFlight, authority, level_flight
 from gcs.scenario.aircraft_file import load_aircraft
 from mavlink_defs.constants import SURFACES
-from sitl_plant.aerodynamics import rate_damping
+from sitl_plant.aerodynamics import lateral, rate_damping
 from sitl_plant.aircraft import aircraft_record
 from sitl_plant.config import Aircraft
 
@@ -92,10 +92,8 @@ def stops_of(aircraft: Aircraft) -> tuple[float, float, float]:
 
 def _damping(aircraft: Aircraft, V: float) -> tuple[float, float, float]:
     record, J = aircraft_record(aircraft), aircraft.inertia_kg_m2
-    roll, pitch = rate_damping(V, record)
-    qSb = 0.5 * aircraft.air_density_kg_m3 * V * V * aircraft.wing_area_m2 * aircraft.wing_span_m
-    yaw = qSb * float(record["cn_r"])
-    yaw *= 1.0 if record["per_rad_s"] else aircraft.wing_span_m / (2.0 * V)
+    air, (_, pitch) = lateral(V, record), rate_damping(V, record)
+    roll, yaw = air.scale * air.rolling.p, air.scale * air.yawing.r
     return abs(roll) / J.Jxx, abs(pitch) / J.Jyy, abs(yaw) / J.Jzz
 
 

@@ -10,47 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from gcs.lab.identification.readings import Windows
+from sitl_plant.config import TERMS
 
 CONFIDENCE = 0.95
 """Of an interval."""
-REGRESSORS = {
-    "cL": {"cL0": "1", "cL_alpha": "alpha", "cL_q": "q", "cL_de": "de"},
-    "cD": {
-        "cD0": "1",
-        "cD_alpha": "alpha",
-        "cD_alpha2": "alpha2",
-        "cD_beta": "beta",
-        "cD_beta2": "beta2",
-        "cD_de": "de",
-        "cD_de2": "de2",
-    },
-    "cY": {
-        "cY0": "1",
-        "cY_beta": "beta",
-        "cY_p": "p",
-        "cY_r": "r",
-        "cY_da": "da",
-        "cY_dr": "dr",
-    },
-    "cl": {
-        "cl0": "1",
-        "cl_beta": "beta",
-        "cl_p": "p",
-        "cl_r": "r",
-        "cl_da": "da",
-        "cl_dr": "dr",
-    },
-    "cm": {"cm0": "1", "cm_alpha": "alpha", "cm_q": "q", "cm_de": "de"},
-    "cn": {
-        "cn0": "1",
-        "cn_beta": "beta",
-        "cn_p": "p",
-        "cn_r": "r",
-        "cn_da": "da",
-        "cn_dr": "dr",
-    },
-}
-"""What each coefficient of a force or moment is multiplied by."""
 _WIDE = 0.3  # half of an interval by the value, from which on a recording says too little
 _CONSTANT = 1e-6  # of a coefficient: less variation than this is rounding
 _ROUNDING = 1e-9  # singular values below this share of the largest are none
@@ -88,7 +51,7 @@ def fit(windows: Windows, nominal: dict[str, float] | None = None) -> Fit:
     """
     estimates: dict[str, Estimate] = {}
     residuals: dict[str, Residual] = {}
-    for axis, regressors in REGRESSORS.items():
+    for axis, regressors in TERMS.items():
         free = dict(regressors)
         y = windows.coefficients[axis]
         left = y
@@ -106,7 +69,7 @@ def fit(windows: Windows, nominal: dict[str, float] | None = None) -> Fit:
         measured = windows.coefficients[axis]
         size = max(float(np.std(measured)), _CONSTANT * float(np.sqrt(np.mean(measured**2))))
         residuals[axis] = Residual(rms, rms / size if size > 0.0 else 0.0)
-    ordered = {name: estimates[name] for names in REGRESSORS.values() for name in names}
+    ordered = {name: estimates[name] for names in TERMS.values() for name in names}
     return Fit(ordered, residuals)
 
 

@@ -15,9 +15,10 @@ from gcs.lab.identification.trim import SimulatorTrim, trim
 from gcs.lab.theory.airframe_checks import Check, airframe_checks
 from gcs.lab.theory.modes import LevelFlight, level_flight
 from mavlink_defs.config.files import problems_of
+from mavlink_defs.config.quantity import describe
 from mavlink_defs.config.yaml_text import yaml_of
 from mavlink_defs.constants import SURFACES
-from sitl_plant.config import Aircraft
+from sitl_plant.config import TERMS, Aircraft, Coefficients
 from sitl_plant.simulators.base import Body, Simulator
 
 FORCES = {
@@ -29,7 +30,7 @@ FORCES = {
     "cn": "yawing moment",
 }
 MOMENTS = ("cl", "cm", "cn")
-SET_BY_TRIM = {"cL0", "cD0", "cY0", "cl0", "cm0", "cn0"}
+SET_BY_TRIM = {name for terms in TERMS.values() for name, of in terms.items() if of == "1"}
 """Coefficients that are shifted so that the model trims where the plant does."""
 WELL_EXPLAINED = 0.05
 """Share of a moment that may be left over."""
@@ -134,18 +135,29 @@ def constants_at(level: SimulatorTrim, body: Body, values: dict[str, float]) -> 
     x, y, z = (body.mass_kg * part for part in level.specific_force)
     x -= level.thrust
     sa, ca = math.sin(level.alpha), math.cos(level.alpha)
+    measured = {"cL": (x * sa - z * ca) / qS, "cD": -(x * ca + z * sa) / qS, "cY": y / qS}
     da, de, dr = level.delta
     alpha = level.alpha
-    by_elevator = values["cD_de"] * de + values["cD_de2"] * de**2
-    by_alpha = values["cD_alpha"] * alpha + values["cD_alpha2"] * alpha**2
-    return {
-        "cL0": (x * sa - z * ca) / qS - values["cL_alpha"] * alpha - values["cL_de"] * de,
-        "cD0": max(-(x * ca + z * sa) / qS - by_alpha - by_elevator, 0.0),
-        "cY0": y / qS - values["cY_da"] * da - values["cY_dr"] * dr,
-        "cl0": -values["cl_da"] * da - values["cl_dr"] * dr,
-        "cm0": -values["cm_alpha"] * alpha - values["cm_de"] * de,
-        "cn0": -values["cn_da"] * da - values["cn_dr"] * dr,
-    }
+    at = {"alpha": alpha, "alpha2": alpha**2, "da": da, "de": de, "de2": de**2, "dr": dr}
+    constants = {}
+    for axis, terms in TERMS.items():
+        rest = sum(values[name] * at.get(of, 0.0) for name, of in terms.items() if of != "1")
+        (constant,) = (name for name, of in terms.items() if of == "1")
+        constants[constant] = within_bounds(constant, measured.get(axis, 0.0) - rest)
+    return constants
+
+
+def within_bounds(name: str, value: float) -> float:
+    """Return a coefficient, or the least that an aircraft may have."""
+    declared = describe(Coefficients.model_fields[name])
+    least = None if declared is None else declared.ge
+    return value if least is None else max(value, least)
+
+
+def _lift(alpha: float, values: dict[str, float]) -> float:
+    """Return the lift coefficient at α [rad], of coefficients."""
+    at = {"1": 1.0, "alpha": alpha}
+    return sum(values[name] * at.get(of, 0.0) for name, of in TERMS["cL"].items())
 
 
 def _aircraft(
@@ -159,8 +171,7 @@ def _aircraft(
     limit = choices.thrust_limit or _THRUST_SHARE * body.mass_kg * level.gravity
     slowest = _SLOWEST_OF_CRUISE * V
     if stall is not None:
-        lifts = values["cL0"] + values["cL_alpha"] * level.alpha
-        most = values["cL0"] + values["cL_alpha"] * stall
+        lifts, most = _lift(level.alpha, values), _lift(stall, values)
         slowest = _SLOWEST * V * math.sqrt(min(lifts / most, 1.0)) if most > lifts else 0.9 * V
     tree: dict[str, Any] = {
         "source": choices.source,

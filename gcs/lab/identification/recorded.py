@@ -7,7 +7,7 @@ import numpy as np
 from gcs.errors import BadInput
 from gcs.lab.design.airframe import cruise_of
 from gcs.lab.identification.fit import fit
-from gcs.lab.identification.identified import Identified, finished
+from gcs.lab.identification.identified import Identified, finished, within_bounds
 from gcs.lab.identification.readings import WINDOW_S, Readings, windows_of
 from gcs.results.recording import Recording
 from gcs.results.store import read_recording
@@ -47,8 +47,10 @@ def identify_recording(folder: Path, nominal: Aircraft, uav: int | None = None) 
         raise BadInput(f"{folder} is too short to identify anything, expected 2 s or more")
     values = nominal.coefficients.model_dump()
     found = fit(windows, values)
-    changed = {name: float(f"{one.value:.{_DIGITS}g}") for name, one in found.estimates.items()}
-    changed["cD0"] = max(changed["cD0"], 0.0)
+    changed = {
+        name: within_bounds(name, float(f"{one.value:.{_DIGITS}g}"))
+        for name, one in found.estimates.items()
+    }
     coefficients = Coefficients.model_validate(values | changed)
     source = f"{nominal.source or 'nominal'}; coefficients from a flight"
     aircraft = nominal.model_copy(update={"coefficients": coefficients, "source": source})

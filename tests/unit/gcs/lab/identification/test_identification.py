@@ -9,7 +9,7 @@ import pytest
 from gcs.errors import BadInput
 from gcs.fleet.in_process import fly_in_process
 from gcs.lab.identification.experiment import experiment, stall_of
-from gcs.lab.identification.fit import REGRESSORS, Fit, fit
+from gcs.lab.identification.fit import Fit, fit
 from gcs.lab.identification.identified import (
     SET_BY_TRIM,
     Choices,
@@ -25,12 +25,12 @@ from gcs.lab.theory.modes import level_flight
 from gcs.scenario.aircraft_file import load_aircraft
 from gcs.scenario.model import load_scenario
 from mavlink_defs.config.files import parse
-from sitl_plant.config import Aircraft, Disturbance
+from sitl_plant.config import TERMS, Aircraft, Disturbance
 from sitl_plant.hardware import Servos, SurfaceServo
 from sitl_plant.simulators.own import OwnSimulator
 
 V = 24.0
-MOMENTS = [name for axis in ("cl", "cm", "cn") for name in REGRESSORS[axis]]
+MOMENTS = [name for axis in ("cl", "cm", "cn") for name in TERMS[axis]]
 
 
 @pytest.fixture(scope="module")
@@ -109,9 +109,7 @@ def test_intervals_hold_the_truth_in_95_of_100(aerosonde: Aircraft) -> None:
             if abs(known[name]) > 0.01:
                 value = found.estimates[name].value
                 assert value == pytest.approx(known[name], rel=0.04, abs=1e-3), name
-    spread = 4.0 * math.sqrt(
-        0.95 * 0.05 / counted * len(REGRESSORS)
-    )  # those of one axis go together
+    spread = 4.0 * math.sqrt(0.95 * 0.05 / counted * len(TERMS))  # those of one axis go together
     assert 0.95 - spread < inside / counted < min(0.95 + spread, 1.0)
 
 
@@ -174,5 +172,5 @@ def test_a_recording_shows_what_was_excited_and_keeps_the_rest(aerosonde: Aircra
 
 def test_set_by_trim_are_the_constants() -> None:
     assert {
-        name for names in REGRESSORS.values() for name, of in names.items() if of == "1"
+        name for names in TERMS.values() for name, of in names.items() if of == "1"
     } == SET_BY_TRIM
