@@ -34,6 +34,10 @@ _SPACE = "free some space, or choose a writable folder; files written so far sta
 
 COMMANDS = {
     "fly": ("fly", "Fly a scenario to its end and record it."),
+    "ardupilot": (
+        "ardupilot",
+        "Let ArduPilot SITLs fly a scenario's aircraft, with its faults, servos, wind and sensors.",
+    ),
     "export": (
         "export",
         "Convert the recording of a flight, light or full, to a format of other programs.",

@@ -38,6 +38,7 @@ from gcs.scenario.sections import Links, Network, ProfileSegment, ScenarioFault,
 from mavlink_defs.capture.impairment import Impairment
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import Quantity, describe
+from sitl_plant.ardupilot.config import ArduPilot
 from sitl_plant.atmosphere import Dryden, Wind
 from sitl_plant.config import Aircraft, Disturbance, Sinusoid, Uncertainty
 from sitl_plant.hardware import EngineServo, Sensor, Sensors, Servos, SurfaceServo
@@ -76,6 +77,7 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "faults": ScenarioFault,
     "links": Links,
     "impairment": Impairment,
+    "ardupilot": ArduPilot,
     "campaign": Campaign,
     "factor": Factor,
     "drawn_fault": DrawnFault,

@@ -67,7 +67,7 @@ class Station:
         Raises:
             BadInput: The option is no list of ids.
         """
-        return None if self.uav is None else _systems(self.uav)
+        return None if self.uav is None else systems_in(self.uav)
 
     def act(
         self,
@@ -197,7 +197,8 @@ def _hint(client: Client, systems: set[int] | None) -> str:
     return "start a fleet with `gcs up`, or give its address with --connect"
 
 
-def _systems(text: str) -> set[int]:
+def systems_in(text: str) -> set[int]:
+    """Read system ids, such as "1,3"; BadInput if the text is something else."""
     parts = text.split(",")
     if not all(part.strip().isdecimal() and 1 <= int(part) <= 255 for part in parts):
         raise BadInput(f"--uav: expected system ids 1 to 255 such as 1,3, got '{text}'")

@@ -23,13 +23,18 @@ def flight_tables(summary: FlightSummary, scenario: Scenario) -> list[Table | Te
         f"sending every channel every {milliseconds(scenario.step_us / 1e6)}"
     )
     remarks = [line for uav in summary.uavs for line in _remarks(uav, summary.steps)]
-    tables = [_transmissions(summary, names), _links(summary, names), _tracking(summary, names)]
+    tables = [
+        transmissions_table(summary, names),
+        _links(summary, names),
+        _tracking(summary, names),
+    ]
     if any(uav.path is not None for uav in summary.uavs):
         tables.append(_path(summary, names))
-    return [*tables, *remarks, *_separation(summary), *_lowest(summary), total]
+    return [*tables, *remarks, *least_separation(summary), *lowest_altitude(summary), total]
 
 
-def _lowest(summary: FlightSummary) -> Iterator[str]:
+def lowest_altitude(summary: FlightSummary) -> Iterator[str]:
+    """Yield a line on the UAV that came closest to the ground; none of a flight without steps."""
     heights = [(u.lowest_altitude_m, u.id) for u in summary.uavs if u.lowest_altitude_m is not None]
     if heights:
         height, system = min(heights)
@@ -77,7 +82,8 @@ def _remarks(uav: UavSummary, steps: int) -> Iterator[Text]:
         )
 
 
-def _transmissions(summary: FlightSummary, names: dict[int, str]) -> Table:
+def transmissions_table(summary: FlightSummary, names: dict[int, str]) -> Table:
+    """Return the events of each channel; `names` has each UAV's by its id."""
     columns = (texts("UAV"), texts("channel"))
     figures = map(numbers, ("events", "saved", "smallest interval", "repeats"))
     title = f"Transmissions in {summary.steps} control periods"
@@ -160,7 +166,8 @@ def _path(summary: FlightSummary, names: dict[int, str]) -> Table:
     return table
 
 
-def _separation(summary: FlightSummary) -> Iterator[str]:
+def least_separation(summary: FlightSummary) -> Iterator[str]:
+    """Yield a line on the two UAVs that came closest to each other; none of a single UAV."""
     if (least := summary.separation) is not None:
         a, b = least.uavs
         yield (

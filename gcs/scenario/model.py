@@ -56,6 +56,7 @@ from mavlink_defs.faults import Fault
 from mavlink_defs.mission_files import is_mission_file
 from mavlink_defs.profile import MAX_SEGMENTS, AirspeedLimits, ItemError, Segment, segments_to_items
 from mavlink_defs.services.mission import MissionItem
+from sitl_plant.ardupilot.config import ArduPilot
 from sitl_plant.atmosphere import Wind
 from sitl_plant.config import (
     Aircraft,
@@ -129,6 +130,9 @@ class Scenario(Model):
     )
     identity: Identity = Field(
         default="ardupilot", description="Autopilot whose MAVLink conventions the UAVs follow."
+    )
+    ardupilot: ArduPilot = Field(
+        default=ArduPilot(), description="Outputs of an ArduPilot that flies it by gcs ardupilot."
     )
 
     def plant_config(self, speed: float | None = None, *, endless: bool = False) -> PlantConfig:

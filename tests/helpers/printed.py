@@ -49,6 +49,7 @@ NO_TABLE = {
         "a line for each vehicle",
     ),
     **dict.fromkeys(("export", "key", "new", "record"), "names the file it has written"),
+    "ardupilot": "waits for an ArduPilot; its tables are as of fly",
     "log": "the dashboard",
     "reproduce": "one sentence; its tables are in report.html",
     "up": "addresses, a line for each",

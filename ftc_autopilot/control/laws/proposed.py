@@ -64,6 +64,7 @@ class Proposed(LawParameters):
     gain_floor: float = quantity(
         "",
         ge=0.0,
+        le=100.0,
         default=0.0,
         doc="Least beta_omega^2 |zeta_omega|^2 in (37); 0: the paper's law.",
     )

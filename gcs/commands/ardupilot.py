@@ -1,0 +1,293 @@
+"""``gcs ardupilot``: an ArduPilot SITL flies a scenario's aircraft, in place of our autopilots."""
+
+import contextlib
+import socket
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from gcs.commands.common import (
+    QuietOption,
+    RunFolderOption,
+    ScenarioArgument,
+    SetOption,
+    WithOption,
+    changed_scenario,
+    warm_up,
+)
+from gcs.commands.progress import working
+from gcs.commands.station import systems_in
+from gcs.errors import BadInput, FlightLost, Interrupted
+from gcs.results.choices import Record
+from gcs.scenario.model import Scenario
+from gcs.scenario.sections import Network
+from gcs.station.connection import warn_if_exposed
+from gcs.terminal import console_of, print_json
+from mavlink_defs.endpoint import UdpAddress
+from sitl_plant.ardupilot.protocol import LONGEST_STEP_US, PORT, PORTS_APART
+
+if TYPE_CHECKING:
+    from gcs.fleet.ardupilot_sockets import Served
+    from gcs.results.ardupilot import FrameSummary
+    from gcs.results.recording import Steps
+
+_LAST_PORT = 65535
+
+EPILOG = """
+Examples:
+
+- gcs ardupilot paper/scenario1 --uav 1    (then: arduplane --model JSON:127.0.0.1 -I 0)
+- gcs ardupilot my.yaml --set duration_s=600 --set ardupilot.throttle.min_us=1100
+- gcs ardupilot my.yaml --set step_us=2500 --json
+
+Exit status: 0 flown to its end, 1 lost, not recorded, or an ArduPilot fell silent, 2 bad input,
+4 no ArduPilot came, 130 Ctrl-C (143 SIGTERM, 129 SIGHUP).
+"""
+
+
+def ardupilot(
+    scenario: ScenarioArgument,
+    additions: WithOption = None,
+    settings: SetOption = None,
+    port: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            max=_LAST_PORT,
+            help=f"UDP port of the first UAV; each further one has a port {PORTS_APART} higher, as "
+            "the instances of ArduPilot do.",
+            metavar="PORT",
+        ),
+    ] = PORT,
+    patience: Annotated[
+        float,
+        typer.Option(
+            min=0.1, help="Silence of an ArduPilot after which the flight ends.", metavar="S"
+        ),
+    ] = 60.0,
+    uav: Annotated[
+        str | None,
+        typer.Option(
+            metavar="IDS", help="Fly these UAVs only, such as 1,3; all of the scenario by default."
+        ),
+    ] = None,
+    out: RunFolderOption = None,
+    record: Annotated[
+        Record, typer.Option(help="What is recorded of the steps, as of gcs fly.")
+    ] = Record.LIGHT,
+    no_figures: Annotated[
+        bool, typer.Option("--no-figures", envvar="FTC_SITL_NO_FIGURES", help="Draw none.")
+    ] = False,
+    quiet: QuietOption = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print summary.json on standard output instead.")
+    ] = False,
+) -> None:
+    """Let ArduPilot SITLs fly a scenario's aircraft, with its faults, servos, wind and sensors.
+
+    The plant answers as the physics of ArduPilot's JSON interface (--model JSON): one UDP port for
+    each UAV. The scenario's law, trigger and profile, or mission, are not flown: ArduPilot decides.
+    The aircraft are held until ArduPilot commands thrust, and launched to their initial state;
+    then the time of the scenario, and of its faults, begins. Changes of the outputs are counted as
+    the events of our autopilots are.
+    """
+    whole = changed_scenario(scenario, additions, settings)
+    loaded = _chosen(whole, None if uav is None else systems_in(uav))
+    _check(loaded, port)
+    from gcs.fleet.ardupilot_sockets import bound
+    from gcs.results.disk_space import check_space
+    from gcs.results.run_folder import make_run_folder
+
+    addresses = [
+        UdpAddress(loaded.links.host, port + PORTS_APART * k) for k in range(len(loaded.uavs))
+    ]
+    console = console_of(quiet=quiet)
+    with bound(addresses) as sockets:
+        folder = make_run_folder(out, loaded.name)
+        check_space(folder, loaded, record, over_udp=False, restart=False)
+        for address in addresses:
+            warn_if_exposed(address, with_key=False)
+        try:
+            warm_up(loaded, console)
+            flown = _Flown(loaded, folder, record, console)
+            with contextlib.closing(flown):
+                flown.fly(sockets, addresses, patience)
+                _report(flown, addresses, no_figures=no_figures, as_json=as_json)
+        except KeyboardInterrupt:
+            raise Interrupted(f"interrupted; what was recorded is in {folder}") from None
+
+
+def _chosen(scenario: Scenario, ids: "set[int] | list[int] | None") -> Scenario:
+    """Return a scenario with these UAVs only, each by itself: without network, slots and path.
+
+    Raises:
+        BadInput: It has no such UAV.
+    """
+    known = [uav.id for uav in scenario.uavs]
+    if strange := set(ids or ()) - set(known):
+        raise BadInput(
+            f"--uav: expected UAVs of the scenario, {', '.join(map(str, known))}, "
+            f"got {', '.join(map(str, sorted(strange)))}"
+        )
+    flown = set(known if ids is None else ids)
+    return scenario.model_copy(
+        update={
+            "uavs": tuple(uav for uav in scenario.uavs if uav.id in flown),
+            "faults": tuple(fault for fault in scenario.faults if fault.uav in flown),
+            "network": Network(leader_access={}),
+            "formation": None,
+            "mission": None,
+        }
+    )
+
+
+def _check(scenario: Scenario, port: int) -> None:
+    """Check that ArduPilot can fly a scenario.
+
+    Raises:
+        BadInput: It cannot.
+    """
+    last = port + PORTS_APART * (len(scenario.uavs) - 1)
+    if last > _LAST_PORT:
+        raise BadInput(
+            f"--port is {port}: the last of {len(scenario.uavs)} UAVs would have port {last}, "
+            f"expected at most {_LAST_PORT}",
+            "choose a lower one",
+        )
+    if scenario.step_us >= LONGEST_STEP_US:
+        raise BadInput(
+            f"step_us is {scenario.step_us} us: ArduPilot's clock stands still with steps of "
+            f"{LONGEST_STEP_US} us or more",
+            "choose shorter ones, as with --set step_us=1000",
+        )
+    if scenario.links.impairments is not None:
+        raise BadInput(
+            "links.impairments apply to our own links, of which ArduPilot uses none",
+            "leave them out, as with --set links.impairments=null",
+        )
+
+
+class _Flown:
+    """A flight by ArduPilot, and its recording, which begins again when the flight does."""
+
+    def __init__(self, scenario: Scenario, folder: Path, record: Record, console: Console) -> None:
+        from gcs.fleet.ardupilot_flight import ArduPilotFlight
+        from gcs.fleet.ardupilot_sockets import Served
+        from gcs.results.recorder import FlightRecorder
+
+        self.scenario, self.folder, self.console = scenario, folder, console
+        self._record = record
+        self.recorder: FlightRecorder = FlightRecorder(scenario, folder, record)
+        self.recorder.load_code()
+        flight = ArduPilotFlight(
+            scenario,
+            self._add,
+            lambda text: console.print(text, soft_wrap=True),
+            self._begin_again,
+        )
+        flight.load_code()
+        self.served: Served = Served(flight)
+        self.stopped = False
+
+    def _add(self, steps: "Steps") -> None:
+        self.recorder.add(steps)
+
+    def _begin_again(self) -> None:
+        from gcs.results.recorder import FlightRecorder
+
+        self.recorder.close()
+        self.recorder = FlightRecorder(self.scenario, self.folder, self._record)
+
+    def close(self) -> None:
+        """Complete the files of the recording."""
+        self.recorder.close()
+
+    def fly(
+        self, sockets: list[socket.socket], addresses: list[UdpAddress], patience_s: float
+    ) -> None:
+        """Serve the ArduPilots to the end of the flight, or until Ctrl-C.
+
+        Raises:
+            NoAnswer: No ArduPilot came.
+        """
+        from gcs.fleet.ardupilot_sockets import how_to_start, serve
+
+        scenario, console = self.scenario, self.console
+        law = scenario.controller.kind
+        lines = (
+            f"waiting for ArduPilot, which flies in place of the scenario's law ({law}) and its "
+            "profile or mission; start",
+            *how_to_start(scenario, addresses),
+        )
+        for line in lines:
+            console.print(line, soft_wrap=True)
+        with working(console) as work:
+            task = work.add(scenario.name, scenario.duration_s, "s", rated=False)
+
+            def show(time_s: float) -> None:
+                task.show(time_s, f"{self.served.flight.step} steps")
+
+            def notify(text: str) -> None:
+                console.print(text, soft_wrap=True)
+
+            try:
+                serve(scenario, self.served, sockets, patience_s, notify, show)
+            except KeyboardInterrupt:
+                if not self.served.flight.step:
+                    raise
+                self.stopped = True
+        self.served.flight.keep()
+
+
+def _report(flown: _Flown, addresses: list[UdpAddress], *, no_figures: bool, as_json: bool) -> None:
+    from gcs.reports.ardupilot import ardupilot_tables
+    from gcs.results.ardupilot import ardupilot_summary
+
+    served, console = flown.served, flown.console
+    ending = served.flight.ending(served.wall_s)
+    frames = _frames(served, flown.scenario, addresses)
+    summary = ardupilot_summary(flown.recorder.finish(ending), frames)
+    summary.save(flown.folder)
+    if ending.steps and not no_figures:
+        from gcs.figures.overview import draw_flight
+
+        with working(console, "drawing the flight"):
+            preview = flown.recorder.preview
+            draw_flight(preview.recording(ending), flown.scenario, preview.gaps(), flown.folder)
+    output = console_of(stderr=as_json, quiet=console.quiet)
+    if as_json:
+        print_json(summary.to_json(), indent=2)
+    else:
+        output.print(*ardupilot_tables(summary, flown.scenario), sep="\n")
+    output.print(f"results in {flown.folder}", soft_wrap=True)
+    if flown.stopped:
+        raise Interrupted(f"interrupted at {summary.flight.duration_s:g} s")
+    if served.silence is not None:
+        raise FlightLost(
+            served.silence, "a longer --patience waits longer, for one that is started again, say"
+        )
+    if summary.flight.loss is not None:
+        raise FlightLost(summary.flight.loss)
+
+
+def _frames(
+    served: "Served", scenario: Scenario, addresses: list[UdpAddress]
+) -> "list[FrameSummary]":
+    from gcs.results.ardupilot import FrameSummary
+
+    return [
+        FrameSummary(
+            uav=uav.id,
+            port=address.port,
+            channels=len(peer.packet.pulses_us) if peer.packet else 0,
+            rate_hz=peer.packet.rate_hz if peer.packet else 0,
+            frames=peer.frames,
+            repeated=peer.repeated,
+            missing=peer.missing,
+            restarts=peer.restarts,
+            dropped=dict(peer.dropped),
+        )
+        for uav, address, peer in zip(scenario.uavs, addresses, served.flight.peers, strict=True)
+    ]

@@ -1,0 +1,93 @@
+"""Configuration of an ArduPilot SITL that flies the aircraft: which output moves which actuator.
+
+Output channels are numbered as SERVO1_FUNCTION and the like number them. The defaults are
+ArduPlane's without mixers: aileron, elevator, throttle, rudder on 1 to 4; 1000 to 2000 µs, as its
+own model of a plane (SIM_Plane.cpp) takes them.
+"""
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from mavlink_defs.config.models import Model, Problems, repeated
+from mavlink_defs.config.quantity import quantity, whole
+
+CHANNELS = (16, 32)
+"""Outputs in a packet of ArduPilot, without and with SERVO_32_ENABLE."""
+
+Channel = Annotated[int, whole("", ge=1, le=CHANNELS[-1], doc="Output channel.")]
+Pulse = Annotated[float, quantity("us", ge=500.0, le=2500.0, doc="Length of a pulse.")]
+
+
+class ThrottleOutput(Model):
+    """The output that commands the thrust, from none to full."""
+
+    channel: Channel = 3
+    min_us: Pulse = Field(default=1000.0, description="Pulse of no thrust, as SERVO3_MIN.")
+    max_us: Pulse = Field(default=2000.0, description="Pulse of full thrust, as SERVO3_MAX.")
+
+    @model_validator(mode="after")
+    def _in_order(self) -> "ThrottleOutput":
+        if self.max_us <= self.min_us:
+            text = f"expected > min_us = {self.min_us:g} us, got {self.max_us:g}"
+            raise Problems([(("max_us",), text)])
+        return self
+
+
+class SurfaceOutput(Model):
+    """An output that moves a surface; longer pulses turn the aircraft right, or its nose up."""
+
+    channel: Channel
+    min_us: Pulse = Field(default=1000.0, description="Pulse at one stop, as SERVOn_MIN.")
+    trim_us: Pulse = Field(default=1500.0, description="Pulse in the middle, as SERVOn_TRIM.")
+    max_us: Pulse = Field(default=2000.0, description="Pulse at the other stop, as SERVOn_MAX.")
+    reversed: bool = Field(
+        default=False, strict=True, description="Longer pulses turn left, or the nose down."
+    )
+
+    @model_validator(mode="after")
+    def _in_order(self) -> "SurfaceOutput":
+        if not self.min_us < self.trim_us < self.max_us:
+            limits = f"between min_us = {self.min_us:g} and max_us = {self.max_us:g} us"
+            raise Problems([(("trim_us",), f"expected {limits}, got {self.trim_us:g}")])
+        return self
+
+
+class ArduPilot(Model):
+    """What an ArduPilot SITL needs to fly the aircraft in place of the scenario's law."""
+
+    aileron: SurfaceOutput = Field(
+        default=SurfaceOutput(channel=1), description="Output of the aileron."
+    )
+    elevator: SurfaceOutput = Field(
+        default=SurfaceOutput(channel=2), description="Output of the elevator."
+    )
+    rudder: SurfaceOutput = Field(
+        default=SurfaceOutput(channel=4), description="Output of the rudder."
+    )
+    throttle: ThrottleOutput = Field(
+        default=ThrottleOutput(), description="Output of the throttle."
+    )
+    hold: bool = Field(
+        default=True,
+        strict=True,
+        description="Hold the aircraft on a launcher until ArduPilot commands thrust.",
+    )
+    launch_throttle: float = quantity(
+        "", ge=0.0, lt=1.0, default=0.05, doc="Share of the thrust above which it is launched."
+    )
+    launch_acceleration_m_s2: float = quantity(
+        "m/s^2", gt=0.0, le=1000.0, default=15.0, doc="Acceleration of the launch."
+    )
+
+    @property
+    def surfaces(self) -> tuple[SurfaceOutput, SurfaceOutput, SurfaceOutput]:
+        """Outputs of aileron, elevator, rudder."""
+        return self.aileron, self.elevator, self.rudder
+
+    @model_validator(mode="after")
+    def _channels_differ(self) -> "ArduPilot":
+        names = ("aileron", "elevator", "rudder", "throttle")
+        channels = [getattr(self, name).channel for name in names]
+        Problems.check(((names[i], "channel"), text) for i, text in repeated(channels))
+        return self

@@ -1,0 +1,150 @@
+"""An autopilot that speaks ArduPilot's side of its JSON interface, and flies.
+
+Written from libraries/SITL/examples/JSON/readme.md of ArduPilot and what its SIM_JSON.cpp does with
+answers; nothing is shared with the code under test. It holds a bank, its first pitch angle and its
+first airspeed by proportional and integral laws, with outputs as ArduPlane's.
+"""
+
+import json
+import math
+import re
+import socket
+import struct
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+_VECTORS = ("imu/gyro", "imu/accel_body", "position", "attitude", "velocity", "velocity_wind")
+_NUMBERS = ("timestamp", "airspeed")
+_NUMBER = r"\s*([-+0-9.eE]+)"
+
+Answer = dict[str, Any]
+
+
+def servo_packet(
+    frame_count: int, pwm: Sequence[int], rate_hz: int = 1000, magic: int | None = None
+) -> bytes:
+    """Return a servo packet of as many channels as there are pulses, 16 or 32."""
+    if magic is None:
+        magic = {16: 18458, 32: 29569}[len(pwm)]
+    return struct.pack(f"<HHI{len(pwm)}H", magic, rate_hz, frame_count, *pwm)
+
+
+def read_by_text(line: bytes) -> Answer:
+    """Return what ArduPilot's parser before 2026 finds, which searches keys as texts.
+
+    It takes the first place where the key's text occurs, skips quote and colon, and scans
+    "[%f, %f, %f]" or a number there. The text lies between two line ends.
+    """
+    assert line.startswith(b"\n")
+    assert line.endswith(b"\n")
+    text = line[1:-1].decode("ascii")
+    assert "\n" not in text
+    found: Answer = {}
+    for name in (*_VECTORS, *_NUMBERS):
+        section, _, key = name.rpartition("/")
+        at = text.find(key, text.find(section) + len(section) + 1)
+        assert at >= 0, f"{name} is missing"
+        value = text[at + len(key) + 2 :]
+        pattern = rf"\[{_NUMBER},{_NUMBER},{_NUMBER}\]" if name in _VECTORS else _NUMBER
+        match = re.match(pattern, value)
+        assert match, f"no value of {name} where it is looked for: {value[:20]!r}"
+        numbers = [float(one) for one in match.groups()]
+        found[name] = numbers if name in _VECTORS else numbers[0]
+    return found
+
+
+def read_as_json(line: bytes) -> Answer:
+    """Return the same as a reader of JSON finds it."""
+    tree: Answer = json.loads(line)
+    return {f"imu/{key}": value for key, value in tree.pop("imu").items()} | tree
+
+
+class Autopilot:
+    """A peer on a UDP socket of its own.
+
+    Attributes:
+        answers: What came, one for each frame.
+        lines: The same as it came.
+    """
+
+    def __init__(
+        self, port: int, *, rate_hz: int = 1000, channels: int = 16, timeout_s: float = 120.0
+    ) -> None:
+        self._address = ("127.0.0.1", port)
+        self.rate_hz = rate_hz
+        self.frame_count = 0
+        self.answers: list[Answer] = []
+        self.lines: list[bytes] = []
+        self.bank = 0.0  # commanded roll angle [rad]
+        self.pwm = [1500] * channels
+        self.pwm[2] = 1000
+        self._target: tuple[float, float] | None = None
+        self._sums = [0.0, 0.0]
+        self._sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._sock.settimeout(timeout_s)
+
+    def __enter__(self) -> "Autopilot":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._sock.close()
+
+    def send(self, packet: bytes) -> None:
+        self._sock.sendto(packet, self._address)
+
+    def receive(self) -> bytes:
+        return self._sock.recv(65000)
+
+    def exchange(self, pwm: Sequence[int] | None = None, copies: int = 1) -> Answer:
+        """Send a frame, so many times before it hears an answer, and return the first one."""
+        self.pwm = list(self.pwm if pwm is None else pwm)
+        packet = servo_packet(self.frame_count, self.pwm, self.rate_hz)
+        for _ in range(copies):
+            self.send(packet)
+        lines = [self.receive() for _ in range(copies)]
+        assert set(lines) == {lines[0]}, "a repeated frame is answered as before"
+        self.frame_count += 1
+        self.lines.append(lines[0])
+        self.answers.append(read_by_text(lines[0]))
+        return self.answers[-1]
+
+    def fly(self, frames: int, thrust: float = 0.4) -> Answer:
+        """Exchange frames with the outputs of the law, around a share of the thrust."""
+        for _ in range(frames):
+            self.exchange(self.outputs(thrust))
+        return self.answers[-1]
+
+    def outputs(self, thrust: float) -> list[int]:
+        """Return the pulses of the law, around a share of the thrust [µs]."""
+        pwm = list(self.pwm)
+        if not self.answers:
+            pwm[2] = round(1000 + 1000 * thrust)
+            return pwm
+        now = self.answers[-1]
+        roll, pitch, _ = now["attitude"]
+        p, q, r = now["imu/gyro"]
+        if self._target is None:
+            self._target = pitch, now["airspeed"]
+        to_pitch, to_speed = self._target
+        errors = self.bank - roll, to_pitch - pitch
+        self._sums = [x + e / self.rate_hz for x, e in zip(self._sums, errors, strict=True)]
+        outputs = {
+            0: 2.0 * errors[0] + 4.0 * self._sums[0] - 0.15 * p,  # positive: to the right
+            1: 1.5 * errors[1] + 3.0 * self._sums[1] - 0.2 * q,  # positive: nose up
+            3: -0.3 * r,  # positive: to the right
+        }
+        for channel, out in outputs.items():
+            pwm[channel] = round(1500 + 500 * min(max(out, -1.0), 1.0))
+        share = thrust + 0.1 * (to_speed - now["airspeed"])
+        pwm[2] = round(1000 + 1000 * min(max(share, 0.06), 1.0))
+        return pwm
+
+
+def into_earth(v: Iterable[float], attitude: Iterable[float]) -> list[float]:
+    """Return a vector in body axes as north, east, down, by three rotations one after another."""
+    x, y, z = v
+    roll, pitch, yaw = attitude
+    y, z = y * math.cos(roll) - z * math.sin(roll), y * math.sin(roll) + z * math.cos(roll)
+    x, z = x * math.cos(pitch) + z * math.sin(pitch), z * math.cos(pitch) - x * math.sin(pitch)
+    x, y = x * math.cos(yaw) - y * math.sin(yaw), x * math.sin(yaw) + y * math.cos(yaw)
+    return [x, y, z]
