@@ -37,7 +37,7 @@ from sitl_plant.fleet import (
     observe,
     receive_controls,
 )
-from sitl_plant.outside import Outside
+from sitl_plant.outside import Outside, flown_by
 from sitl_plant.simulators.base import SimulatorError
 
 _CHUNK_STEPS = 2000
@@ -140,16 +140,12 @@ def fly_on(
 
     def run(step: int, chunk: Steps) -> tuple[int, int]:
         arrays = chunk.states, chunk.wind, chunk.applied, chunk.signals
-        done = 0
-        while True:
-            rest = [array[done:] for array in arrays] if done else arrays
-            flown, lost = run_steps(
-                fleet, controllers, sources, step + done, scenario.step_us, *rest
-            )
-            done += flown
-            if lost != ADVANCE:
-                return done, lost
-            outside.advance()
+
+        def from_step(flown: int) -> tuple[int, int]:
+            rest = [array[flown:] for array in arrays]
+            return run_steps(fleet, controllers, sources, step + flown, scenario.step_us, *rest)
+
+        return flown_by(outside, from_step)
 
     run(first, room(first, first))  # loads the code
     started = time.perf_counter()
