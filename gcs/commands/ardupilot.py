@@ -19,7 +19,7 @@ from gcs.commands.common import (
 )
 from gcs.commands.progress import working
 from gcs.commands.station import systems_in
-from gcs.errors import BadInput, FlightLost, Interrupted
+from gcs.errors import BadInput, FlightLost, Interrupted, NoAnswer
 from gcs.results.choices import Record
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import Network
@@ -105,18 +105,32 @@ def ardupilot(
     ]
     console = console_of(quiet=quiet)
     with bound(addresses) as sockets:
+        is_new = out is None or not out.exists()
         folder = make_run_folder(out, loaded.name)
         check_space(folder, loaded, record, over_udp=False, restart=False)
         for address in addresses:
             warn_if_exposed(address, with_key=False)
         try:
-            warm_up(loaded, console)
+            warm_up(whole, console)
             flown = _Flown(loaded, folder, record, console)
             with contextlib.closing(flown):
                 flown.fly(sockets, addresses, patience)
                 _report(flown, addresses, no_figures=no_figures, as_json=as_json)
+        except NoAnswer:
+            _remove(folder, is_new)
+            raise
         except KeyboardInterrupt:
-            raise Interrupted(f"interrupted; what was recorded is in {folder}") from None
+            _remove(folder, is_new)
+            raise Interrupted("interrupted before the flight began") from None
+
+
+def _remove(folder: Path, is_new: bool) -> None:
+    """Remove the recording of a flight that never began, and its folder if it is new."""
+    with contextlib.suppress(OSError):
+        for path in folder.iterdir():
+            path.unlink()
+        if is_new:
+            folder.rmdir()
 
 
 def _chosen(scenario: Scenario, ids: "set[int] | list[int] | None") -> Scenario:

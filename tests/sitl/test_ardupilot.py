@@ -216,6 +216,7 @@ def test_it_says_how_to_start_and_gives_up_when_nobody_comes(tmp_path: Path) -> 
     for k, port in enumerate(plant.ports):
         assert f"arduplane --model JSON:127.0.0.1 --sim-port-out {port} -I {k}" in error
     assert "no ArduPilot has come for UAV 1 for 0.5 s" in error
+    assert not plant.folder.exists()
 
 
 def test_silence_in_flight_ends_it_with_what_was_recorded(tmp_path: Path) -> None:
