@@ -39,6 +39,9 @@ class ArduPilotFlight:
         peers: The ArduPilot of each UAV.
         loss: Why the flight was lost; None if it was not.
         step: Control periods flown.
+        fleet: The aircraft; another one in each flight that begins again.
+        events: Events so far, shape (n, 4), in the order of FTC_ACTUATOR.
+        messages: Steps so far with at least one event, shape (n,).
         restarts: How often it began again, because an ArduPilot was started again.
     """
 
@@ -86,6 +89,8 @@ class ArduPilotFlight:
         for i in range(n):
             observe_at(self.fleet, i, 0, scenario.step_us)
         self._outputs = [Outputs(scenario.ardupilot, one) for one in self.fleet.aircraft]
+        self.events = np.zeros((n, N_CHANNELS), np.int64)
+        self.messages = np.zeros(n, np.int64)
         self._changed = np.zeros(n, np.uint8)  # actuators whose command is new, a mask of each
         self._launches = self._prepared()
 
@@ -238,6 +243,8 @@ class ArduPilotFlight:
         scenario, fleet = self._scenario, self.fleet
         if self.step == 0:
             self._changed[:] = _ALL  # the first command of each channel is one
+        self.events += self._changed[:, None] >> np.arange(N_CHANNELS, dtype=np.uint8) & 1
+        self.messages += self._changed != 0
         for i in np.flatnonzero(self._changed).tolist():
             payload = self._payloads[i]
             payload["time_usec"] = self.step * scenario.step_us
