@@ -162,7 +162,7 @@ class ArduPilotFlight:
         self._on_restart()
         self._begin()
         for j, waits in enumerate(waiting):
-            self._due[j] = 0
+            pass
             if waits and j != i:
                 self._take(j)
 
