@@ -27,6 +27,7 @@ from gcs.station.connection import warn_if_exposed
 from gcs.terminal import console_of, print_json
 from mavlink_defs.endpoint import UdpAddress
 from sitl_plant.ardupilot.protocol import LONGEST_STEP_US, PORT, PORTS_APART
+from sitl_plant.plant_section import OwnPlant
 
 if TYPE_CHECKING:
     from gcs.fleet.ardupilot_sockets import Served
@@ -162,6 +163,13 @@ def _check(scenario: Scenario, port: int) -> None:
             f"{LONGEST_STEP_US} us or more",
             "choose shorter ones, as with --set step_us=1000",
         )
+    for uav in scenario.uavs:
+        if not isinstance(uav.plant or scenario.plant, OwnPlant):
+            raise BadInput(
+                f"UAV {uav.id} is flown by another simulator, which ArduPilot cannot be connected "
+                "to here",
+                "leave it out with --uav, or connect ArduPilot to that simulator itself",
+            )
     if scenario.links.impairments is not None:
         raise BadInput(
             "links.impairments apply to our own links, of which ArduPilot uses none",

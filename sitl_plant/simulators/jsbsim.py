@@ -260,7 +260,7 @@ class _Log(jsbsim.FGLogger):
         if self._counts:
             self._errors.append(message)
 
-    def format(self, format: Any) -> None:  # noqa: A002  # JSBSim's name
+    def format(self, format: Any) -> None:  # noqa: A002 - JSBSim's name
         pass
 
     def flush(self) -> None:

@@ -26,6 +26,7 @@ READ = {
     ("baseline", "campaign"): ["baseline", PAPER, "--aircraft", "1", "--campaign", "@"],
     ("campaign", "file"): ["campaign", "@", "--out", "none"],
     ("trim", "scenario"): ["trim", "@"],
+    ("ardupilot", "scenario"): ["ardupilot", "@", "--out", "none"],
     ("up", "scenario"): ["up", "@", "--free-ports"],
     ("config", "scenario"): ["config", "@", "--out", "none"],
     ("log", "file"): ["log", "@"],

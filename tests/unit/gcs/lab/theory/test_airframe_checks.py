@@ -34,7 +34,7 @@ def test_bundled_aircraft_meet_all(name: str) -> None:
         ("coefficients.cn0", 0.04, "rudder in level flight"),
         ("thrust_limit_n", 10.0, "largest thrust by what level flight takes"),
         ("coefficients.cl_dr", -0.8, "aileron rolls, rudder yaws (relative gain)"),
-        ("stall_deg", 6.0, "angle of attack below the stall"),
+        ("stall_deg", 7.0, "angle of attack below the stall"),
         ("coefficients.cY_dr", 1.2, "sideslip dies out while the rudder holds the heading"),
     ],
 )
