@@ -3,10 +3,11 @@
 import numpy as np
 
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
+from sitl_plant.aerodynamics import aerodynamics
 from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.ardupilot.config import ArduPilot, SurfaceOutput, ThrottleOutput
 
-_EFFECTS = {AILERON: "cl_da", ELEVATOR: "cm_de", RUDDER: "cn_dr"}
+_SURFACES = (AILERON, ELEVATOR, RUDDER)
 
 
 class Outputs:
@@ -27,7 +28,8 @@ class Outputs:
                 its nose up, by whatever deflection does that.
         """
         self._config = config
-        self._signs = [-1.0 if aircraft[name] < 0.0 else 1.0 for name in _EFFECTS.values()]
+        C = aerodynamics((1.0, 0.0, 0.0), (0.0, 0.0, 0.0), aircraft).C
+        self._signs = [-1.0 if C[c][c] < 0.0 else 1.0 for c in _SURFACES]
         self.shares = np.zeros(N_CHANNELS, np.float32)
 
     def receive(self, pulses_us: tuple[int, ...]) -> int:
@@ -37,7 +39,7 @@ class Outputs:
             Bit mask of the actuators whose command has changed, bit numbers as FTC_ACTUATOR.
         """
         before = self.shares.copy()
-        for c, surface in zip(_EFFECTS, self._config.surfaces, strict=True):
+        for c, surface in zip(_SURFACES, self._config.surfaces, strict=True):
             pulse = _pulse(pulses_us, surface)
             if pulse > 0:
                 self.shares[c] = self._signs[c] * surface_share(pulse, surface)
