@@ -29,6 +29,8 @@ pytestmark = pytest.mark.sitl
 
 CAMPAIGN = {"request.yaml", "scenario.yaml", "draws.parquet", "results"}
 OUTPUTS = CAMPAIGN | {"table.csv", "table.md", "sweep.png", "sweep.svg"}
+LONG_S = 60.0
+"""Of flights that are not all over when the first are stored, after 2 s."""
 MANY = ("--set", f"trigger.b2_deg={','.join(str(0.1 * k) for k in range(1, 16))}")
 
 
@@ -128,7 +130,7 @@ def test_flights_equal_gcs_fly(tmp_path: Path) -> None:
 
 
 def test_killed_in_the_middle(tmp_path: Path) -> None:
-    scenario, folder = write_scenario(tmp_path), tmp_path / "out"
+    scenario, folder = write_scenario(tmp_path, duration_s=LONG_S), tmp_path / "out"
     with sweeping(folder, scenario, *MANY, "--jobs", "1") as popen:
         os.kill(popen.pid, signal.SIGKILL)
         popen.wait(TIMEOUT_S)
@@ -146,7 +148,7 @@ def test_killed_in_the_middle(tmp_path: Path) -> None:
 
 
 def test_interrupt(tmp_path: Path) -> None:
-    scenario, folder = write_scenario(tmp_path), tmp_path / "out"
+    scenario, folder = write_scenario(tmp_path, duration_s=LONG_S), tmp_path / "out"
     with sweeping(folder, scenario, *MANY, "--quiet", "--jobs", "1") as popen:
         os.kill(popen.pid, signal.SIGINT)
         _, text = popen.communicate(timeout=TIMEOUT_S)
