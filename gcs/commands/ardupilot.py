@@ -15,6 +15,7 @@ from gcs.commands.common import (
     SetOption,
     WithOption,
     changed_scenario,
+    check_simulators,
     warm_up,
 )
 from gcs.commands.progress import working
@@ -96,6 +97,7 @@ def ardupilot(
     whole = changed_scenario(scenario, additions, settings)
     loaded = _chosen(whole, None if uav is None else systems_in(uav))
     _check(loaded, port)
+    check_simulators(loaded)
     from gcs.fleet.ardupilot_sockets import bound
     from gcs.results.disk_space import check_space
     from gcs.results.run_folder import make_run_folder
