@@ -6,6 +6,7 @@ A flight ended by ``timeout`` or a closed terminal therefore keeps its recording
 import contextlib
 import signal
 from collections.abc import Iterator
+from threading import Event
 from types import FrameType
 
 from gcs.errors import Interrupted
@@ -44,6 +45,22 @@ def ending_at_once() -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+@contextlib.contextmanager
+def noting_ctrl_c() -> Iterator[Event]:
+    """Note those signals in place of raising KeyboardInterrupt in the middle of a step.
+
+    Yields:
+        What is set by them; whoever is in here ends when it is.
+    """
+    noted, before = Event(), signal.getsignal(signal.SIGINT)
+    if before != signal.SIG_IGN:  # as a shell has it in the background
+        signal.signal(signal.SIGINT, lambda _number, _frame: noted.set())
+    try:
+        yield noted
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

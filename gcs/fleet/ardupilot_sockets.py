@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from gcs.errors import NoAnswer, bad_endpoint
 from gcs.fleet.ardupilot_flight import ArduPilotFlight
 from gcs.scenario.model import Scenario
+from gcs.stopping import noting_ctrl_c
 from mavlink_defs.endpoint import EndpointError, UdpAddress, bind_udp
 from sitl_plant.ardupilot.protocol import PORT, PORTS_APART
 
@@ -82,6 +83,7 @@ def serve(
 
     Raises:
         NoAnswer: No ArduPilot came for a UAV.
+        KeyboardInterrupt: It was stopped, between two frames.
     """
     flight = served.flight
     ids = [uav.id for uav in scenario.uavs]
@@ -90,10 +92,10 @@ def serve(
     quiet: set[int] = set()
     first_step_s: float | None = None
     shown_s = begin
-    with selectors.DefaultSelector() as selector:
+    with selectors.DefaultSelector() as selector, noting_ctrl_c() as stopped:
         for i, sock in enumerate(sockets):
             selector.register(sock, selectors.EVENT_READ, i)
-        while not flight.is_over:
+        while not (flight.is_over or stopped.is_set()):
             ready = selector.select(_TURN_S)
             now = time.monotonic()
             for key, _ in ready:
@@ -132,6 +134,8 @@ def serve(
                     notify(f"{who} has been silent for {_QUIET_S:g} s {at}; the plant waits for it")
             if served.silence is not None:
                 break
+    if stopped.is_set():
+        raise KeyboardInterrupt
 
 
 def _strangers(flight: ArduPilotFlight, i: int) -> str:
