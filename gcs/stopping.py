@@ -6,7 +6,6 @@ A flight ended by ``timeout`` or a closed terminal therefore keeps its recording
 import contextlib
 import signal
 from collections.abc import Iterator
-from threading import Event
 from types import FrameType
 
 from gcs.errors import Interrupted
@@ -48,15 +47,16 @@ def ending_at_once() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def noting_ctrl_c() -> Iterator[Event]:
+def noting_ctrl_c() -> Iterator[list[int]]:
     """Note those signals in place of raising KeyboardInterrupt in the middle of a step.
 
     Yields:
-        What is set by them; whoever is in here ends when it is.
+        The numbers of those that have come; whoever is in here ends when there is one.
     """
-    noted, before = Event(), signal.getsignal(signal.SIGINT)
+    noted: list[int] = []
+    before = signal.getsignal(signal.SIGINT)
     if before != signal.SIG_IGN:  # as a shell has it in the background
-        signal.signal(signal.SIGINT, lambda _number, _frame: noted.set())
+        signal.signal(signal.SIGINT, lambda number, _frame: noted.append(number))
     try:
         yield noted
     finally:

@@ -95,7 +95,7 @@ def serve(
     with selectors.DefaultSelector() as selector, noting_ctrl_c() as stopped:
         for i, sock in enumerate(sockets):
             selector.register(sock, selectors.EVENT_READ, i)
-        while not (flight.is_over or stopped.is_set()):
+        while not (flight.is_over or stopped):
             ready = selector.select(_TURN_S)
             now = time.monotonic()
             for key, _ in ready:
@@ -134,7 +134,7 @@ def serve(
                     notify(f"{who} has been silent for {_QUIET_S:g} s {at}; the plant waits for it")
             if served.silence is not None:
                 break
-    if stopped.is_set():
+    if stopped:
         raise KeyboardInterrupt
 
 
