@@ -11,14 +11,13 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from ftc_autopilot.control.controller import no_signals
+from gcs.fleet.in_process import add_faults
 from gcs.results.recording import Ending, Steps
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
-from mavlink_defs.faults import fault_from_params
 from mavlink_defs.framing.codec import ACTUATORS
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.memory import borrowed, copy_values
-from sitl_plant.actuators import add_fault
 from sitl_plant.ardupilot.launch import Launch, new_launch, out_of_body
 from sitl_plant.ardupilot.outputs import Outputs
 from sitl_plant.ardupilot.peer import Address, Frame, Peer
@@ -80,9 +79,7 @@ class ArduPilotFlight:
         self._launched: int | None = None  # tick of the launch's first step
         self._rows = 0  # of `_steps`
         self.fleet = new_plant_state(scenario.plant_config(speed=None))
-        for uav, fault in scenario.fault_commands():
-            received = fault_from_params(fault, scenario.aircraft.fault_limits)
-            add_fault(self.fleet.faults[self._ids.index(uav)], received, now_s=0.0)
+        add_faults(scenario, self.fleet)
         for i in range(n):
             observe_at(self.fleet, i, 0, scenario.step_us)
         self._outputs = [Outputs(scenario.ardupilot, one) for one in self.fleet.aircraft]

@@ -105,7 +105,7 @@ def begin(scenario: Scenario) -> Flight:
         raise BadInput(str(problem), problem.hint) from problem
     flight = Flight(ids, fleet, controllers, outside, sources)
     _brief(scenario, controllers)
-    add_faults(scenario, flight)
+    add_faults(scenario, fleet)
     exchange_initial_states(flight.fleet, controllers, sources, scenario.step_us)
     return flight
 
@@ -186,11 +186,12 @@ def _brief(scenario: Scenario, controllers: Controllers) -> None:
             begin_path(guidance)
 
 
-def add_faults(scenario: Scenario, flight: Flight) -> None:
-    """Add the faults of a scenario, rounded as by transmission."""
+def add_faults(scenario: Scenario, fleet: PlantState) -> None:
+    """Add the faults of a scenario to its fleet, rounded as by transmission."""
+    ids = [uav.id for uav in scenario.uavs]
     for uav_id, fault in scenario.fault_commands():
         received = fault_from_params(fault, scenario.aircraft_of(uav_id).fault_limits)
-        add_fault(flight.fleet.faults[flight.ids.index(uav_id)], received, now_s=0.0)
+        add_fault(fleet.faults[ids.index(uav_id)], received, now_s=0.0)
 
 
 @compiled

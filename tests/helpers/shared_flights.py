@@ -21,7 +21,7 @@ def fly_sharing_the_start(scenario: Scenario) -> Recording:
     for ours, theirs in zip(steps.part(0, first)[1:], before[1:], strict=True):
         ours[...] = theirs
     flight = deepcopy(flown)
-    add_faults(scenario, flight)
+    add_faults(scenario, flight.fleet)
     ending = fly_on(scenario, flight, steps.part, first=first)
     return Recording.of(steps.part(0, ending.steps), ending, flight.ids, scenario.step_us)
 

@@ -14,11 +14,11 @@ CRUISE = [1500, 1500, 1400, 1500, *[1500] * 12]
 FAULT = {"uav": 1, "actuator": "aileron", "stuck_deg": 5.0, "start_s": 0.05}
 
 
-def scenario(uavs: int = 1, **changes) -> Scenario:
+def scenario(count: int = 1, **changes) -> Scenario:
     tree = scenario_tree("paper/scenario1") | {"duration_s": 0.4, "faults": []} | changes
-    tree["uavs"] = tree["uavs"][:uavs]
+    tree["uavs"] = tree["uavs"][:count]
     tree["network"] = {"leader_access": {1: 1.0}}
-    tree["network"]["edges"] = [{"between": [1, i], "weight": 1.0} for i in range(2, uavs + 1)]
+    tree["network"]["edges"] = [{"between": [1, i], "weight": 1.0} for i in range(2, count + 1)]
     return scenario_of("scenario.yaml", tree)
 
 
@@ -189,3 +189,13 @@ def test_one_that_hits_the_ground_is_lost():
         rig.send(n, down, rate_hz=50)
         n += 1
     assert "UAV 1 was lost at" in str(rig.flight.loss)
+
+
+def test_a_fault_is_within_the_stops_of_the_aircraft_that_has_it():
+    tree = scenario_tree("paper/scenario1")
+    wide = tree["aircraft"] | {"surface_limit_deg": 35.0}
+    uavs = [tree["uavs"][0] | {"aircraft": wide}]
+    fault = FAULT | {"stuck_deg": 20.0}
+    narrow = scenario(aircraft=wide | {"surface_limit_deg": 10.0}, uavs=uavs, faults=[fault])
+    flight = Rig(narrow).flight
+    assert flight.fleet.faults[0]["value"][0] == pytest.approx(np.radians(20.0))
