@@ -64,6 +64,11 @@ COMMANDS = {
         "aircraft",
         "List the bundled aircraft, or show one: size, limits, trim, modes, authority.",
     ),
+    "design": ("design", "Write a scenario for an aircraft, every parameter derived from it."),
+    "identify": (
+        "identify",
+        "Identify the nominal aircraft of a simulator, or of a recorded flight.",
+    ),
     "scenarios": (
         "scenarios",
         "List the bundled scenarios, one per line: name and what it shows; then the additions.",
@@ -111,7 +116,10 @@ COMMANDS = {
 It is the first line of the command's own help, which is not imported for the help of `gcs`.
 """
 
-_LAB = {"aircraft", "baseline", "campaign", "compare", "reproduce", "sweep", "trim"}
+_LAB = {
+    *("aircraft", "baseline", "campaign", "compare", "design", "identify"),
+    *("reproduce", "sweep", "trim"),
+}
 """Commands of `gcs.lab`, which needs more packages than operators do."""
 
 _EPILOG = """

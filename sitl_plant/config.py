@@ -92,6 +92,47 @@ class Coefficients(Model):
     cY_dr: float = quantity("1/rad", default=0.0, doc="Side force due to rudder.")
 
 
+TERMS = {
+    "cL": {"cL0": "1", "cL_alpha": "alpha", "cL_q": "q", "cL_de": "de"},
+    "cD": {
+        "cD0": "1",
+        "cD_alpha": "alpha",
+        "cD_alpha2": "alpha2",
+        "cD_beta": "beta",
+        "cD_beta2": "beta2",
+        "cD_de": "de",
+        "cD_de2": "de2",
+    },
+    "cY": {
+        "cY0": "1",
+        "cY_beta": "beta",
+        "cY_p": "p",
+        "cY_r": "r",
+        "cY_da": "da",
+        "cY_dr": "dr",
+    },
+    "cl": {
+        "cl0": "1",
+        "cl_beta": "beta",
+        "cl_p": "p",
+        "cl_r": "r",
+        "cl_da": "da",
+        "cl_dr": "dr",
+    },
+    "cm": {"cm0": "1", "cm_alpha": "alpha", "cm_q": "q", "cm_de": "de"},
+    "cn": {
+        "cn0": "1",
+        "cn_beta": "beta",
+        "cn_p": "p",
+        "cn_r": "r",
+        "cn_da": "da",
+        "cn_dr": "dr",
+    },
+}
+"""What each coefficient of a force or moment is multiplied by; "alpha2" is a square, p, q and r are
+nondimensional."""
+
+
 _NONE_SUCH = "none"
 
 
@@ -168,7 +209,9 @@ class Aircraft(Model):
     )
     airspeed_min_m_s: float = quantity("m/s", gt=0.0, doc="Lowest airspeed command accepted.")
     airspeed_max_m_s: float = quantity("m/s", gt=0.0, doc="Highest airspeed command accepted.")
-    cruise_m_s: float | None = quantity("m/s", gt=0.0, default=None, doc="Airspeed in cruise.")
+    cruise_m_s: float | None = quantity(
+        "m/s", gt=0.0, default=None, doc="Airspeed that a design is for; none: mid-range."
+    )
 
     @model_validator(mode="after")
     def _airspeeds_in_order(self) -> "Aircraft":

@@ -20,6 +20,7 @@ from sitl_plant.disturbance import (
 from sitl_plant.plant import (
     Environment,
     actuators_over,
+    describe_loss,
     is_below_ground,
     is_lost,
     specific_force_at,
@@ -250,6 +251,11 @@ def _end(fleet: PlantState, step: int, step_us: int) -> int:
         if lost < 0 and (hit_ground or is_lost(fleet.states[i], fleet.air[i, :3])):
             lost = i
     return lost
+
+
+def loss_of(fleet: PlantState, i: int) -> str:
+    """Describe in what way aircraft i is lost."""
+    return describe_loss(fleet.states[i], fleet.air[i, :3], float(fleet.aircraft[i]["stall"]))
 
 
 @inlined

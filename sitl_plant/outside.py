@@ -1,12 +1,13 @@
 """The aircraft of a fleet that simulators fly, and their periods in between two compiled halves."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
 from mavlink_defs.constants import SURFACES
 from sitl_plant.config import Aircraft, PlantConfig, PlantUav
-from sitl_plant.fleet import PlantState
+from sitl_plant.fleet import ADVANCE, PlantState
 from sitl_plant.plant_section import OwnPlant
 from sitl_plant.simulators import new_simulator
 from sitl_plant.simulators.base import Motion, Simulator, SimulatorError
@@ -74,6 +75,26 @@ class Outside:
         simulator.control((delta[0], delta[1], delta[2]), thrust)
         simulator.advance(self._dt)
         return simulator.read()
+
+
+def flown_by(outside: Outside, loop: Callable[[int], tuple[int, int]]) -> tuple[int, int]:
+    """Run a compiled loop of steps, and advance the simulators each time that it returns for that.
+
+    Args:
+        outside: The simulators.
+        loop: Flies on when so many steps are flown; returns how many more it flew, and what
+            `sitl_plant.fleet.fly` returned last.
+
+    Returns:
+        Steps flown, and the index of the lost aircraft, or -1.
+    """
+    flown = 0
+    while True:
+        more, lost = loop(flown)
+        flown += more
+        if lost != ADVANCE:
+            return flown, lost
+        outside.advance()
 
 
 def simulator_of(uav: PlantUav, step_us: int) -> Simulator:

@@ -198,14 +198,27 @@ def is_lost(x: np.ndarray, wind: np.ndarray) -> bool:
     return abs(x[7]) > PITCH_MAX_RAD or V < AIRSPEED_MIN_M_S or V > AIRSPEED_MAX_M_S
 
 
-def describe_loss(x: np.ndarray, wind: np.ndarray) -> str:
-    """Describe in what way a state is lost, or the hit of the ground; arguments as of `is_lost`."""
+def describe_loss(x: np.ndarray, wind: np.ndarray, stall: float = 0.0) -> str:
+    """Describe in what way a state is lost, or the hit of the ground, and whether it had stalled.
+
+    Args:
+        x: As of `is_lost`.
+        wind: As of `is_lost`.
+        stall: Angle of attack at which the aircraft stalls [rad]; 0: none is known.
+    """
     if not np.isfinite(x).all():
         return "its state is not finite"
+    through = sub(vec3(x[3:6]), vec3(wind))
+    alpha = math.atan2(through[2], through[0])
+    stalled = ""
+    if 0.0 < stall < abs(alpha):
+        angles = f"{math.degrees(alpha):.1f}°, its stall is at {math.degrees(stall):.1f}°"
+        stalled = f"; it had stalled: angle of attack {angles}"
     if not is_lost(x, wind):
-        return f"it hit the ground, sinking at {_sink_rate_m_s(x):.1f} m/s"
-    pitch_deg, V = math.degrees(x[7]), norm(sub(vec3(x[3:6]), vec3(wind)))
-    return f"pitch {pitch_deg:.1f}° (limit ±89°), airspeed {V:.1f} m/s (limits 3 to 300 m/s)"
+        return f"it hit the ground, sinking at {_sink_rate_m_s(x):.1f} m/s{stalled}"
+    pitch_deg, V = math.degrees(x[7]), norm(through)
+    limits = f"pitch {pitch_deg:.1f}° (limit ±89°), airspeed {V:.1f} m/s (limits 3 to 300 m/s)"
+    return f"{limits}{stalled}"
 
 
 def _sink_rate_m_s(x: np.ndarray) -> float:

@@ -32,10 +32,10 @@ from mavlink_defs.runtime.shutdown import on_stop
 from mavlink_defs.runtime.sockaddr import address_of
 from mavlink_defs.visible import log_line
 from sitl_plant.config import PlantConfig
-from sitl_plant.fleet import new_plant_state
+from sitl_plant.fleet import loss_of, new_plant_state
 from sitl_plant.link import new_link, run, send_states
 from sitl_plant.outside import Outside
-from sitl_plant.plant import describe_loss, time_s
+from sitl_plant.plant import time_s
 from sitl_plant.recorder import RECORD_ROWS, Recorder
 from sitl_plant.registration import Claim, Registration
 from sitl_plant.service import AircraftService
@@ -118,9 +118,7 @@ class Plant:
                 break
             elif outcome == Outcome.LOST:
                 i = int(self._state["lost"])
-                why = self._outside.failures.get(i) or describe_loss(
-                    self._fleet.states[i], self._fleet.air[i, :3]
-                )
+                why = self._outside.failures.get(i) or loss_of(self._fleet, i)
                 loss = f"UAV {self._link.systems[i]} was lost at {self.time_s:.3f} s: {why}"
                 break
             if now >= turn_s:  # also when messages come without a pause

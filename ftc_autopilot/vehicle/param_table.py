@@ -22,6 +22,7 @@ from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import NOT_STARTED, Controllers
 from ftc_autopilot.control.laws import KINDS, LAWS
 from ftc_autopilot.control.laws.base import LawParameters
+from ftc_autopilot.control.laws.surviving.gains import LoopWeights
 from ftc_autopilot.control.triggers import MODES, TRIGGERS
 from ftc_autopilot.control.triggers.base import TriggerParameters
 from ftc_autopilot.guidance.formation import FormationParameters
@@ -70,6 +71,8 @@ _SHORTER = {  # with an axis or a prefix, these would be too long
 }
 _AT_THE_START = {"phi_v0", "g_v0", "beta_v0", "phi_omega0", "beta_omega0"}
 """Fields that a law reads in its first step only."""
+_BEFORE = set(LoopWeights.model_fields)
+"""Fields that a law has read before: gains follow from them when the autopilot is made."""
 
 
 @dataclass(frozen=True)
@@ -167,7 +170,8 @@ def parameters_of(
         elif tunable.field in _AT_THE_START:
             put = partial(put_at_the_start, tunable)
         get = partial(lambda tunable: tunable.at(clock_s()), tunable)
-        parameters.append(Parameter(tunable.name, tunable.type, get, put))
+        is_fixed = tunable.field in _BEFORE
+        parameters.append(Parameter(tunable.name, tunable.type, get, None if is_fixed else put))
     return parameters
 
 

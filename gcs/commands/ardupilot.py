@@ -15,11 +15,12 @@ from gcs.commands.common import (
     SetOption,
     WithOption,
     changed_scenario,
+    check_simulators,
     warm_up,
 )
 from gcs.commands.progress import working
 from gcs.commands.station import systems_in
-from gcs.errors import BadInput, FlightLost, Interrupted
+from gcs.errors import BadInput, FlightLost, Interrupted, NoAnswer
 from gcs.results.choices import Record
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import Network
@@ -27,7 +28,6 @@ from gcs.station.connection import warn_if_exposed
 from gcs.terminal import console_of, print_json
 from mavlink_defs.endpoint import UdpAddress
 from sitl_plant.ardupilot.protocol import LONGEST_STEP_US, PORT, PORTS_APART
-from sitl_plant.plant_section import OwnPlant
 
 if TYPE_CHECKING:
     from gcs.fleet.ardupilot_sockets import Served
@@ -42,6 +42,8 @@ Examples:
 - gcs ardupilot paper/scenario1 --uav 1    (then: arduplane --model JSON:127.0.0.1 -I 0)
 - gcs ardupilot my.yaml --set duration_s=600 --set ardupilot.throttle.min_us=1100
 - gcs ardupilot my.yaml --set step_us=2500 --json
+- gcs ardupilot my.yaml --faults-port 14570    (then: gcs fault set rudder --stuck-deg 5
+  --connect udpout:127.0.0.1:14570)
 
 Exit status: 0 flown to its end, 1 lost, not recorded, or an ArduPilot fell silent, 2 bad input,
 4 no ArduPilot came, 130 Ctrl-C (143 SIGTERM, 129 SIGHUP).
@@ -68,6 +70,16 @@ def ardupilot(
             min=0.1, help="Silence of an ArduPilot after which the flight ends.", metavar="S"
         ),
     ] = 60.0,
+    faults_port: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            max=_LAST_PORT,
+            help="UDP port where gcs fault sets, clears and lists faults in flight, with --connect "
+            "udpout:HOST:PORT. Without it, only the scenario's faults act.",
+            metavar="PORT",
+        ),
+    ] = None,
     uav: Annotated[
         str | None,
         typer.Option(
@@ -97,6 +109,7 @@ def ardupilot(
     whole = changed_scenario(scenario, additions, settings)
     loaded = _chosen(whole, None if uav is None else systems_in(uav))
     _check(loaded, port)
+    check_simulators(loaded)
     from gcs.fleet.ardupilot_sockets import bound
     from gcs.results.disk_space import check_space
     from gcs.results.run_folder import make_run_folder
@@ -105,19 +118,37 @@ def ardupilot(
         UdpAddress(loaded.links.host, port + PORTS_APART * k) for k in range(len(loaded.uavs))
     ]
     console = console_of(quiet=quiet)
-    with bound(addresses) as sockets:
+    stations = [] if faults_port is None else [UdpAddress(loaded.links.host, faults_port)]
+    with (
+        bound(addresses) as sockets,
+        bound(stations, "choose another with --faults-port") as station,
+    ):
+        is_new = out is None or not out.exists()
         folder = make_run_folder(out, loaded.name)
         check_space(folder, loaded, record, over_udp=False, restart=False)
-        for address in addresses:
+        for address in (*addresses, *stations):
             warn_if_exposed(address, with_key=False)
         try:
-            warm_up(loaded, console)
+            warm_up(whole, console)
             flown = _Flown(loaded, folder, record, console)
             with contextlib.closing(flown):
-                flown.fly(sockets, addresses, patience)
+                flown.fly(sockets, addresses, patience, next(iter(station), None))
                 _report(flown, addresses, no_figures=no_figures, as_json=as_json)
+        except NoAnswer:
+            _remove(folder, is_new)
+            raise
         except KeyboardInterrupt:
-            raise Interrupted(f"interrupted; what was recorded is in {folder}") from None
+            _remove(folder, is_new)
+            raise Interrupted("interrupted before the flight began") from None
+
+
+def _remove(folder: Path, is_new: bool) -> None:
+    """Remove the recording of a flight that never began, and its folder if it is new."""
+    with contextlib.suppress(OSError):
+        for path in folder.iterdir():
+            path.unlink()
+        if is_new:
+            folder.rmdir()
 
 
 def _chosen(scenario: Scenario, ids: "set[int] | list[int] | None") -> Scenario:
@@ -163,13 +194,6 @@ def _check(scenario: Scenario, port: int) -> None:
             f"{LONGEST_STEP_US} us or more",
             "choose shorter ones, as with --set step_us=1000",
         )
-    for uav in scenario.uavs:
-        if not isinstance(uav.plant or scenario.plant, OwnPlant):
-            raise BadInput(
-                f"UAV {uav.id} is flown by another simulator, which ArduPilot cannot be connected "
-                "to here",
-                "leave it out with --uav, or connect ArduPilot to that simulator itself",
-            )
     if scenario.links.impairments is not None:
         raise BadInput(
             "links.impairments apply to our own links, of which ArduPilot uses none",
@@ -213,7 +237,11 @@ class _Flown:
         self.recorder.close()
 
     def fly(
-        self, sockets: list[socket.socket], addresses: list[UdpAddress], patience_s: float
+        self,
+        sockets: list[socket.socket],
+        addresses: list[UdpAddress],
+        patience_s: float,
+        station: socket.socket | None,
     ) -> None:
         """Serve the ArduPilots to the end of the flight, or until Ctrl-C.
 
@@ -235,13 +263,13 @@ class _Flown:
             task = work.add(scenario.name, scenario.duration_s, "s", rated=False)
 
             def show(time_s: float) -> None:
-                task.show(time_s, f"{self.served.flight.step} steps")
+                task.show(time_s, f"{int(self.served.flight.events.sum())} events")
 
             def notify(text: str) -> None:
                 console.print(text, soft_wrap=True)
 
             try:
-                serve(scenario, self.served, sockets, patience_s, notify, show)
+                serve(scenario, self.served, sockets, patience_s, notify, show, station)
             except KeyboardInterrupt:
                 if not self.served.flight.step:
                     raise

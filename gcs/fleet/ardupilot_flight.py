@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from ftc_autopilot.control.controller import no_signals
+from gcs.errors import BadInput
 from gcs.fleet.in_process import add_faults
 from gcs.results.recording import Ending, Steps
 from gcs.scenario.model import Scenario
@@ -22,8 +23,18 @@ from sitl_plant.ardupilot.launch import Launch, new_launch, out_of_body
 from sitl_plant.ardupilot.outputs import Outputs
 from sitl_plant.ardupilot.peer import Address, Frame, Peer
 from sitl_plant.ardupilot.protocol import LONGEST_STEP_US, Measured, answer
-from sitl_plant.fleet import PlantState, fly, new_plant_state, observe, receive_controls
-from sitl_plant.plant import describe_loss, time_s
+from sitl_plant.fleet import (
+    ADVANCE,
+    PlantState,
+    fly,
+    loss_of,
+    new_plant_state,
+    observe,
+    receive_controls,
+)
+from sitl_plant.outside import Outside, flown_by
+from sitl_plant.plant import time_s
+from sitl_plant.simulators.base import SimulatorError
 from sitl_plant.vec3 import norm, sub, vec3
 
 _CHUNK_STEPS = 2000
@@ -38,6 +49,9 @@ class ArduPilotFlight:
         peers: The ArduPilot of each UAV.
         loss: Why the flight was lost; None if it was not.
         step: Control periods flown.
+        fleet: The aircraft; another one in each flight that begins again.
+        events: Events so far, shape (n, 4), in the order of FTC_ACTUATOR.
+        messages: Steps so far with at least one event, shape (n,).
         restarts: How often it began again, because an ArduPilot was started again.
     """
 
@@ -78,11 +92,18 @@ class ArduPilotFlight:
         self._begins: int | None = None  # tick of the flight's first step
         self._launched: int | None = None  # tick of the launch's first step
         self._rows = 0  # of `_steps`
-        self.fleet = new_plant_state(scenario.plant_config(speed=None))
+        plant = scenario.plant_config(speed=None)
+        self.fleet = new_plant_state(plant)
+        try:
+            self._outside = Outside(plant, self.fleet)
+        except SimulatorError as problem:
+            raise BadInput(str(problem), problem.hint) from problem
         add_faults(scenario, self.fleet)
         for i in range(n):
             observe_at(self.fleet, i, 0, scenario.step_us)
         self._outputs = [Outputs(scenario.ardupilot, one) for one in self.fleet.aircraft]
+        self.events = np.zeros((n, N_CHANNELS), np.int64)
+        self.messages = np.zeros(n, np.int64)
         self._changed = np.zeros(n, np.uint8)  # actuators whose command is new, a mask of each
         self._launches = self._prepared()
 
@@ -235,6 +256,8 @@ class ArduPilotFlight:
         scenario, fleet = self._scenario, self.fleet
         if self.step == 0:
             self._changed[:] = _ALL  # the first command of each channel is one
+        self.events += self._changed[:, None] >> np.arange(N_CHANNELS, dtype=np.uint8) & 1
+        self.messages += self._changed != 0
         for i in np.flatnonzero(self._changed).tolist():
             payload = self._payloads[i]
             payload["time_usec"] = self.step * scenario.step_us
@@ -245,12 +268,17 @@ class ArduPilotFlight:
         first, left = self._rows, min(_CHUNK_STEPS - self._rows, scenario.steps - self.step)
         part = self._steps.part(first, first + min(count, left))
         arrays = part.states, part.wind, part.applied, part.signals
-        flown, lost = fly_steps(fleet, self._changed, self.step, scenario.step_us, *arrays)
+
+        def from_step(flown: int) -> tuple[int, int]:
+            rest = [array[flown:] for array in arrays]
+            return fly_steps(fleet, self._changed, self.step + flown, scenario.step_us, *rest)
+
+        flown, lost = flown_by(self._outside, from_step)
         self._rows += flown
         self.step += flown
         self._changed[:] = 0
         if lost >= 0:
-            why = describe_loss(fleet.states[lost], fleet.air[lost, :3])
+            why = self._outside.failures.get(lost) or loss_of(fleet, lost)
             at_s = time_s(self.step, scenario.step_us)
             self.loss = f"UAV {self._ids[lost]} was lost at {at_s:.3f} s: {why}"
         return flown
@@ -329,17 +357,20 @@ def fly_steps(
         signals: Shape (steps, n), dtype `SIGNALS`: what was measured, events, held commands.
 
     Returns:
-        Steps flown, and the index of the lost aircraft, or -1.
+        Steps flown, and the index of the lost aircraft, -1, or `ADVANCE` as of `fly`.
     """
     fleet = borrowed(fleet)
     k, lost = 0, -1
     while k < len(states) and lost < 0:
-        for i in range(len(fleet.states)):
-            copy_values(states[k, i], fleet.states[i])
-            copy_values(wind[k, i], fleet.air[i])
-            _note(fleet, i, signals[k, i])
-            signals[k, i]["events"] = changed[i] if k == 0 else 0
+        if fleet.outside[0]["advanced"] == 0:
+            for i in range(len(fleet.states)):
+                copy_values(states[k, i], fleet.states[i])
+                copy_values(wind[k, i], fleet.air[i])
+                _note(fleet, i, signals[k, i])
+                signals[k, i]["events"] = changed[i] if k == 0 else 0
         lost = fly(fleet, first + k, step_us)
+        if lost == ADVANCE:
+            break
         for i in range(len(fleet.states)):
             copy_values(applied[k, i], fleet.applied[i])
             observe(fleet, i, first + k + 1, step_us)

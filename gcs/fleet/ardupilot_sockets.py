@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 
 from gcs.errors import NoAnswer, bad_endpoint
+from gcs.fleet.ardupilot_faults import FaultStation
 from gcs.fleet.ardupilot_flight import ArduPilotFlight
 from gcs.scenario.model import Scenario
 from gcs.stopping import noting_ctrl_c
@@ -21,8 +22,10 @@ _LONGEST = 2048  # bytes read of a datagram; a servo packet has 72 at most
 
 
 @contextlib.contextmanager
-def bound(addresses: Sequence[UdpAddress]) -> Iterator[list[socket.socket]]:
-    """Bind the sockets of all UAVs.
+def bound(
+    addresses: Sequence[UdpAddress], hint: str = "choose another with --port"
+) -> Iterator[list[socket.socket]]:
+    """Bind a socket to each address; `hint` says what to do if a port is in use.
 
     Raises:
         BadInput: A port is in use (PortInUse), or the host is not this machine.
@@ -31,7 +34,7 @@ def bound(addresses: Sequence[UdpAddress]) -> Iterator[list[socket.socket]]:
         found = []
         for address in addresses:
             try:
-                sock = bind_udp(address, "gcs ardupilot", "choose another with --port")
+                sock = bind_udp(address, "gcs ardupilot", hint)
             except EndpointError as problem:
                 raise bad_endpoint(problem) from None
             sock.setblocking(False)
@@ -70,6 +73,7 @@ def serve(
     patience_s: float,
     notify: Callable[[str], None],
     on_progress: Callable[[float], None],
+    stations: socket.socket | None = None,
 ) -> None:
     """Serve the ArduPilots until the flight is over.
 
@@ -80,6 +84,7 @@ def serve(
         patience_s: Silence that ends it [s, wall time].
         notify: Called with a line for the operator.
         on_progress: Called with the simulated time [s] now and then.
+        stations: Where ground stations set faults, not blocking; None: nowhere.
 
     Raises:
         NoAnswer: No ArduPilot came for a UAV.
@@ -95,10 +100,17 @@ def serve(
     with selectors.DefaultSelector() as selector, noting_ctrl_c() as stopped:
         for i, sock in enumerate(sockets):
             selector.register(sock, selectors.EVENT_READ, i)
+        faults = FaultStation(scenario, flight)
+        if stations is not None:
+            selector.register(stations, selectors.EVENT_READ, None)
         while not (flight.is_over or stopped):
             ready = selector.select(_TURN_S)
             now = time.monotonic()
+            if stations is not None:
+                _serve_stations(faults, stations, now)
             for key, _ in ready:
+                if key.data is None:
+                    continue
                 i, sock = key.data, sockets[key.data]
                 for datagram, address in _received(sock):
                     frames = flight.peers[i].frames
@@ -136,6 +148,16 @@ def serve(
                 break
     if stopped:
         raise KeyboardInterrupt
+
+
+def _serve_stations(faults: FaultStation, sock: socket.socket, now: float) -> None:
+    for datagram, address in _received(sock):
+        for frame in faults.receive(datagram, address, now):
+            with contextlib.suppress(OSError):  # they repeat what is lost
+                sock.sendto(frame, address)
+    for frame, address in faults.due(now):
+        with contextlib.suppress(OSError):
+            sock.sendto(frame, address)
 
 
 def _strangers(flight: ArduPilotFlight, i: int) -> str:

@@ -28,9 +28,16 @@ from mavlink_defs.profile import items_to_segments
 from mavlink_defs.runtime.jit import compiled, inlined
 from mavlink_defs.runtime.memory import borrowed, copy_record, copy_values
 from sitl_plant.actuators import add_fault
-from sitl_plant.fleet import ADVANCE, PlantState, fly, new_plant_state, observe, receive_controls
-from sitl_plant.outside import Outside
-from sitl_plant.plant import describe_loss
+from sitl_plant.fleet import (
+    ADVANCE,
+    PlantState,
+    fly,
+    loss_of,
+    new_plant_state,
+    observe,
+    receive_controls,
+)
+from sitl_plant.outside import Outside, flown_by
 from sitl_plant.simulators.base import SimulatorError
 
 _CHUNK_STEPS = 2000
@@ -133,16 +140,12 @@ def fly_on(
 
     def run(step: int, chunk: Steps) -> tuple[int, int]:
         arrays = chunk.states, chunk.wind, chunk.applied, chunk.signals
-        done = 0
-        while True:
-            rest = [array[done:] for array in arrays] if done else arrays
-            flown, lost = run_steps(
-                fleet, controllers, sources, step + done, scenario.step_us, *rest
-            )
-            done += flown
-            if lost != ADVANCE:
-                return done, lost
-            outside.advance()
+
+        def from_step(flown: int) -> tuple[int, int]:
+            rest = [array[flown:] for array in arrays]
+            return run_steps(fleet, controllers, sources, step + flown, scenario.step_us, *rest)
+
+        return flown_by(outside, from_step)
 
     run(first, room(first, first))  # loads the code
     started = time.perf_counter()
@@ -153,9 +156,7 @@ def fly_on(
         step += flown
         if lost >= 0:
             t = step * scenario.step_us / 1e6
-            why = outside.failures.get(lost) or describe_loss(
-                fleet.states[lost], fleet.air[lost, :3]
-            )
+            why = outside.failures.get(lost) or loss_of(fleet, lost)
             loss = f"UAV {ids[lost]} was lost at {t:.3f} s: {why}"
         if on_steps is not None:
             on_steps(chunk.part(0, flown))

@@ -163,6 +163,30 @@ def test_a_fault_shows_in_the_motion(tmp_path: Path) -> None:
     assert (stuck[255:300] > healthy[255:300] + 0.1).all(), "it rolls to the right"
 
 
+def test_a_ground_station_sets_faults_in_flight(tmp_path: Path) -> None:
+    (port,) = free_ports(1)
+    to = ("--connect", f"udpout:127.0.0.1:{port}")
+    with (
+        served(tmp_path, "--faults-port", str(port), "--record", "full", duration_s=0.4) as plant,
+        Autopilot(plant.port) as peer,
+    ):
+        peer.fly(100)
+        stuck = run("gcs", "fault", "set", "rudder", "--stuck-deg", "-20", "--for-s", "0.2", *to)
+        assert stuck.returncode == 0, stuck.stderr
+        listed = run("gcs", "fault", "list", "--uav", "1", "--json", *to)
+        (fault,) = json.loads(listed.stdout)[0]["faults"]
+        assert (fault["actuator"], fault["end_s"]) == ("rudder", pytest.approx(0.3))
+        refused = run("gcs", "arm", *to)
+        assert refused.returncode == 3, "ArduPilot is armed by its own ground station"
+        peer.fly(300)
+        assert plant.end()[0] == 0
+    rudder = table_of(plant.folder / "trajectory.arrows")["applied_rudder"]
+    stands = np.isclose(rudder, math.radians(-20.0), atol=1e-6)
+    assert stands[100:300].all()
+    assert not stands[:100].any()
+    assert not stands[300:].any()
+
+
 def test_garbage_is_counted_and_told(tmp_path: Path) -> None:
     with served(tmp_path, duration_s=0.05) as plant, Autopilot(plant.port) as peer:
         for garbage in (b"", b"GET / HTTP/1.0\r\n\r\n", servo_packet(0, [1500] * 16, magic=18457)):
@@ -216,6 +240,7 @@ def test_it_says_how_to_start_and_gives_up_when_nobody_comes(tmp_path: Path) -> 
     for k, port in enumerate(plant.ports):
         assert f"arduplane --model JSON:127.0.0.1 --sim-port-out {port} -I {k}" in error
     assert "no ArduPilot has come for UAV 1 for 0.5 s" in error
+    assert not plant.folder.exists()
 
 
 def test_silence_in_flight_ends_it_with_what_was_recorded(tmp_path: Path) -> None:

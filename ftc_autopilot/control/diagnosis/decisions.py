@@ -103,7 +103,7 @@ def monitor(actuator: np.void, limits: Limits, age: float, dt: float, gains: np.
             if age > limits.check:  # a fault from before the start would pass for noise
                 moved = min(abs(away), jump)
                 actuator["variance"] += share * (moved**2 - actuator["variance"])
-        learn(actuator, limits.window, dt)
+        learn(actuator, limits.window, gains["long_s"], dt)
     actuator["suspect_s"] = max(actuator["suspect_s"] - dt, 0.0)
     blanking_s = actuator["blanking_s"]
     if blanking_s <= limits.ahead or (slight and blanking_s > rest_of_blanking):

@@ -18,14 +18,11 @@ from sitl_plant.vec3 import clamp
 
 _FIRST_SIGMA = 0.2  # standard deviation of the residual at first, relative to the jump threshold
 _AT_STOP = 0.98  # of the stop
-_OFFSETS_S = 0.05  # no offset earlier: the filters are filling
 _LARGEST_OFFSET = 25.0 / 35.0  # of a surface's stop
 _LARGEST_THRUST_OFFSET = 0.35  # of the thrust limit
 _WEAK, _WEAKEST = 0.75, 0.1  # effectiveness taken into account below the first, not below the last
-_EFFECTIVENESS_S = 0.2
 _LARGE_CHANGE_S = 0.003  # of the delay
 _GAP_FILTERS = 5.0  # of the measurement, in its time constants, after a gap
-_TRANSIENT_S = 0.25  # after a decision about one surface, in which nothing is learnt of the others
 
 
 @inlined
@@ -72,9 +69,9 @@ def diagnose(
             _note_dead_time(j, found, now, gains, state)
         if j < THROTTLE and actuator["lost"] != before:
             changed = j
-        if actuator["lost"] == 0 and state["age"] > _OFFSETS_S:
+        if actuator["lost"] == 0 and state["age"] > gains["offset_start_s"]:
             if j < THROTTLE:
-                _weigh(actuator, limits.prior, limits.excitation, dt)
+                _weigh(actuator, limits.prior, limits.excitation, gains["effectiveness_s"], dt)
                 least, largest = _LARGEST_OFFSET * lowest, _LARGEST_OFFSET * highest
             else:
                 largest = _LARGEST_THRUST_OFFSET * highest
@@ -89,7 +86,7 @@ def diagnose(
         if j < THROTTLE:
             signals["dead_steps"] = max(signals["dead_steps"], actuator["dead_steps"])
     if changed >= 0:
-        _wait_for_transient(actuators, changed)
+        _wait_for_transient(actuators, changed, gains["transient_s"])
 
 
 @compiled
@@ -113,7 +110,7 @@ def _note_dead_time(j: int, steps: int, now: Step, gains: np.void, state: np.voi
 
 
 @compiled
-def _wait_for_transient(actuators: np.ndarray, changed: int) -> None:
+def _wait_for_transient(actuators: np.ndarray, changed: int, time_s: float) -> None:
     """Learn nothing of the other surfaces while the aircraft answers to a reconfiguration.
 
     An uncertain aircraft's true C is not C0: part of what one surface does, or fails to do, is
@@ -121,11 +118,11 @@ def _wait_for_transient(actuators: np.ndarray, changed: int) -> None:
     """
     for j in range(THROTTLE):
         if j != changed:
-            actuators[j]["blanking_s"] = max(actuators[j]["blanking_s"], _TRANSIENT_S)
+            actuators[j]["blanking_s"] = max(actuators[j]["blanking_s"], time_s)
 
 
 @compiled
-def _weigh(actuator: np.void, prior: float, excitation: float, dt: float) -> None:
+def _weigh(actuator: np.void, prior: float, excitation: float, memory_s: float, dt: float) -> None:
     """Follow the effectiveness, but only where it is clearly off: it is 1 otherwise.
 
     An effectiveness once found weak stays so while the command moves too little to show otherwise.
@@ -137,7 +134,7 @@ def _weigh(actuator: np.void, prior: float, excitation: float, dt: float) -> Non
         target = max(found, _WEAKEST)
     elif actuator["effectiveness"] < 0.9 and actuator["long_var_u"] < (0.7 * enough) ** 2:
         target = actuator["effectiveness"]
-    actuator["effectiveness"] += dt / _EFFECTIVENESS_S * (target - actuator["effectiveness"])
+    actuator["effectiveness"] += dt / memory_s * (target - actuator["effectiveness"])
 
 
 @compiled

@@ -11,11 +11,9 @@ import math
 
 import numpy as np
 
-from mavlink_defs.constants import RUDDER, THROTTLE
+from mavlink_defs.constants import THROTTLE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import clamp
-
-_HALF_PERIOD_S, _RUDDER_HALF_PERIOD_S, _THRUST_HALF_PERIOD_S = 0.035, 0.05, 0.06
 
 
 @compiled
@@ -34,7 +32,7 @@ def dithered(
         state: Record of dtype `DIAGNOSIS`.
     """
     actuator = state["actuators"][j]
-    half = _RUDDER_HALF_PERIOD_S if j == RUDDER else _HALF_PERIOD_S
+    half = gains["dither_half_s"][j]
     if actuator["lost"] != 0:
         return delta
     actuator["dither"] = 0.0
@@ -66,7 +64,8 @@ def dithered_thrust(thrust: float, limit: float, gains: np.void, state: np.void)
     if throttle["lost"] == 0 and throttle["suspect_s"] > 0.0 and throttle["dither_s"] > 0.0:
         size: float = gains["dither_n"]
         thrust = clamp(thrust, size, limit - size)
-        is_first_half = throttle["dither_s"] % (2.0 * _THRUST_HALF_PERIOD_S) < _THRUST_HALF_PERIOD_S
+        half = gains["throttle_dither_half_s"]
+        is_first_half = throttle["dither_s"] % (2.0 * half) < half
         throttle["dither"] = size if is_first_half else -size
     return thrust + float(throttle["dither"])
 
@@ -88,7 +87,7 @@ def probed(j: int, gains: np.void, state: np.void) -> float:
     move = probe(j, gains, state)
     actuator["dither"] = 0.0
     if actuator["decided_s"] < gains["trial_s"]:
-        half = _RUDDER_HALF_PERIOD_S if j == RUDDER else _HALF_PERIOD_S
+        half = gains["dither_half_s"][j]
         size: float = gains["trial_rad"][j]
         move = size if actuator["decided_s"] % (2.0 * half) < half else -size
         actuator["dither"] = move

@@ -99,6 +99,17 @@ class DiagnosisParameters(Model):
     dither_n: float = quantity(
         "N", gt=0.0, default=120.0, doc="Movements of a suspect throttle, up and down."
     )
+    dither_half_s: _Times = Field(
+        default=(0.035, 0.035, 0.05), description="Half periods of the surfaces' dither [s]."
+    )
+    throttle_dither_half_s: float = _time(0.06, "The throttle's.")
+    dither_ahead_s: float = _time(
+        0.005, "Before the end of the blanking time, when a dither begins; the rudder's at once."
+    )
+    suspicion_s: _Times = Field(
+        default=(0.6, 0.6, 0.9), description="Times for which a suspicion lasts [s]."
+    )
+    throttle_suspicion_s: float = _time(0.6, "The throttle's.")
     probe_deg: _Angles = Field(
         default=(2.0, 2.5, 4.0), description="Movements of a lost surface [deg]."
     )
@@ -165,6 +176,13 @@ class DiagnosisParameters(Model):
     weak_sigma: float = _number(5.5, "Return test: standard errors between it and none.")
     return_r2: float = _number(0.6, "Return test: least coefficient of determination.")
 
+    offset_start_s: float = _time(0.05, "Offsets: none earlier, while the filters fill.")
+    transient_s: float = _time(
+        0.25, "Blanking time of the other surfaces after a decision about one."
+    )
+    effectiveness_s: float = _time(0.2, "Filter of an effectiveness that is clearly below 1.")
+    long_s: float = _time(0.3, "Longer memory of the regression.")
+
     def with_servos(self, servos: ActuatorServos) -> Self:
         """Return the parameters with the slowest of the servos, where none are given."""
         surfaces = (servos.aileron, servos.elevator, servos.rudder)
@@ -197,8 +215,6 @@ class Limits(NamedTuple):
 
 
 _MORE_THAN_HALF = 1.04  # a period of the probe
-_SUSPICION_S, _RUDDER_SUSPICION_S = 0.6, 0.9
-_AHEAD_S = 0.005  # most of the movement comes after the blanking time; the rudder's begins at once
 
 
 @compiled
@@ -214,7 +230,7 @@ def limits_of(gains: np.void, j: int) -> Limits:
             gains["throttle_window_s"],
             gains["throttle_confirm_s"],
             gains["throttle_offset_s"],
-            _SUSPICION_S,
+            gains["throttle_suspicion_s"],
             0.0,
             math.inf,
             gains["throttle_check_s"],
@@ -228,8 +244,8 @@ def limits_of(gains: np.void, j: int) -> Limits:
         gains["window_s"][j],
         gains["confirm_s"][j],
         gains["offset_s"],
-        _RUDDER_SUSPICION_S if j == RUDDER else _SUSPICION_S,
-        math.inf if j == RUDDER else _AHEAD_S,
+        gains["suspicion_s"][j],
+        math.inf if j == RUDDER else gains["dither_ahead_s"],
         _MORE_THAN_HALF * gains["probe_s"],
         gains["check_s"][j],
     )

@@ -19,7 +19,6 @@ import numpy as np
 
 from mavlink_defs.runtime.jit import compiled
 
-_LONG_S = 0.3
 _LONG_PRIOR = 3.0
 
 
@@ -32,7 +31,7 @@ def restart(actuator: np.void) -> None:
 
 
 @compiled
-def learn(actuator: np.void, window_s: float, dt: float) -> None:
+def learn(actuator: np.void, window_s: float, long_s: float, dt: float) -> None:
     """Take the present pair u, y into the window's moments, and these into the longer memory."""
     actuator["samples"] += 1.0
     k = max(1.0 / actuator["samples"], dt / window_s)
@@ -43,7 +42,7 @@ def learn(actuator: np.void, window_s: float, dt: float) -> None:
     actuator["var_u"] = (1.0 - k) * (actuator["var_u"] + k * du * du)
     actuator["cov"] = (1.0 - k) * (actuator["cov"] + k * du * dy)
     actuator["var_y"] = (1.0 - k) * (actuator["var_y"] + k * dy * dy)
-    share = dt / _LONG_S
+    share = dt / long_s
     actuator["long_var_u"] += share * (actuator["var_u"] - actuator["long_var_u"])
     actuator["long_cov"] += share * (actuator["cov"] - actuator["long_cov"])
     actuator["long_var_y"] += share * (actuator["var_y"] - actuator["long_var_y"])

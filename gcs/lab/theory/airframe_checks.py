@@ -22,6 +22,12 @@ _NO_TRIM = "level flight is not possible: choose another airspeed, or check mome
 _RESERVE_DEG = 4.0  # of the angle of attack to the stall
 _SPARE_THRUST = 1.3  # of the drag
 
+AREA = "wing area by span times chord"
+PAIRING = "aileron rolls, rudder yaws (relative gain)"
+SIDESLIP = "sideslip dies out while the rudder holds the heading"
+NO_RUDDER = "yawing moment by rudder"
+"""Names of checks that others have to know."""
+
 
 class Check(NamedTuple):
     """A property of an airframe, and whether it is as the laws need it."""
@@ -39,7 +45,7 @@ def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
     ratio = aircraft.wing_area_m2 / (aircraft.wing_span_m * aircraft.mean_chord_m)
     found = [
         Check(
-            "wing area by span times chord",
+            AREA,
             f"{ratio:.2f}",
             abs(ratio - 1.0) <= _AREA,
             "compare S, b and c with their source; a tapered wing may differ as much",
@@ -73,7 +79,7 @@ def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
         ]
     if yaw.rudder == 0.0:
         text = "the rudder does nothing: check cn_dr, or say `surface_limits_deg: {rudder: none}`"
-        return [*found, Check("yawing moment by rudder", "0", False, text)]
+        return [*found, Check(NO_RUDDER, "0", False, text)]
     determinant = roll.aileron * yaw.rudder - roll.rudder * yaw.aileron
     pairing = roll.aileron * yaw.rudder / determinant if determinant != 0.0 else float("nan")
     effective = remaining_side_force(aircraft, flight.airspeed_m_s)
@@ -83,14 +89,14 @@ def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
     return [
         *found,
         Check(
-            "aileron rolls, rudder yaws (relative gain)",
+            PAIRING,
             f"{pairing:.2f}",
             pairing >= _PAIRING,
             "aileron and rudder do each other's work: `tube`, which plans one after the other, "
             "loses the heading; `surviving` inverts both together",
         ),
         Check(
-            "sideslip dies out while the rudder holds the heading",
+            SIDESLIP,
             f"{tau_s:.3g} s",
             0.0 < tau_s < float("inf"),
             "sideslip would grow until the rudder is at its stop: `surviving` and `tube` hold the "

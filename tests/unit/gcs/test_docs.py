@@ -167,6 +167,7 @@ def test_every_parameter_is_documented() -> None:
         "mode",
         "rbf",
         "diagnosis",
+        "loops",
     }
     assert {"b2_deg", "lambda1", "K1", "rate_p"} <= keys
     assert keys - names_in_code(generated("parameters")) == set()

@@ -216,6 +216,19 @@ def test_a_loss_is_described_with_its_limits() -> None:
     assert "airspeed 1.5 m/s" in describe_loss(x, np.array([2.0, 0.0, 0.0]))
 
 
+@pytest.mark.parametrize("stall_deg", [15.0, 25.0])
+@pytest.mark.parametrize("pitch_deg", [-30.0, 89.5])
+def test_a_loss_tells_of_a_stall(stall_deg: float, pitch_deg: float) -> None:
+    """At 20° of angle of attack through air that rises."""
+    x, V, alpha = level(2.0), 30.0, math.radians(20.0)
+    rising = np.array([0.0, 0.0, -3.0])
+    x[3:6] = np.array([V * math.cos(alpha), 0.0, V * math.sin(alpha)]) + rising
+    x[7] = math.radians(pitch_deg)
+    said = describe_loss(x, rising, math.radians(stall_deg))
+    told = "; it had stalled: angle of attack 20.0°, its stall is at 15.0°"
+    assert said == describe_loss(x, rising) + (told if stall_deg == 15.0 else "")
+
+
 def test_a_hit_of_the_ground_is_described_with_the_rate_of_descent() -> None:
     """40 m/s forward at 30° of pitch and 60° of roll, 4 m/s to the right, 2 m/s down the body."""
     x = level()

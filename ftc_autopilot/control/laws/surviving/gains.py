@@ -12,6 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mavlink_defs.config.models import Model
+from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.aerodynamics import carried, lateral, longitudinal
 from sitl_plant.aircraft import aircraft_record
@@ -25,11 +27,24 @@ LATERAL = 4
 LONGITUDINAL = 5
 """States V [m/s], α [rad], q [rad/s], θ [rad], its integral [rad s]; the command is thrust [N]."""
 
-_LATERAL_Q, _LATERAL_R = np.diag([0.0, 0.02, 0.0, 4.0]), 1.0
-_LONGITUDINAL_Q, _LONGITUDINAL_R = np.diag([5e-4, 0.0, 0.02, 6.0, 4.0]), 1e-6  # 1 per kN²
 _SLOWEST = 1.25  # times the aircraft's lowest airspeed
 _DIGITS = 9  # significant; further ones depend on the linear algebra library
 _ALPHA = (-0.5, 0.7)  # angles of attack among which level flight is searched [rad]
+
+
+class LoopWeights(Model):
+    """Weights of the cost that the gains minimise; each of a square, beside the rudder's [rad²]."""
+
+    roll_rate_s2: float = quantity("s^2", ge=0.0, default=0.02, doc="Rudder: roll rate.")
+    roll: float = quantity("", gt=0.0, default=4.0, doc="Rudder: roll angle.")
+    speed_s2_m2: float = quantity("s^2/m^2", gt=0.0, default=5e-4, doc="Thrust: airspeed.")
+    pitch_rate_s2: float = quantity("s^2", ge=0.0, default=0.02, doc="Thrust: pitch rate.")
+    pitch: float = quantity("", gt=0.0, default=6.0, doc="Thrust: pitch angle.")
+    pitch_integral_1_s2: float = quantity("1/s^2", gt=0.0, default=4.0, doc="Thrust: its integral.")
+    thrust_1_n2: float = quantity("1/N^2", gt=0.0, default=1e-6, doc="Thrust: itself.")
+
+
+_DEFAULT = LoopWeights()
 
 
 class Gains(NamedTuple):
@@ -41,12 +56,14 @@ class Gains(NamedTuple):
 
 
 @lru_cache
-def gains_of(aircraft: Aircraft) -> Gains:
+def gains_of(aircraft: Aircraft, weights: LoopWeights = _DEFAULT) -> Gains:
     """Return the gains of an aircraft; a formation of equal aircraft computes them once."""
     airspeeds = airspeeds_of(aircraft)
     no_gain = np.zeros(LATERAL)  # of a rudder that is not there
-    lateral = [lateral_gain(aircraft, V) if aircraft.has("rudder") else no_gain for V in airspeeds]
-    longitudinal = [longitudinal_gain(aircraft, V) for V in airspeeds]
+    lateral = [
+        lateral_gain(aircraft, V, weights) if aircraft.has("rudder") else no_gain for V in airspeeds
+    ]
+    longitudinal = [longitudinal_gain(aircraft, V, weights) for V in airspeeds]
     return Gains(airspeeds, np.array(lateral), np.array(longitudinal))
 
 
@@ -55,7 +72,7 @@ def airspeeds_of(aircraft: Aircraft) -> np.ndarray:
     return np.linspace(_SLOWEST * aircraft.airspeed_min_m_s, aircraft.airspeed_max_m_s, AIRSPEEDS)
 
 
-def lateral_gain(aircraft: Aircraft, V: float) -> np.ndarray:
+def lateral_gain(aircraft: Aircraft, V: float, weights: LoopWeights = _DEFAULT) -> np.ndarray:
     """Return the rudder's gains at an airspeed V [m/s], shape (LATERAL,).
 
     The model is straight, level flight without sideslip.
@@ -76,10 +93,11 @@ def lateral_gain(aircraft: Aircraft, V: float) -> np.ndarray:
     )
     phi_dot = np.array([0.0, 1.0, 0.0, 0.0, 0.0])
     model = np.array([beta_dot, p_dot, r_dot, phi_dot])
-    return _riccati(model, _LATERAL_Q, _LATERAL_R)
+    Q = np.diag([0.0, weights.roll_rate_s2, 0.0, weights.roll])
+    return _riccati(model, Q, 1.0)
 
 
-def longitudinal_gain(aircraft: Aircraft, V: float) -> np.ndarray:
+def longitudinal_gain(aircraft: Aircraft, V: float, weights: LoopWeights = _DEFAULT) -> np.ndarray:
     """Return the thrust's gains at an airspeed V [m/s], shape (LONGITUDINAL,) [N per unit].
 
     The model is straight, level flight, and the elevator stands where it trims that:
@@ -107,7 +125,16 @@ def longitudinal_gain(aircraft: Aircraft, V: float) -> np.ndarray:
         ]
     )
     by_thrust = np.array([math.cos(alpha) / m, -math.sin(alpha) / along, 0.0, 0.0, 0.0])
-    return _riccati(np.column_stack([model, by_thrust]), _LONGITUDINAL_Q, _LONGITUDINAL_R)
+    Q = np.diag(
+        [
+            weights.speed_s2_m2,
+            0.0,
+            weights.pitch_rate_s2,
+            weights.pitch,
+            weights.pitch_integral_1_s2,
+        ]
+    )
+    return _riccati(np.column_stack([model, by_thrust]), Q, weights.thrust_1_n2)
 
 
 def _level_alpha(a: np.void, V: float) -> float:

@@ -8,12 +8,10 @@ from ftc_autopilot.control.attitude import filtered_derivative
 from ftc_autopilot.control.step import Step
 from mavlink_defs.runtime.jit import inlined
 from sitl_plant.rigid_body import R2
-from sitl_plant.vec3 import Vec3, clamp, mul, scale, sub
+from sitl_plant.vec3 import Vec3, clamp, mul, scale, sub, vec3
 
-_ACCELERATION_LIMITS = (20.0, 20.0, 10.0)  # of the commanded rates' derivative [rad/s²]
-_LOWERING_1_S, _LOWEST = 2.0, -0.75  # of the pitch reference [1/s, rad]
+_LOWEST = -0.75  # of the pitch reference [rad]
 _NEAR = math.radians(3.0)  # of the limit of the angle of attack
-_PITCH_RATE_GAIN = 3.0  # below the limit of the angle of attack [1/s]
 
 
 @inlined
@@ -22,13 +20,14 @@ def commanded_rates(now: Step, gains: np.void, state: np.void) -> Vec3:
 
     φ̇_d = -K1 e'/λ', within limits, + φ̇_r + Σ a_ij λ4 ė_j/λ'; K1 shrinks with airspeed below
     `full_gain_airspeed_m_s`. Above the limit of the angle of attack, the pitch reference is lowered
-    at 2 (α - limit) rad/s, and the pitch rate is at most -3 (α - limit).
+    at `pitch_lowering_1_s` times (α - limit), and the pitch rate is at most -`pitch_rate_1_s` times
+    that.
     """
     motion, errors, K1 = now.motion, now.errors, gains["K1"]
     limits = gains["rate_limit_rad_s"]
     over = math.atan2(motion.v[2], motion.v[0]) - gains["alpha_limit_rad"]
     if over > 0.0 or state["pitch_lowered"] < 0.0:
-        lowered = state["pitch_lowered"] - _LOWERING_1_S * now.dt * over
+        lowered = state["pitch_lowered"] - gains["pitch_lowering_1_s"] * now.dt * over
         state["pitch_lowered"] = clamp(lowered, _LOWEST, 0.0)
     e = scale(1.0 / errors.lambda_omega, errors.e_prime)
     e = (e[0], e[1] - state["pitch_lowered"], e[2])
@@ -38,7 +37,7 @@ def commanded_rates(now: Step, gains: np.void, state: np.void) -> Vec3:
     yaw = clamp(-share * K1[2] * e[2], -limits[2], limits[2])
     pitch += now.reference.phi_dot[1]
     if over > -_NEAR:
-        pitch = min(pitch, -_PITCH_RATE_GAIN * over)
+        pitch = min(pitch, -gains["pitch_rate_1_s"] * over)
     others = scale(1.0 / errors.lambda_omega, errors.e_dot_sum)
     return (
         roll + now.reference.phi_dot[0] + others[0],
@@ -65,7 +64,7 @@ def commanded_acceleration(now: Step, rates: Vec3, gains: np.void, state: np.voi
     slope = filtered_derivative(now, omega_d, gains["tau_omega_d_s"], state["omega_d_filtered"])
     share = clamp((now.motion.V / gains["full_gain_airspeed_m_s"]) ** 2, 0.25, 1.0)
     e = sub(now.motion.omega, omega_d)
-    a, b, c = _ACCELERATION_LIMITS
+    a, b, c = vec3(gains["acceleration_limit_rad_s2"])
     return (
         clamp(slope[0], -a, a) - share * K2[0] * e[0],
         clamp(slope[1], -b, b) - share * K2[1] * e[1],

@@ -17,8 +17,7 @@ from sitl_plant.rigid_body import angular_acceleration
 from sitl_plant.vec3 import Vec3, clamp, mat3, mul
 
 _AT_THE_STOP = 0.92  # of the stop
-_STOP_MEMORY_S = 0.7
-_DRIVING_RAD_S, _LARGEST_DRIVE = math.radians(40.0), math.radians(25.0)
+_LARGEST_DRIVE = math.radians(25.0)
 
 
 class LateralTrim(NamedTuple):
@@ -97,7 +96,7 @@ def rudder_for_roll(
         rudder -= gain_at(gains["airspeeds"], gains["rudder_gains"], motion.V, i) * x[i]
     rudder /= state["diagnosis"]["actuators"][RUDDER]["effectiveness"]
     stopped = clamp(rudder, stops[0], stops[1])
-    state["rudder_mean"] += now.dt / _STOP_MEMORY_S * (stopped - state["rudder_mean"])
+    state["rudder_mean"] += now.dt / gains["stop_memory_s"] * (stopped - state["rudder_mean"])
     return rudder
 
 
@@ -110,7 +109,7 @@ def driven_aileron(now: Step, gains: np.void, state: np.void, stops: tuple[float
     """
     mean = state["rudder_mean"]
     if mean < _AT_THE_STOP * stops[0] or mean > _AT_THE_STOP * stops[1]:
-        more = math.copysign(now.dt * _DRIVING_RAD_S, state["rudder_mean"])
+        more = math.copysign(now.dt * gains["driving_rad_s"], state["rudder_mean"])
         driven = state["aileron_driven"] + more
         state["aileron_driven"] = clamp(driven, -_LARGEST_DRIVE, _LARGEST_DRIVE)
     aileron: float = probed(AILERON, gains["diagnosis"], state["diagnosis"])

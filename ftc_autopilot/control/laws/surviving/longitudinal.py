@@ -17,7 +17,7 @@ _ALPHA_MIN, _ALPHA_MAX = -0.1, 0.45  # of a trim [rad]
 _GAMMA = 0.5  # largest flight path angle of a trim [rad]
 _LEAST_LIFT = 0.03  # lift and drag coefficients together
 _SLOW, _FAST = 0.88, 0.8  # of the least and the largest airspeed with gains
-_INTEGRATED, _LARGEST_INTEGRAL = 0.35, 0.6  # pitch error [rad], its integral [rad s]
+_INTEGRATED = 0.35  # pitch error [rad]
 
 
 class PitchTrim(NamedTuple):
@@ -60,8 +60,11 @@ def thrust_for_pitch(now: Step, trim: PitchTrim, gains: np.void, state: np.void)
     alpha = math.atan2(motion.v[2], motion.v[0])
     e = motion.phi[1] - now.reference.phi[1]
     if abs(e) < _INTEGRATED:
-        integral = state["pitch_integral"] + now.dt * e
-        state["pitch_integral"] = clamp(integral, -_LARGEST_INTEGRAL, _LARGEST_INTEGRAL)
+        integral, largest = (
+            state["pitch_integral"] + now.dt * e,
+            gains["pitch_integral_limit_rad_s"],
+        )
+        state["pitch_integral"] = clamp(integral, -largest, largest)
     x = (motion.V - trim.V, alpha - trim.alpha, motion.omega[1], e, state["pitch_integral"])
     thrust: float = trim.thrust - state["diagnosis"]["actuators"][THROTTLE]["offset"]
     for i in range(len(x)):

@@ -15,6 +15,7 @@ from ftc_autopilot.control.laws.surviving.gains import (
     AIRSPEEDS,
     LATERAL,
     LONGITUDINAL,
+    LoopWeights,
     gains_of,
 )
 from mavlink_defs.config.quantity import quantity
@@ -22,6 +23,9 @@ from sitl_plant.config import Aircraft
 from sitl_plant.hardware import ActuatorServos
 
 _RateLimit = Annotated[float, quantity("deg/s", gt=0.0, doc="Limit of an Euler angle's rate.")]
+_AccelerationLimit = Annotated[
+    float, quantity("rad/s^2", gt=0.0, doc="Limit of a commanded rate's derivative.")
+]
 
 
 class FaultTolerant(LawParameters):
@@ -70,15 +74,40 @@ class FaultTolerant(LawParameters):
     tau_omega_d_s: float = quantity(
         "s", gt=0.0, default=0.015, doc="Filter of the commanded rates."
     )
+    acceleration_limit_rad_s2: tuple[_AccelerationLimit, _AccelerationLimit, _AccelerationLimit] = (
+        Field(
+            default=(20.0, 20.0, 10.0),
+            description="Limits of the commanded rates' derivatives [rad/s^2].",
+        )
+    )
     c_v: float = quantity("1/s", gt=0.0, le=100.0, default=10.5, doc="Gain of the speed error.")
     alpha_limit_deg: float = quantity(
         "deg", gt=0.0, lt=90.0, default=33.0, doc="Angle of attack above which the nose is lowered."
+    )
+    pitch_lowering_1_s: float = quantity(
+        "1/s", gt=0.0, default=2.0, doc="Rate at which the nose is lowered, by that excess."
+    )
+    pitch_rate_1_s: float = quantity(
+        "1/s", gt=0.0, default=3.0, doc="Largest pitch rate, by the distance from that limit."
+    )
+    stop_memory_s: float = quantity(
+        "s", gt=0.0, default=0.7, doc="Memory of a rudder that is at its stop without the aileron."
+    )
+    driving_deg_s: float = quantity(
+        "deg/s", gt=0.0, default=40.0, doc="Rate at which a lost aileron is then driven to help."
     )
     pitch_error_limit_deg: float = quantity(
         "deg",
         ge=0.0,
         default=3.0,
         doc="With the elevator lost, the speed is held up to this error.",
+    )
+    pitch_integral_limit_rad_s: float = quantity(
+        "rad s", gt=0.0, default=0.6, doc="Limit of the pitch error's integral in that loop."
+    )
+    loops: LoopWeights = Field(
+        default=LoopWeights(),
+        description="Weights of the loops without a surface, whose gains follow at the start.",
     )
     heading: Literal["auto", "rudder", "bank"] = Field(
         default="auto",
@@ -112,7 +141,7 @@ class FaultTolerant(LawParameters):
             return
         try:
             with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):
-                gains_of(aircraft)
+                gains_of(aircraft, self.loops)
         except ValueError:  # of the linear algebra, which names neither aircraft nor cause
             yield "rudder or thrust alone cannot hold it, so that the loops without a surface fail"
 
@@ -125,7 +154,7 @@ class FaultTolerant(LawParameters):
     def derive(self, aircraft: Aircraft, record: np.void) -> None:
         """Compute the gains of the reconfigured loops, and choose what holds the heading."""
         record["by_bank"] = self.holds_heading_by_bank(aircraft) is not None
-        gains = gains_of(aircraft)
+        gains = gains_of(aircraft, self.loops)
         record["airspeeds"] = gains.airspeeds
         record["rudder_gains"], record["thrust_gains"] = gains.rudder, gains.thrust
 

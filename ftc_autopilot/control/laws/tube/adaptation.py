@@ -32,9 +32,7 @@ DERIVATIVES = 2
 """Of each axis: damping, and by its own surface."""
 
 _REST = DERIVATIVES  # column of what the nominal aircraft does not explain
-_SMOOTH_S, _SLOW_S = 0.03, 0.09  # band-pass filter: memories of its low pass and of its means
 _SETTLED = 4.0  # filters of the diagnosis, in their time constants, before anything is learnt
-_LARGE = 0.15  # residual from which on Huber's weights decrease [rad/s²]
 _LARGEST_ERROR = 0.4  # relative
 
 
@@ -59,16 +57,18 @@ def adapt(now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void) -
     period = gains["check_s"]
     signals = np.empty((AXES, DERIVATIVES + 1))
     _explain(now.motion, aircraft, diagnosis, signals)
-    _band_pass(signals, state["means"], period, settled < period)
+    smooth_s, slow_s = gains["adaptation_smooth_s"], gains["adaptation_slow_s"]
+    _band_pass(signals, state["means"], period, smooth_s, slow_s, settled < period)
     for j in range(THROTTLE):
         actuator = diagnosis["actuators"][j]
         if actuator["lost"] != 0 or actuator["suspect_s"] > 0.0:
             return
     keep = math.exp(-period / gains["adaptation_memory_s"])
+    large = gains["adaptation_residual_rad_s2"]
     for i in range(AXES):
         x, y, theta = signals[i], signals[i, _REST], state["derivative_error"][i]
         residual = abs(y - theta[0] * x[0] - theta[1] * x[1])
-        weight = period * min(1.0, _LARGE / max(residual, _LARGE))
+        weight = period * min(1.0, large / max(residual, large))
         G, g = state["information"][i], state["evidence"][i]
         for k in range(DERIVATIVES):
             for n in range(DERIVATIVES):
@@ -115,17 +115,26 @@ def _explain(
 
 
 @compiled
-def _band_pass(signals: np.ndarray, means: np.ndarray, period: float, first: bool) -> None:
+def _band_pass(
+    signals: np.ndarray,
+    means: np.ndarray,
+    period: float,
+    smooth_s: float,
+    slow_s: float,
+    first: bool,
+) -> None:
     """Smooth the signals, and subtract slower means twice.
 
     Args:
         signals: Filtered in place, shape (2, 3).
         means: Of the three stages, updated in place, shape (3, 2, 3).
         period: Since the last call [s].
+        smooth_s: Memory of the first stage, a low pass [s].
+        slow_s: Memory of the two means [s].
         first: Whether the means begin with the present values.
     """
     for stage in range(3):
-        share = 1.0 - math.exp(-period / (_SMOOTH_S if stage == 0 else _SLOW_S))
+        share = 1.0 - math.exp(-period / (smooth_s if stage == 0 else slow_s))
         for i in range(AXES):
             for k in range(DERIVATIVES + 1):
                 mean = means[stage, i, k]

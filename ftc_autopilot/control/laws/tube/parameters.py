@@ -159,6 +159,16 @@ class Tube(FaultTolerant):
         doc="Integral of the squared excitation at which half of an error is believed.",
     )
 
+    adaptation_smooth_s: float = quantity(
+        "s", gt=0.0, default=0.03, doc="Band-pass filter of its signals: memory of the low pass."
+    )
+    adaptation_slow_s: float = quantity(
+        "s", gt=0.0, default=0.09, doc="The same: memory of the means that are subtracted."
+    )
+    adaptation_residual_rad_s2: float = quantity(
+        "rad/s^2", gt=0.0, default=0.15, doc="Residual from which on Huber's weights decrease."
+    )
+
     takeover_s: float = quantity(
         "s", gt=0.0, default=0.5, doc="Time for which the surviving law flies after the last loss."
     )

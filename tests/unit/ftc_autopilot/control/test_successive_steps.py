@@ -30,6 +30,7 @@ from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
 from sitl_plant.hardware import ActuatorServos
 
 DT = 1e-3
+LONG_S = 0.3
 AT_45 = (45.0, 0.0, 0.1, 3.0)
 
 
@@ -210,7 +211,7 @@ def test_moments_of_the_regression() -> None:
     long = 0.0
     for u, y in ((0.2, 0.1), (0.6, 0.3), (0.4, 0.5)):
         actuator["commanded"], actuator["measured"] = u, y
-        learn(actuator, 10.0, DT)
+        learn(actuator, 10.0, LONG_S, DT)
         long += DT / 0.3 * (float(actuator["cov"]) - long)
     pairs = np.array([(0.2, 0.1), (0.6, 0.3), (0.4, 0.5)])
     cov = np.cov(pairs.T, ddof=0)

@@ -27,6 +27,7 @@ READ = {
     ("campaign", "file"): ["campaign", "@", "--out", "none"],
     ("trim", "scenario"): ["trim", "@"],
     ("ardupilot", "scenario"): ["ardupilot", "@", "--out", "none"],
+    ("identify", "source"): ["identify", "--from", "@", "--aircraft", "aerosonde"],
     ("up", "scenario"): ["up", "@", "--free-ports"],
     ("config", "scenario"): ["config", "@", "--out", "none"],
     ("log", "file"): ["log", "@"],

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from jsbsim_aircraft import needs_jsbsim, write_aircraft
 from json_peer import into_earth, read_by_text, servo_packet
 
 from gcs.fleet.ardupilot_flight import ArduPilotFlight
 from gcs.results.recording import Steps
-from gcs.scenario.model import Scenario, scenario_of, scenario_tree
+from gcs.scenario.model import Scenario, load_scenario, scenario_of, scenario_tree
 
 HOME = ("127.0.0.1", 5)
 IDLE = [1500, 1500, 1000, 1500, *[1500] * 12]
@@ -117,6 +118,36 @@ def test_a_restarted_one_begins_a_new_flight_which_repeats_the_first():
     assert again == first
     assert (rig.flight.restarts, rig.flight.peers[0].restarts) == (1, 1)
     assert rig.recorded().length == 100, "the steps before are void"
+
+
+@needs_jsbsim
+@pytest.mark.parametrize("rate_hz", [1000, 250])
+def test_jsbsim_flies_and_repeats_like_any_plant(tmp_path, rate_hz):
+    """At each rate, the same states as with single steps; a stuck aileron rolls it."""
+    tree = scenario_tree("airframes/aerosonde")
+    written = write_aircraft(tmp_path, load_scenario("airframes/aerosonde").aircraft)
+    tree |= {
+        "plant": {"kind": "jsbsim", "aircraft": str(written)},
+        "uavs": tree["uavs"][:1],
+        "network": {"leader_access": {1: 1.0}, "edges": []},
+        "duration_s": 0.4,
+        "faults": [FAULT],
+        "ardupilot": {"hold": False},
+    }
+    for key in ("disturbance", "uncertainty"):
+        tree.pop(key, None)
+    flown = scenario_of("scenario.yaml", tree)
+    rig = Rig(flown)
+    each = 1000 // rate_hz
+    first = [rig.send(n, rate_hz=rate_hz)[0] for n in range(200 // each)]
+    states = rig.recorded().states[:, 0]
+    assert states.shape == (200, 12)
+    assert states[-1, 0] == pytest.approx(24.0 * 0.199, rel=0.01)
+    assert states[:50, 6] == pytest.approx(np.zeros(50), abs=1e-3)
+    assert states[-1, 6] < -0.05
+    address = ("127.0.0.1", 6)
+    again = [rig.send(n, rate_hz=rate_hz, address=address)[0] for n in range(200 // each)]
+    assert again == first
 
 
 def test_one_that_waits_is_served_when_another_one_is_started_again():

@@ -11,6 +11,7 @@ from ftc_autopilot.control.diagnosis.regression import estimate, learn, long_est
 from ftc_autopilot.control.diagnosis.state import ACTUATOR
 
 DT, WINDOW, FILTER = 1e-3, 0.02, 0.01
+LONG_S = 0.3
 
 samples = st.lists(st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)), min_size=2, max_size=60)
 
@@ -22,7 +23,7 @@ def learned(u: np.ndarray, y: np.ndarray) -> np.void:
     restart(actuator)
     for commanded, measured in zip(u, y, strict=True):
         actuator["commanded"], actuator["measured"] = commanded, measured
-        learn(actuator, WINDOW, DT)
+        learn(actuator, WINDOW, LONG_S, DT)
     return actuator
 
 

@@ -1,0 +1,1 @@
+"""Nominal aircraft from flights: trim, experiment, least squares with intervals, verdict."""

@@ -1,0 +1,68 @@
+"""Bundled aircraft and scenarios that commands have written are what these write today."""
+
+import shlex
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from gcs.cli import app
+from gcs.fleet.in_process import fly_in_process
+from gcs.results.summary import summarise
+from gcs.scenario.bundled import AIRCRAFT, SCENARIOS
+from gcs.scenario.model import load_scenario
+
+MARK = "# Written by: gcs "
+
+
+def written_by(command: str, folder: Path) -> list[Path]:
+    begin = f"{MARK}{command} "
+    return [path for path in sorted(folder.glob("*.yaml")) if path.read_text().startswith(begin)]
+
+
+DESIGNS = written_by("design", SCENARIOS / "airframes")
+IDENTIFIED = written_by("identify", AIRCRAFT)
+
+
+def again(path: Path, out: Path) -> str:
+    command = path.read_text().splitlines()[0].removeprefix(MARK)
+    result = CliRunner().invoke(app, [*shlex.split(command), "-q", "-o", str(out)])
+    assert result.exception is None, result.output
+    return out.read_text()
+
+
+def test_there_are_some() -> None:
+    assert {path.stem for path in IDENTIFIED} == {path.stem for path in DESIGNS}
+    assert len(DESIGNS) >= 3
+
+
+@pytest.mark.parametrize("path", DESIGNS, ids=lambda path: path.stem)
+def test_a_scenario_is_the_design_of_its_aircraft(path: Path, tmp_path: Path) -> None:
+    assert again(path, tmp_path / "again.yaml") == path.read_text()
+
+
+@pytest.mark.parametrize("path", DESIGNS, ids=lambda path: path.stem)
+def test_it_flies_as_it_is_asked_to(path: Path) -> None:
+    """Roll and pitch within 1°, yaw within 2°, no actuator blamed, 99.5 % saved."""
+    scenario = load_scenario(path)
+    summary = summarise(fly_in_process(scenario), scenario)
+    assert summary.completed
+    for uav in summary.uavs:
+        for name, limit in (("roll", 1.0), ("pitch", 1.0), ("yaw", 2.0)):
+            error = uav.max_error[name]
+            assert error is not None
+            assert error < limit
+        assert not uav.diagnosis
+        assert uav.saving is not None
+        assert uav.saving > 0.995
+
+
+@pytest.mark.skipif(find_spec("jsbsim") is None, reason="jsbsim is missing: pip install jsbsim")
+@pytest.mark.parametrize("path", IDENTIFIED, ids=lambda path: path.stem)
+def test_an_aircraft_is_identified_again(path: Path, tmp_path: Path) -> None:
+    """By the version of JSBSim that it names; its last digits depend on how that was compiled."""
+    version = __import__("jsbsim").__version__
+    if f"JSBSim {version}" not in path.read_text():
+        pytest.skip(f"identified with another version than {version}")
+    assert again(path, tmp_path / "again.yaml") == path.read_text()
