@@ -29,10 +29,10 @@ class FaultStation:
         self._packers = [FramePacker(system, _COMPONENT) for system in self._systems]
         self._stations: dict[Address, float] = {}  # when each was heard last [s]
         self._due_s = 0.0
-        self._take_up()
+        self._begin_with_fleet()
 
-    def _take_up(self) -> None:
-        """Begin with the fleet that flies now: a restarted flight has another one."""
+    def _begin_with_fleet(self) -> None:
+        """Serve the fleet that flies now: a restarted flight has another one."""
         self._fleet = self._flight.fleet
         self._services = [
             AircraftService(
@@ -57,7 +57,7 @@ class FaultStation:
         if message is None:
             return []
         if self._fleet is not self._flight.fleet:
-            self._take_up()
+            self._begin_with_fleet()
         is_new = address not in self._stations
         self._stations[address] = now
         frames = [self._heartbeat(i) for i in range(len(self._systems))] if is_new else []

@@ -216,7 +216,7 @@ class Rules:
         sigma = math.radians(self.given.gyro_noise_deg_s)
         gains = [k * f for k, f in zip(_largest(K2), self.gain_factors(K2), strict=True)]
         effect = self.airframe.effect
-        noise = max(k * sigma / M for k, M in zip(gains, effect, strict=True))
+        noise = max(k * sigma / M for k, M in zip(gains, effect, strict=True) if M > 0.0)
         least = _NOISE * math.radians(self.least_b2_deg * min(self.similar.stops))
         worst = noise / least
         tau = 0.0 if worst <= 1.0 else 0.5 * self.given.step_us / 1e6 * worst**2

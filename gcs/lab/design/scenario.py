@@ -13,7 +13,7 @@ from gcs.lab.design.airframe import Airframe, home
 from gcs.lab.design.parameters import Line, Tree, parameters_of
 from gcs.lab.design.rules import Conditions, Rules
 from gcs.lab.design.similarity import Similarity, similarity
-from gcs.lab.theory.airframe_checks import AREA, PAIRING, airframe_checks
+from gcs.lab.theory.airframe_checks import AREA, PAIRING, SIDESLIP, airframe_checks
 from gcs.lab.theory.modes import level_flight
 from mavlink_defs.config.yaml_text import yaml_of
 from sitl_plant.aerodynamics import lateral
@@ -53,6 +53,11 @@ class Design:
     uavs: int
     plant: dict[str, Any] | None
     warnings: tuple[str, ...]
+
+    @property
+    def heading_by_bank(self) -> str | None:
+        """Why the law holds the heading by bank; None: by the rudder."""
+        return LAWS[self.law](kind=self.law).holds_heading_by_bank(self.airframe.aircraft)
 
 
 def design_of(
@@ -98,7 +103,9 @@ def _warnings(airframe: Airframe, law: str) -> Iterator[str]:
         if check.is_met:
             continue
         text = f"{airframe.name}: {check.name}: {check.value}: {check.otherwise}"
-        if check.name == AREA or (check.name == PAIRING and law != "tube"):
+        by_bank = LAWS[law](kind=law).holds_heading_by_bank(airframe.aircraft)
+        can_be_flown = {AREA: True, PAIRING: law != "tube", SIDESLIP: by_bank is not None}
+        if can_be_flown.get(check.name, False):
             yield text
             continue
         raise BadInput(text, f"see gcs aircraft {airframe.name}")
@@ -142,7 +149,7 @@ def tree_of(design: Design) -> Tree:
         "aircraft": Line(design.aircraft_key, ""),
     }
     if design.plant is not None:
-        tree["plant"] = Line(design.plant, "what flies instead of these coefficients")
+        tree["plant"] = Line(design.plant, "what flies")
     tree |= _hardware(design.given)
     tree["controller"], tree["trigger"] = sections.controller, sections.trigger
     tree["guidance"] = sections.guidance
@@ -170,23 +177,31 @@ def steps_deg(design: Design) -> dict[str, tuple[float, str]]:
     """Return the steps of roll, pitch and yaw [deg], and why these.
 
     Heading is turned with wings nearly level, and bank is balanced, by sideslip: both by as much as
-    the rudder can hold. A climb takes thrust.
+    the rudder can hold. Where the heading is held by bank, no roll is commanded. A climb takes
+    thrust.
     """
     airframe = design.airframe
     aircraft, V = airframe.aircraft, airframe.airspeed
+    weight = aircraft.mass_kg * aircraft.gravity_m_s2
+    roll, pitch, yaw = _STEPS_DEG.values()
+    climb = math.degrees(math.asin(min(1.0, _CLIMB * airframe.thrust_to_spare / weight)))
+    of_pitch = min(pitch, climb), "5 deg, at most half of what the thrust can climb"
+    if (why := design.heading_by_bank) is not None:
+        return {
+            "roll": (0.0, f"what the heading takes, which is held by bank: {why}"),
+            "pitch": of_pitch,
+            "yaw": (yaw, "10 deg, by a turn"),
+        }
     air = lateral(V, aircraft_record(aircraft))
     stiffness = air.scale * abs(air.yawing.beta) / aircraft.inertia_kg_m2.Jzz
     widest = math.degrees(airframe.authority[2] / max(stiffness, 1e-9))
-    roll, pitch, yaw = _STEPS_DEG.values()
-    weight = aircraft.mass_kg * aircraft.gravity_m_s2
     held = math.degrees(weight * math.sin(math.radians(roll)) / max(abs(air.side.beta), 1e-9))
-    climb = math.degrees(math.asin(min(1.0, _CLIMB * airframe.thrust_to_spare / weight)))
     return {
         "roll": (
             roll * min(1.0, _ROLL * widest / held),
             f"5 deg, at most what sideslip of 0.3 × {widest:.0f} deg balances",
         ),
-        "pitch": (min(pitch, climb), "5 deg, at most half of what the thrust can climb"),
+        "pitch": of_pitch,
         "yaw": (
             min(yaw, _YAW * widest),
             f"10 deg, at most 0.45 × {widest:.0f} deg of sideslip by rudder",

@@ -69,14 +69,17 @@ def similarity(airframe: Airframe) -> Similarity:
 
     An axis is slower by the square root of what its surface can do less. The whole is as slow as
     roll and pitch together, or as the thrust, where that could not follow the reference's steps of
-    airspeed otherwise; rounded to halves, and at least 1.
+    airspeed otherwise; rounded to halves, and at least 1. A rudder that it has not is as the whole.
     """
     known = home()
     pairs = zip(known.authority, airframe.authority, strict=True)
     roll, pitch, yaw = (math.sqrt(most / one) if one > 0.0 else math.inf for most, one in pairs)
     velocity = airframe.airspeed / known.airspeed
     slowest = max(1.0, math.sqrt(roll * pitch), _by_thrust(airframe, velocity))
-    a, b, c = (x / most for x, most in zip(airframe.stops, known.stops, strict=True))
+    stops = zip(airframe.stops, known.stops, strict=True)
+    a, b, c = (x / most if x > 0.0 else 1.0 for x, most in stops)
+    if not airframe.aircraft.has("rudder"):
+        yaw = slowest
     return Similarity(
         max(1.0, round(slowest * _HALVES) / _HALVES),
         velocity,

@@ -199,10 +199,8 @@ def changed(**coefficients: float) -> Airframe:
 
 
 def test_what_cannot_be_flown_is_refused_with_the_reason() -> None:
-    with pytest.raises(BadInput, match="no rudder"):
+    with pytest.raises(BadInput, match="the rudder does nothing"):
         design_of(changed(cn_dr=0.0, cl_dr=0.0, cY_dr=0.0), "surviving", Conditions())
-    with pytest.raises(BadInput, match="hold the heading by bank"):
-        design_of(changed(cY_beta=0.1), "surviving", Conditions())
     crossed = changed(cn_da=-0.069, cl_dr=0.15)
     with pytest.raises(BadInput, match="each other's work"):
         design_of(crossed, "tube", Conditions())
@@ -227,3 +225,24 @@ def test_axes_and_thrust_have_their_own_scale() -> None:
         [x * 25.0 / 35.0 for x in (1.5, 2.0, 3.0)], rel=1e-3
     )
     assert law["alpha_limit_deg"] == pytest.approx(26.93 - 3.0, abs=0.05)
+
+
+def test_a_flying_wing_is_designed_for_bank() -> None:
+    """What it has not is left at the defaults, and no roll is commanded."""
+    wing = airframe_of("skywalker_x8", load_aircraft("skywalker_x8"))
+    for law in ("surviving", "tube"):
+        design = design_of(wing, law, Conditions(gyro_noise_deg_s=0.3, servo_lag_s=0.02))
+        scenario = scenario_of("x", plain(tree_of(design)))
+        assert {segment.roll_deg for segment in scenario.profile} == {0.0}
+        assert max(segment.yaw_deg for segment in scenario.profile) == 10.0
+        assert plain(sections_of(design).controller)["diagnosis"]["dither_deg"][2] == 12.0
+    with pytest.raises(BadInput, match="no rudder to hold the heading"):
+        design_of(wing, "proposed", Conditions())
+
+
+def test_sideslip_that_grows_under_the_rudder_is_a_warning_where_the_heading_is_by_bank() -> None:
+    slipping = changed(cY_beta=0.1)
+    design = design_of(slipping, "surviving", Conditions())
+    assert any("hold the heading by bank" in warning for warning in design.warnings)
+    with pytest.raises(BadInput, match="hold the heading by bank"):
+        design_of(slipping, "backstepping", Conditions())
