@@ -6,6 +6,7 @@
 
 One UAV flies scenario 1 as `gcs design` wrote it for the airframe, with nothing or one fault:
 the rudder weak, or the aileron stuck. Aircraft without a rudder have a weak elevator instead.
+Errors are the largest ones from the reference after the first second.
 `--seeds` flies no faults but other noise, and counts healthy actuators that were declared lost;
 aircraft flown by our own equations fly as often again in light turbulence.
 """
@@ -13,7 +14,7 @@ aircraft flown by our own equations fly as often again in light turbulence.
 import argparse
 import multiprocessing
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
@@ -41,7 +42,6 @@ BRIEF_S, FROM_S = (19.0, 22.0), 10.0
 STUCK_DEG, OF_STOP = 3.0, 35.0
 """A stuck aileron: of this angle, and of the same share of its stop as on the paper's aircraft."""
 _PAPER_S = 24.0  # of a flight
-_QUANTITIES = ("roll", "pitch", "yaw")
 
 Fault: TypeAlias = dict[str, Any]
 
@@ -112,17 +112,21 @@ def line(flown: Flown) -> str:
     """Return a row of the table of faults."""
     case, uav = flown.case, flown.uav
     found_s = uav.first_delay_s("lost")
-    errors = [uav.max_error[name] for name in _QUANTITIES]
-    cells = (
-        f"{case.airframe}, {flown.duration_s:g} s",
-        case.law,
-        case.fault,
-        uav.events,
-        percent(uav.saving),
-        *("-" if error is None else f"{error:.1f}" for error in errors),
-        "" if found_s is None else f"{1e3 * found_s:.0f}",
-        uav.false_alarms,
-    )
+    found = "" if found_s is None else f"{1e3 * found_s:.0f}"
+    flight = f"{case.airframe}, {flown.duration_s:g} s", case.law, case.fault
+    saved = uav.events, percent(uav.saving)
+    return row(*flight, *saved, *largest_errors([flown]), found, uav.false_alarms)
+
+
+def largest_errors(flown: Sequence[Flown]) -> Iterator[str]:
+    """Yield the largest errors of roll, pitch and yaw from the reference in all flights [deg]."""
+    for name in ("roll", "pitch", "yaw"):
+        errors = (one.uav.max_error[name] for one in flown)
+        yield f"{max(error for error in errors if error is not None):.1f}"
+
+
+def row(*cells: object) -> str:
+    """Return a row of a table in Markdown."""
     return f"| {' | '.join(map(str, cells))} |"
 
 
@@ -149,8 +153,7 @@ def healthy_rows(options: argparse.Namespace, fly_all: Any) -> Iterator[str]:
                     sum(one.loss is not None for one in flown),
                     f"{min(events)} to {max(events)}",
                 )
-                cells = (airframe, law, turbulence or "none", *counts)
-                yield f"| {' | '.join(map(str, cells))} |"
+                yield row(airframe, law, turbulence or "none", *counts, *largest_errors(flown))
 
 
 def main() -> None:
@@ -160,18 +163,18 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=0, help="healthy flights of each instead")
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     options = parser.parse_args()
+    errors = "roll [deg]", "pitch", "yaw"
     if options.seeds:
-        print("| airframe | law | turbulence | flights | declared lost | crashed | events |")
-        print("| --- | --- | --- | ---: | ---: | ---: | ---: |")
+        numbers = ("flights", "declared lost", "crashed", "events", *errors)
+        heading, make = ("airframe", "law", "turbulence", *numbers), healthy_rows
     else:
-        print(
-            "| airframe | law | fault | events | saved | largest error: roll [deg] | pitch | yaw |"
-            " announced after [ms] | healthy declared lost |"
-        )
-        print("| --- | --- | --- |" + " ---: |" * 7)
+        numbers = ("events", "saved", *errors, "announced after [ms]", "healthy declared lost")
+        heading, make = ("airframe", "law", "fault", *numbers), rows
+    print(row(*heading))
+    print(row(*(["---"] * 3), *(["---:"] * len(numbers))))
     with multiprocessing.get_context("spawn").Pool(options.jobs) as pool:
-        for row in (healthy_rows if options.seeds else rows)(options, pool.imap):
-            print(row, flush=True)
+        for one in make(options, pool.imap):
+            print(one, flush=True)
 
 
 if __name__ == "__main__":
