@@ -29,6 +29,7 @@ Examples:
 
 - gcs trim paper/scenario1
 - gcs trim my.yaml --airspeed 30 --airspeed 50 --roll 20
+- gcs trim airframes/mixed --uav 2
 - gcs trim paper/scenario1 --json | jq '.[] | select(.stuck == "elevator")'
 
 Exit status: 0 computed, 2 bad input.
@@ -60,6 +61,10 @@ def trim(
             metavar="M/S",
         ),
     ] = None,
+    uav: Annotated[
+        int | None,
+        typer.Option(help="Of which UAV's aircraft; by default the first's.", metavar="ID"),
+    ] = None,
     roll: Annotated[
         float, typer.Option(help="Roll angle [deg].", min=-80.0, max=80.0, metavar="DEG")
     ] = 0.0,
@@ -88,7 +93,7 @@ def trim(
     from sitl_plant.config import true_aircraft
 
     loaded = changed_scenario(scenario, additions, settings)
-    aircraft = true_aircraft(loaded.aircraft, loaded.uncertainty)
+    aircraft = true_aircraft(_aircraft_of(loaded, uav), loaded.uncertainty)
     airspeeds = sorted({*(airspeed or _airspeeds(loaded))})
     low, high = aircraft.airspeed_min_m_s, aircraft.airspeed_max_m_s
     for speed in airspeeds:
@@ -112,6 +117,14 @@ def trim(
     tables = console_of(stderr=False, quiet=quiet)
     _print(tables, "Aileron or rudder stuck: level flight that turns", kept)
     _print(tables, "Elevator or throttle stuck: straight, level flight", given_up)
+
+
+def _aircraft_of(scenario: "Scenario", uav: int | None) -> "Aircraft":
+    ids = [one.id for one in scenario.uavs]
+    if uav is not None and uav not in ids:
+        known = ", ".join(map(str, ids))
+        raise BadInput(f"--uav is {uav}, expected one of the scenario's UAVs: {known}")
+    return scenario.aircraft_of(ids[0] if uav is None else uav)
 
 
 def _airspeeds(scenario: "Scenario") -> list[float]:

@@ -68,6 +68,7 @@ def complaint(*arguments: str) -> str:
         (("fly", SCENARIO_1, "--set", "servos.rudder.lag=1"), "did you mean 'lag_s'?"),
         (("fly", SCENARIO_1, "--set", "servos.rudder.lag_s=-1"), "expected [0, 10] s, got -1"),
         (("trim", SCENARIO_1, "--airspeed", "5"), "expected [20, 80] m/s"),
+        (("trim", "airframes/mixed", "--uav", "7"), "--uav is 7, expected one of"),
         (("trim", SCENARIO_1, "--roll", "90"), "--roll"),
         (("profile", "check", "none.yaml"), "none.yaml"),
         (("profile", "check", "missions/hexagon"), "has a mission, no profile; see gcs mission"),
