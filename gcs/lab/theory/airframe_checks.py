@@ -6,10 +6,11 @@ that balances the yawing moment of the same sideslip, has to be against it.
 """
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from ftc_autopilot.control.heading import remaining_side_force, weathercock_problem
-from gcs.lab.theory.modes import LevelFlight
+from gcs.lab.theory.modes import LevelFlight, authority
 from mavlink_defs.constants import SURFACES
 from sitl_plant.aerodynamics import lateral
 from sitl_plant.aircraft import aircraft_record
@@ -51,6 +52,7 @@ def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
             "compare S, b and c with their source; a tapered wing may differ as much",
         )
     ]
+    found += _surfaces_that_do_nothing(aircraft, flight)
     found += _surfaces_within_stops(aircraft, flight)
     if aircraft.stall_deg is not None:
         reserve = aircraft.stall_deg - flight.alpha_deg
@@ -86,15 +88,18 @@ def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
     tau_s = (
         aircraft.mass_kg * flight.airspeed_m_s / -effective if effective != 0.0 else float("inf")
     )
+    if roll.aileron != 0.0 and aircraft.has("aileron"):
+        found.append(
+            Check(
+                PAIRING,
+                f"{pairing:.2f}",
+                pairing >= _PAIRING,
+                "aileron and rudder do each other's work: `tube`, which plans one after the other, "
+                "loses the heading; `surviving` inverts both together",
+            )
+        )
     return [
         *found,
-        Check(
-            PAIRING,
-            f"{pairing:.2f}",
-            pairing >= _PAIRING,
-            "aileron and rudder do each other's work: `tube`, which plans one after the other, "
-            "loses the heading; `surviving` inverts both together",
-        ),
         Check(
             SIDESLIP,
             f"{tau_s:.3g} s",
@@ -103,6 +108,20 @@ def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
             "heading by bank; other laws lose it",
         ),
     ]
+
+
+def _surfaces_that_do_nothing(aircraft: Aircraft, flight: LevelFlight) -> Iterator[Check]:
+    """Yield a check that is not met for an aileron or an elevator without a moment, if any."""
+    V = flight.airspeed_m_s
+    by_aileron = lateral(V, aircraft_record(aircraft)).rolling.aileron
+    by_elevator = authority(aircraft, V).get("elevator", 0.0)
+    for surface, moment, coefficient in (
+        ("aileron", by_aileron, "cl_da"),
+        ("elevator", by_elevator, "cm_de"),
+    ):
+        if moment == 0.0 or not aircraft.has(surface):
+            text = f"it does nothing, and every law needs it: check {coefficient} and its stops"
+            yield Check(f"moment by {surface}", "0", False, text)
 
 
 def _surfaces_within_stops(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
