@@ -1,8 +1,13 @@
 """The table of airframes: what is flown, and that healthy actuators are not blamed."""
 
+import numpy as np
 import pytest
 
 from benchmarks.airframes import AIRFRAMES, LAWS, Case, designed, faults_of, fly, line
+from benchmarks.least_roll import lateral_model, least_roll
+from gcs.lab.identification.trim import acceleration, motion_at
+from gcs.lab.theory.modes import level_flight
+from sitl_plant.simulators.own import OwnSimulator
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -45,3 +50,34 @@ def test_other_noise_flies_another_flight() -> None:
     )
     assert first == again
     assert first != other
+
+
+def test_the_least_roll_grows_with_the_fault_and_with_the_time_until_the_rudder_moves() -> None:
+    aerosonde = designed("aerosonde", "surviving")
+    least = [
+        np.degrees(least_roll(aerosonde, np.radians(stuck), after))
+        for stuck, after in ((1.0, 0.0), (3.0, 0.0), (3.0, 0.1), (3.0, 0.2))
+    ]
+    assert least == sorted(least)
+    assert least[-1] < 10.0
+
+
+def test_the_linear_motion_is_the_plants() -> None:
+    """Its derivatives are those of our own equations about level flight, as far as 5 ms show them."""
+    scenario = designed("aerosonde", "surviving")
+    aircraft = scenario.aircraft_of(1)
+    flight = level_flight(aircraft, 28.0)
+    assert flight is not None
+    model = lateral_model(aircraft, 28.0)
+    simulator = OwnSimulator(aircraft)
+    delta = tuple(map(np.radians, (flight.aileron_deg, flight.elevator_deg, flight.rudder_deg)))
+    alpha = np.radians(flight.alpha_deg)
+
+    def turning(aileron: float, rudder: float) -> np.ndarray:
+        moved = delta[0] + aileron, delta[1], delta[2] + rudder
+        return np.array(acceleration(simulator, motion_at(28.0, alpha), moved, flight.thrust_n)[1])
+
+    for column, (aileron, rudder) in ((4, (0.01, 0.0)), (5, (0.0, 0.01))):
+        p_dot, _, r_dot = (turning(aileron, rudder) - turning(0.0, 0.0)) / 0.01
+        expected = model[1:3, column]
+        assert (p_dot, r_dot) == pytest.approx(expected, abs=0.15 * np.abs(expected).max())
