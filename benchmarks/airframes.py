@@ -35,7 +35,7 @@ AIRFRAMES = {
     "aerosonde": "aerosonde_designed",
     "skywalker_x8": "skywalker_x8_designed",
 }
-"""Scenarios in `airframes/` by airframe; that of the tube law has `_tube` added."""
+"""Scenarios in `airframes/` by airframe; with the tube law the name has `_tube` added."""
 LAWS = ("surviving", "tube")
 BRIEF_S, FROM_S = (19.0, 22.0), 10.0
 """When a rudder at 90 % is weak, and from when other faults last, for the paper's aircraft."""

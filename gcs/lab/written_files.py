@@ -12,7 +12,7 @@ def check_out(path: Path | None, mark: str, made: str) -> None:
 
     Args:
         path: The file; None: none is written.
-        mark: First words of what the command writes.
+        mark: How a file of the command begins.
         made: What a file of the command is, for messages.
 
     Raises:

@@ -1,5 +1,6 @@
 """Fleets of several aircraft types: each UAV may have its own."""
 
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from gcs.fleet.in_process import begin, fly_in_process
 from gcs.results.summary import summarise
 from gcs.scenario.aircraft_file import load_aircraft
 from gcs.scenario.model import Scenario, load_scenario, scenario_of, scenario_tree
+from mavlink_defs.config.inherit import merged
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.constants import RUDDER
 from mavlink_defs.faults import InvalidParam, fault_from_params
@@ -175,6 +177,29 @@ def test_three_types_fly_a_mission_in_wind_within_one_and_a_half_spans(
         assert np.abs(away[200:]).max() < 1.5 * span
     apart = np.linalg.norm(places[:, :, None] - places[:, None], axis=-1)
     assert apart[:, ~np.eye(3, dtype=bool)].min() > 15.0
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(find_spec("jsbsim") is None, reason="jsbsim is missing: pip install jsbsim")
+@pytest.mark.parametrize("addition", [[], ["tube"]])
+def test_the_bundled_mission_of_three_types_is_flown_within_a_span(addition: list[str]) -> None:
+    """One of them by JSBSim; docs/explanation/airframes.md has the figures of the whole flight."""
+    tree = scenario_tree("airframes/mixed_mission")
+    for name in addition:
+        tree = merged(tree, scenario_tree(name))
+    scenario = scenario_of("mixed", tree | {"duration_s": 100.0})
+    summary = summarise(fly_in_process(scenario), scenario)
+    assert summary.completed
+    for uav in summary.uavs:
+        assert uav.path is not None
+        errors = uav.path.straight_cross_track_m, uav.path.turn_cross_track_m
+        assert (
+            max(error for error in errors if error is not None)
+            < scenario.aircraft_of(uav.id).wing_span_m
+        )
+        assert not uav.diagnosis
+    assert summary.separation is not None
+    assert summary.separation.least_m > 15.0
 
 
 def test_savings_count_the_channels_that_there_are(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ftc_autopilot.control.laws import KINDS, LAWS
+from ftc_autopilot.control.laws.tube import Tube
 from ftc_autopilot.control.triggers import TRIGGERS
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from gcs.errors import BadInput
@@ -181,6 +182,24 @@ def test_a_filter_leaves_no_more_noise_than_the_trigger_overlooks(noise: float) 
     share = 1.0 if tau == 0.0 else min(math.sqrt(0.001 / (2.0 * tau)), 1.0)
     left = max(k * noise * share / M for k, M in zip(law["K2"], airframe.effect, strict=True))
     assert left <= 0.2 * b2 * 1.06 or tau == pytest.approx(0.25 / max(law["K2"]), rel=0.05)
+
+
+@pytest.mark.parametrize("law", ["surviving", "tube"])
+def test_a_noisy_gyro_is_filtered_for_the_diagnosis_too(law: str) -> None:
+    """Where the trigger needs none, by 3 deg of the phase that the fastest rate loop has."""
+    airframe = airframe_of("aerosonde", load_aircraft("aerosonde"), 28.0)
+    made = plain(sections_of(design_of(airframe, law, REAL)).controller)
+    assert made["gyro_filter_s"] * max(made["K2"]) == pytest.approx(0.05, rel=0.02)
+
+
+def test_a_lead_is_in_the_time_of_its_axis() -> None:
+    airframe = airframe_of("minisgs", load_aircraft("minisgs"))
+    similar = similarity(airframe)
+    assert similar.axes[2] > 1.4 * similar.time
+    lead = plain(sections_of(design_of(airframe, "tube", REAL)).controller)["lead_s"]
+    default = Tube().lead_s
+    ratios = [new / old for new, old in zip(lead, default, strict=True)]
+    assert ratios == pytest.approx([similar.time, *similar.axes], rel=1e-3)
 
 
 def test_units_have_dimensions() -> None:
