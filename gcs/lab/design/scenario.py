@@ -101,16 +101,21 @@ def design_of(
 
 
 def _warnings(airframe: Airframe, law: str) -> Iterator[str]:
-    for check in airframe_checks(airframe.aircraft, airframe.flight):
-        if check.is_met:
-            continue
-        text = f"{airframe.name}: {check.name}: {check.value}: {check.otherwise}"
-        by_bank = LAWS[law](kind=law).holds_heading_by_bank(airframe.aircraft)
-        can_be_flown = {AREA: True, PAIRING: True, SIDESLIP: by_bank is not None}
-        if can_be_flown.get(check.name, False):
-            yield text
-            continue
+    """Yield what is not as it should be, but can be flown.
+
+    Raises:
+        BadInput: Something cannot be; all that is not as it should be is named, as one wrong number
+            may fail several checks.
+    """
+    by_bank = LAWS[law](kind=law).holds_heading_by_bank(airframe.aircraft)
+    can_be_flown = {AREA: True, PAIRING: True, SIDESLIP: by_bank is not None}
+    checks = airframe_checks(airframe.aircraft, airframe.flight)
+    unmet = [check for check in checks if not check.is_met]
+    texts = [f"{check.name}: {check.value}: {check.otherwise}" for check in unmet]
+    if not all(can_be_flown.get(check.name, False) for check in unmet):
+        text = f"{airframe.name}: {'; and '.join(texts)}"
         raise BadInput(text, f"see gcs aircraft {airframe.name}")
+    yield from (f"{airframe.name}: {text}" for text in texts)
 
 
 class Sections(NamedTuple):

@@ -6,11 +6,12 @@ that balances the yawing moment of the same sideslip, has to be against it.
 """
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from ftc_autopilot.control.heading import remaining_side_force, weathercock_problem
 from ftc_autopilot.control.pairing import LEAST_RELATIVE_GAIN, is_coupled, relative_gain
-from gcs.lab.theory.modes import LevelFlight
+from gcs.lab.theory.modes import LevelFlight, authority
 from mavlink_defs.constants import SURFACES
 from sitl_plant.aerodynamics import lateral
 from sitl_plant.aircraft import aircraft_record
@@ -53,6 +54,7 @@ def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
             "compare S, b and c with their source; a tapered wing may differ as much",
         )
     ]
+    found += _surfaces_that_do_nothing(aircraft, flight)
     found += _surfaces_within_stops(aircraft, flight)
     if aircraft.stall_deg is not None:
         reserve = aircraft.stall_deg - flight.alpha_deg
@@ -86,9 +88,10 @@ def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
     tau_s = (
         aircraft.mass_kg * flight.airspeed_m_s / -effective if effective != 0.0 else float("inf")
     )
+    if roll.aileron != 0.0 and aircraft.has("aileron"):
+        found.append(_pairing(aircraft))
     return [
         *found,
-        _pairing(aircraft),
         Check(
             SIDESLIP,
             f"{tau_s:.3g} s",
@@ -115,6 +118,20 @@ def _pairing(aircraft: Aircraft) -> Check:
     return Check(
         PAIRING, f"{gain:.2f}", LEAST_RELATIVE_GAIN <= gain <= _LARGEST_RELATIVE_GAIN, text
     )
+
+
+def _surfaces_that_do_nothing(aircraft: Aircraft, flight: LevelFlight) -> Iterator[Check]:
+    """Yield a check that is not met for an aileron or an elevator without a moment, if any."""
+    V = flight.airspeed_m_s
+    by_aileron = lateral(V, aircraft_record(aircraft)).rolling.aileron
+    by_elevator = authority(aircraft, V).get("elevator", 0.0)
+    for surface, moment, coefficient in (
+        ("aileron", by_aileron, "cl_da"),
+        ("elevator", by_elevator, "cm_de"),
+    ):
+        if moment == 0.0 or not aircraft.has(surface):
+            text = f"it does nothing, and every law needs it: check {coefficient} and its stops"
+            yield Check(f"moment by {surface}", "0", False, text)
 
 
 def _surfaces_within_stops(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
