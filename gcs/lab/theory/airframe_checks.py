@@ -10,14 +10,16 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from ftc_autopilot.control.heading import remaining_side_force, weathercock_problem
+from ftc_autopilot.control.pairing import LEAST_RELATIVE_GAIN, is_coupled, relative_gain
 from gcs.lab.theory.modes import LevelFlight, authority
 from mavlink_defs.constants import SURFACES
 from sitl_plant.aerodynamics import lateral
 from sitl_plant.aircraft import aircraft_record
 from sitl_plant.config import Aircraft
 
-_PAIRING = 0.6
-"""Least share of the aileron in what rolls, relative gain array (Bristol 1966)."""
+_LARGEST_RELATIVE_GAIN = 1.6
+"""Above it aileron and rudder undo much of each other's work: the Aerosonde, changed so, lacks the
+authority for the steps of a design."""
 _AREA = 0.3  # by which S may differ from b c
 _NO_TRIM = "level flight is not possible: choose another airspeed, or check moments and stops"
 _RESERVE_DEG = 4.0  # of the angle of attack to the stall
@@ -82,22 +84,12 @@ def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
     if yaw.rudder == 0.0:
         text = "the rudder does nothing: check cn_dr, or say `surface_limits_deg: {rudder: none}`"
         return [*found, Check(NO_RUDDER, "0", False, text)]
-    determinant = roll.aileron * yaw.rudder - roll.rudder * yaw.aileron
-    pairing = roll.aileron * yaw.rudder / determinant if determinant != 0.0 else float("nan")
     effective = remaining_side_force(aircraft, flight.airspeed_m_s)
     tau_s = (
         aircraft.mass_kg * flight.airspeed_m_s / -effective if effective != 0.0 else float("inf")
     )
     if roll.aileron != 0.0 and aircraft.has("aileron"):
-        found.append(
-            Check(
-                PAIRING,
-                f"{pairing:.2f}",
-                pairing >= _PAIRING,
-                "aileron and rudder do each other's work: `tube`, which plans one after the other, "
-                "loses the heading; `surviving` inverts both together",
-            )
-        )
+        found.append(_pairing(aircraft))
     return [
         *found,
         Check(
@@ -108,6 +100,24 @@ def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
             "heading by bank; other laws lose it",
         ),
     ]
+
+
+def _pairing(aircraft: Aircraft) -> Check:
+    gain = relative_gain(aircraft)
+    if is_coupled(aircraft):
+        text = (
+            "aileron and rudder do much of each other's work: `tube` plans both together, "
+            "`surviving`, `backstepping` and `proposed` invert both; `pid`, a loop for each, may "
+            "swing"
+        )
+    else:
+        text = (
+            "aileron and rudder undo each other's work: little is left to turn about one axis; "
+            "roll and yaw take small steps, and many messages"
+        )
+    return Check(
+        PAIRING, f"{gain:.2f}", LEAST_RELATIVE_GAIN <= gain <= _LARGEST_RELATIVE_GAIN, text
+    )
 
 
 def _surfaces_that_do_nothing(aircraft: Aircraft, flight: LevelFlight) -> Iterator[Check]:

@@ -63,7 +63,7 @@ def test_the_least_roll_grows_with_the_fault_and_with_the_time_until_the_rudder_
 
 
 def test_the_linear_motion_is_the_plants() -> None:
-    """Its derivatives are those of our own equations about level flight, within what 5 ms show."""
+    """Its derivatives are those of our own equations about level flight, as 5 ms show them."""
     scenario = designed("aerosonde", "surviving")
     aircraft = scenario.aircraft_of(1)
     flight = level_flight(aircraft, 28.0)
