@@ -15,7 +15,8 @@ from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import angular_acceleration
 from sitl_plant.stops import range_of
-from sitl_plant.vec3 import clamp, mat3, mul, scale, vec3
+from sitl_plant.thrust import available_thrust, reach_of, thrust_moment
+from sitl_plant.vec3 import add, clamp, mat3, mul, scale, sub, vec3
 
 _AIRSPEED, _ROLL, _PITCH, _YAW = range(OUTPUTS)
 _ORDER = (_AIRSPEED, _YAW, _ROLL, _PITCH)  # in which outputs are planned
@@ -161,14 +162,18 @@ def _plan(
     """
     h, j, rows = gains["prediction_step_s"], _CHANNELS[o], tables.shape[2]
     path, width, error, influence = tables[0], tables[1], tables[2], tables[3]
+    lowest, highest = reach_of(aircraft, j, now.motion.V)
     before = commands[j]
     small = _SMALL_THRUST if j == THROTTLE else _SMALL_ANGLE
+    if j == THROTTLE and aircraft["thrust_rows"] > 0:
+        before = min(before, highest)
+        if before + small > highest:  # there is no more, and less shows the influence as well
+            small = -small
     commands[j] = before + small
     _predict_errors(start, commands, h, rows, aircraft, path, influence)
     commands[j] = before
     for k in range(rows):
         influence[o, k] = (influence[o, k] - error[o, k]) / small
-    lowest, highest = range_of(aircraft, j)
     settled_s = max(gains["settle_s"][o], _CLOCK_SHARE * now.clock_s[j])
     return best_change(
         error[o],
@@ -185,19 +190,25 @@ def _plan(
 def trim(now: Step, aircraft: AircraftRecord, commands: np.ndarray) -> None:
     """Write the commands that balance the nominal moments, and hold the speed's derivative.
 
+    The thrust depends on the deflections, and these on its moment: they are found twice.
+
     Args:
         now: The present step.
         aircraft: Nominal aircraft.
         commands: Aileron, elevator, rudder [rad], thrust [N], within the stops, shape (4,).
     """
     motion, J = now.motion, mat3(aircraft["J"])
-    turning = angular_acceleration(motion.omega, motion.air.N, J, mat3(aircraft["J_inv"]))
-    delta = deflections_for(scale(-1.0, mul(J, turning)), motion.air.C, aircraft)
-    for i in range(3):
-        lowest, highest = range_of(aircraft, i)
-        commands[i] = clamp(delta[i], lowest, highest)
-    thrust = thrust_for(now.reference.V_dot, motion, vec3(commands), aircraft)
-    commands[THROTTLE] = clamp(thrust, 0.0, aircraft["thrust_limit"])
+    N = motion.air.N
+    for _ in range(2):
+        turning = angular_acceleration(motion.omega, N, J, mat3(aircraft["J_inv"]))
+        delta = deflections_for(scale(-1.0, mul(J, turning)), motion.air.C, aircraft)
+        for i in range(3):
+            lowest, highest = range_of(aircraft, i)
+            commands[i] = clamp(delta[i], lowest, highest)
+        thrust = thrust_for(now.reference.V_dot, motion, vec3(commands), aircraft)
+        commands[THROTTLE] = clamp(thrust, 0.0, available_thrust(motion.V, aircraft))
+        by_thrust = thrust_moment(commands[THROTTLE], aircraft)
+        N = add(sub(motion.air.N, motion.by_thrust), by_thrust)
 
 
 @compiled
