@@ -43,6 +43,7 @@ from sitl_plant.atmosphere import Dryden, Wind
 from sitl_plant.config import Aircraft, Disturbance, Sinusoid, Uncertainty
 from sitl_plant.hardware import EngineServo, Sensor, Sensors, Servos, SurfaceServo
 from sitl_plant.plant_section import JsbSimPlant, PluginPlant
+from sitl_plant.propulsion import Propulsion
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -51,6 +52,7 @@ MARK = re.compile(r"^<!-- generated: (\w+)(?: (\S+))? -->$", re.MULTILINE)
 SECTIONS: dict[str, type[BaseModel]] = {
     "scenario": Scenario,
     "aircraft": Aircraft,
+    "propulsion": Propulsion,
     "jsbsim": JsbSimPlant,
     "plugin": PluginPlant,
     "uncertainty": Uncertainty,

@@ -267,10 +267,16 @@ def carried_linearly(aircraft: AircraftRecord) -> tuple[float, float]:
 
 
 @compiled
-def balanced_alpha(elevator: float, aircraft: AircraftRecord) -> float:
-    """Return α [rad] at which an elevator deflection [rad] leaves no pitching moment."""
+def balanced_alpha(elevator: float, aircraft: AircraftRecord, others: float = 0.0) -> float:
+    """Return α [rad] at which an elevator deflection [rad] leaves no pitching moment.
+
+    Args:
+        elevator: The deflection.
+        aircraft: The aircraft.
+        others: Coefficient of the pitching moment of what is no air.
+    """
     a = aircraft
-    alpha: float = -(a["cm0"] + a["cm_de"] * elevator) / a["cm_alpha"]
+    alpha: float = -(a["cm0"] + a["cm_de"] * elevator + others) / a["cm_alpha"]
     return alpha
 
 

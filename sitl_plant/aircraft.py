@@ -6,6 +6,7 @@ import numpy as np
 
 from mavlink_defs.constants import SURFACES
 from sitl_plant.config import Aircraft, Coefficients
+from sitl_plant.propulsion import MOST_ROWS, Propulsion
 
 COEFFICIENTS = tuple(Coefficients.model_fields)
 """Aerodynamic coefficients and derivatives, per rad."""
@@ -28,6 +29,11 @@ AIRCRAFT = np.dtype(
         ("stall_sharpness", "f8"),  # 1/rad
         ("thrust_limit", "f8"),  # N
         ("stops", "f8", (3, 2)),  # least and largest aileron, elevator, rudder [rad]
+        ("thrust_rows", "i8"),  # of the table of the largest thrust; 0: it is thrust_limit
+        ("thrust_airspeeds", "f8", (MOST_ROWS,)),  # m/s, rising
+        ("thrust_most", "f8", (MOST_ROWS,)),  # N
+        ("thrust_arms", "f8", (3,)),  # rolling, pitching, yawing moment by thrust [m]
+        ("thrust_lag", "f8"),  # s
     ]
 )
 
@@ -74,4 +80,15 @@ def aircraft_record(aircraft: Aircraft) -> AircraftRecord:
         record["stall_sharpness"] = aircraft.stall_sharpness
     record["thrust_limit"] = aircraft.thrust_limit_n
     record["stops"] = np.radians(aircraft.stops_deg)
+    if aircraft.propulsion is not None:
+        _write_propulsion(record[0], aircraft, aircraft.propulsion)
     return record[0]  # type: ignore[no-any-return]  # numpy gives Any
+
+
+def _write_propulsion(record: AircraftRecord, aircraft: Aircraft, propulsion: Propulsion) -> None:
+    rows = propulsion.table(aircraft.air_density_kg_m3)
+    record["thrust_rows"] = len(rows)
+    record["thrust_airspeeds"][: len(rows)] = [row.airspeed_m_s for row in rows]
+    record["thrust_most"][: len(rows)] = [row.thrust_n for row in rows]
+    record["thrust_arms"] = propulsion.arms_m(aircraft.air_density_kg_m3, aircraft.design_airspeed)
+    record["thrust_lag"] = propulsion.lag_s

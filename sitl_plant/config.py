@@ -27,6 +27,7 @@ from mavlink_defs.profile import AirspeedLimits
 from sitl_plant.atmosphere import Wind
 from sitl_plant.hardware import ActuatorServos, Sensors, sensor_problems, servo_problems
 from sitl_plant.plant_section import OwnPlant, PlantSection
+from sitl_plant.propulsion import Propulsion
 
 
 class Inertia(Model):
@@ -201,6 +202,9 @@ class Aircraft(Model):
         doc="Sharpness M of the blend from attached flow to a flat plate at the stall.",
     )
     thrust_limit_n: float = quantity("N", gt=0.0, doc="Thrust is within 0 and this.")
+    propulsion: Propulsion | None = Field(
+        default=None, description="Thrust by airspeed, its lag and moments; none: any at once."
+    )
     surface_limit_deg: float | None = quantity(
         "deg", gt=0.0, lt=90.0, default=None, doc="Stop on both sides of all surfaces."
     )
@@ -245,6 +249,11 @@ class Aircraft(Model):
         """Least and largest angle of aileron, elevator and rudder [deg]; 0 of one it has not."""
         own = self.surface_limits_deg
         return tuple(_stops(getattr(own, name), self.surface_limit_deg) for name in SURFACES)
+
+    @property
+    def design_airspeed(self) -> float:
+        """Airspeed that a design is for [m/s]: cruise, or amid the range."""
+        return self.cruise_m_s or (self.airspeed_min_m_s + self.airspeed_max_m_s) / 2.0
 
     @property
     def airspeed_limits(self) -> AirspeedLimits:

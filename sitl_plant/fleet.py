@@ -225,11 +225,12 @@ def _begin(fleet: PlantState, step: int, step_us: int) -> bool:
             fleet.turbulence[i],
             fleet.aircraft[i],
         )
+        V = norm(sub(vec3(fleet.states[i, 3:6]), vec3(fleet.air[i, :3])))
         if outside["flies"] == 0:
-            step_aircraft(fleet.states[i], t, dt, disturbed, around, fleet.applied[i])
+            step_aircraft(fleet.states[i], t, dt, disturbed, around, V, fleet.applied[i])
             continue
         any_outside = True
-        actuators_over(t, dt, around, fleet.applied[i], outside["controls"])
+        actuators_over(t, dt, around, V, fleet.applied[i], outside["controls"])
         wind = mul(R1(vec3(fleet.states[i, 6:9])), vec3(fleet.air[i, :3]))
         for k in range(3):
             outside["wind"][k] = wind[k]

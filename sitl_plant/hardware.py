@@ -41,7 +41,10 @@ class SurfaceServo(Servo):
 
 
 class EngineServo(Servo):
-    """Throttle, engine and propeller, from the commanded thrust to the real one."""
+    """Throttle, engine and propeller, from the commanded thrust to the real one.
+
+    The lag is the larger one of this and the aircraft's own, `propulsion.lag_s`.
+    """
 
     rate_limit_n_s: float | None = quantity(
         "N/s", gt=0.0, default=None, doc="Highest rate of thrust; without it, unlimited."
@@ -58,6 +61,13 @@ class ActuatorServos(Model):
     elevator: SurfaceServo = Field(default=SurfaceServo(), description="Of the elevator.")
     rudder: SurfaceServo = Field(default=SurfaceServo(), description="Of the rudder.")
     throttle: EngineServo = Field(default=EngineServo(), description="Of the throttle.")
+
+    def with_engine_lag(self, lag_s: float) -> "ActuatorServos":
+        """Return the servos with an engine's own lag [s], of which and theirs the larger counts."""
+        if lag_s <= self.throttle.lag_s:
+            return self
+        throttle = self.throttle.model_copy(update={"lag_s": lag_s})
+        return self.model_copy(update={"throttle": throttle})
 
 
 class Servos(Model):

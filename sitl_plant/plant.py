@@ -27,6 +27,7 @@ from sitl_plant.rigid_body import (
     store_state,
 )
 from sitl_plant.servo import end_period, positions
+from sitl_plant.thrust import made_thrust
 from sitl_plant.vec3 import Vec3, add, mul, norm, sub, vec3
 from sitl_plant.wind import air_around
 
@@ -102,6 +103,7 @@ def step_aircraft(
     dt: float,
     disturbed: tuple[Disturbances, Disturbances, Disturbances],
     environment: Environment,
+    V: float,
     applied: np.ndarray,
 ) -> None:
     """Advance one aircraft and its servos in place by one control period.
@@ -112,19 +114,26 @@ def step_aircraft(
         dt: Control period [s].
         disturbed: Disturbances at the period's start, middle and end.
         environment: The aircraft and what acts on it; its servos have begun the period.
-        applied: True positions and thrust at the start of the period, shape (4,), written.
+        V: Airspeed at the start of the period [m/s].
+        applied: True positions and thrust then, shape (4,), written.
     """
     moved = positions(environment.servos, 0.0)
     real = apply_faults(moved, t, t, environment.faults, environment.aircraft)
     for i in range(N_CHANNELS):
         applied[i] = real[i]
+    applied[THROTTLE] = made_thrust(real[THROTTLE], V, environment.aircraft)
     store_state(rk4_step(load_state(x), t, dt, disturbed, environment), x)
     end_period(environment.servos, dt)
 
 
 @compiled
 def actuators_over(
-    t: float, dt: float, environment: Environment, applied: np.ndarray, at_end: np.ndarray
+    t: float,
+    dt: float,
+    environment: Environment,
+    V: float,
+    applied: np.ndarray,
+    at_end: np.ndarray,
 ) -> None:
     """Take the servos of one aircraft to the end of a control period, without any motion of it.
 
@@ -132,6 +141,7 @@ def actuators_over(
         t: Start of the period [s].
         dt: Control period [s].
         environment: The aircraft and what acts on it; its servos have begun the period.
+        V: Airspeed [m/s].
         applied: True positions and thrust at the start of the period, shape (4,), written.
         at_end: The same at its end.
     """
@@ -140,6 +150,8 @@ def actuators_over(
     ended = apply_faults(positions(environment.servos, dt), t + dt, t, faults, aircraft)
     for i in range(N_CHANNELS):
         applied[i], at_end[i] = begun[i], ended[i]
+    applied[THROTTLE] = made_thrust(begun[THROTTLE], V, aircraft)
+    at_end[THROTTLE] = made_thrust(ended[THROTTLE], V, aircraft)
     end_period(environment.servos, dt)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aerodynamics import Aerodynamics, aerodynamics, force, moment
 from sitl_plant.aircraft import AircraftRecord
+from sitl_plant.thrust import made_thrust, thrust_moment
 from sitl_plant.vec3 import Mat3, Vec3, add, cross, mat3, mul, scale, sub, vec3
 
 State: TypeAlias = tuple[Vec3, Vec3, Vec3, Vec3]
@@ -91,16 +92,16 @@ def angular_acceleration(omega: Vec3, moment: Vec3, J: Mat3, J_inv: Mat3) -> Vec
 
 @compiled
 def specific_force(air: Aerodynamics, delta: Vec3, thrust: float, aircraft: AircraftRecord) -> Vec3:
-    """Return the specific force of the air and a thrust [N], body axes [m/s²].
+    """Return the specific force of the air and the propulsion, body axes [m/s²].
 
     Args:
         air: Forces of the air.
         delta: Deflections of aileron, elevator, rudder [rad].
-        thrust: Thrust [N].
+        thrust: Thrust [N], which is made as far as the airspeed permits.
         aircraft: The aircraft.
     """
-    by_air = force(air, delta)
-    return scale(1.0 / aircraft["m"], (by_air[0] + thrust, by_air[1], by_air[2]))
+    by_air, made = force(air, delta), made_thrust(thrust, air.V, aircraft)
+    return scale(1.0 / aircraft["m"], (by_air[0] + made, by_air[1], by_air[2]))
 
 
 @inlined
@@ -117,7 +118,7 @@ def state_derivative(
 
     Args:
         state: Present state.
-        thrust: Applied thrust T_x [N].
+        thrust: Applied thrust T_x [N], which is made as far as the airspeed permits.
         delta: Applied aileron, elevator, rudder deflections [rad].
         d_v: Disturbance of the acceleration, body axes [m/s²].
         d_omega: Disturbance of the angular acceleration, body axes [rad/s²].
@@ -128,7 +129,8 @@ def state_derivative(
     air = aerodynamics(sub(v, surrounding[0]), sub(omega, surrounding[1]), aircraft)
     specific = specific_force(air, delta, thrust, aircraft)
     gravity = gravity_body(phi, aircraft["g"])
-    turning = moment(air, delta)
+    made = made_thrust(thrust, air.V, aircraft)
+    turning = add(moment(air, delta), thrust_moment(made, aircraft))
 
     p_dot = mul(R1(phi), v)  # (1)
     v_dot = add(add(sub(specific, cross(omega, v)), gravity), d_v)  # (2)

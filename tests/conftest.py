@@ -88,6 +88,28 @@ def general(general_aircraft: Aircraft) -> np.void:
     return aircraft_record(general_aircraft)
 
 
+PROPULSION = {
+    "thrust": [
+        {"airspeed_m_s": 20.0, "thrust_n": 2600.0},
+        {"airspeed_m_s": 40.0, "thrust_n": 1400.0},
+        {"airspeed_m_s": 60.0, "thrust_n": 600.0},
+    ],
+    "torque_arm_m": -0.05, "pitch_arm_m": 0.1, "yaw_arm_m": 0.03, "lag_s": 0.3,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def propelled_aircraft(general_aircraft: Aircraft) -> Aircraft:
+    """The same with a thrust that depends on the airspeed, has a lag and makes moments."""
+    return Aircraft.model_validate(general_aircraft.model_dump() | {"propulsion": PROPULSION})
+
+
+@pytest.fixture(scope="session")
+def propelled(propelled_aircraft: Aircraft) -> np.void:
+    """Its record."""
+    return aircraft_record(propelled_aircraft)
+
+
 @pytest.fixture(scope="session")
 def per_rad_s(general: np.void) -> np.void:
     """The same with rate derivatives per rad/s."""

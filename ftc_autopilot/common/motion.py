@@ -9,6 +9,7 @@ from mavlink_defs.runtime.jit import compiled
 from sitl_plant.aerodynamics import Aerodynamics, aerodynamics
 from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import R2_inv, gravity_body
+from sitl_plant.thrust import made_thrust, thrust_moment
 from sitl_plant.vec3 import Vec3, add, dot, mul, sub, vec3
 
 
@@ -22,25 +23,29 @@ class Motion(NamedTuple):
     V_dot: float  # from the accelerometer [m/s²]
     specific_force: Vec3  # body axes [m/s²]
     gravity: Vec3  # R1ᵀ g, body axes [m/s²]
-    air: Aerodynamics  # nominal force F0, moment N0, control matrix C0
+    air: Aerodynamics  # nominal force F0, moment N0 with the propulsion's, control matrix C0
+    by_thrust: Vec3 = (0.0, 0.0, 0.0)  # the propulsion's part of N0 [N m]
 
 
 @compiled
-def motion_of(measured: np.void, aircraft: AircraftRecord) -> Motion:
+def motion_of(measured: np.void, aircraft: AircraftRecord, thrust: float = 0.0) -> Motion:
     """Read an FTC_SIM_STATE payload.
 
     Args:
         measured: Payload of dtype `mavlink_defs.framing.codec.SIM_STATE`.
         aircraft: Nominal aircraft.
+        thrust: The thrust that the propulsion is taken to make, if the airspeed permits [N].
     """
     v = sub(vec3(measured["velocity"]), vec3(measured["wind"]))
     phi = vec3(measured["attitude"])
     omega = vec3(measured["rates"])
     air = aerodynamics(v, omega, aircraft)
+    by_thrust = thrust_moment(made_thrust(thrust, air.V, aircraft), aircraft)
+    air = Aerodynamics(air.V, air.F, add(air.N, by_thrust), air.C, air.B, air.D)
     gravity = gravity_body(phi, aircraft["g"])
     force = vec3(measured["specific_force"])
     V_dot = dot(v, add(force, gravity)) / air.V
-    return Motion(v, phi, omega, air.V, V_dot, force, gravity, air)
+    return Motion(v, phi, omega, air.V, V_dot, force, gravity, air, by_thrust)
 
 
 @compiled

@@ -140,8 +140,15 @@ def note_state(delay: np.void, measured: np.void) -> None:
 
 
 @compiled
-def note_commands(delay: np.void, step: int, held: np.ndarray, lag_s: float, step_us: int) -> None:
-    """Note where servos are a period after a step: surfaces by a lag, the throttle at once.
+def note_commands(
+    delay: np.void,
+    step: int,
+    held: np.ndarray,
+    lag_s: float,
+    step_us: int,
+    thrust_lag_s: float = 0.0,
+) -> None:
+    """Note where servos are a period after a step: by a lag.
 
     Over steps that were not noted the commands of the last one noted were in force; before the
     first, its own: after a restart the aircraft holds them.
@@ -150,21 +157,43 @@ def note_commands(delay: np.void, step: int, held: np.ndarray, lag_s: float, ste
         delay: Record of dtype `DELAY`, updated in place.
         step: The step.
         held: Commands in force after it: aileron, elevator, rudder [rad], thrust [N], shape (4,).
-        lag_s: The lag [s].
+        lag_s: Lag of the surfaces [s].
         step_us: Control period [µs].
+        thrust_lag_s: Lag of the aircraft's propulsion [s].
     """
-    positions, commands, lagged = delay["positions"], delay["commands"], 1.0
-    if lag_s > 0.0:
-        lagged = 1.0 - math.exp(-step_us / 1e6 / lag_s)
+    positions, commands = delay["positions"], delay["commands"]
+    lagged, thrust_lagged = _closed(lag_s, step_us), _closed(thrust_lag_s, step_us)
     since = delay["step"] if delay["started"] != 0 else step - _HISTORY
     for s in range(max(since + 1, step - _HISTORY + 1), step + 1):
         for c in range(N_CHANNELS):
             if s == step or delay["started"] == 0:
                 commands[c] = held[c]
-            share = 1.0 if c == THROTTLE else lagged
+            share = thrust_lagged if c == THROTTLE else lagged
             before = held[c] if delay["started"] == 0 else positions[(s - 1) % _HISTORY, c]
             positions[s % _HISTORY, c] = before + share * (commands[c] - before)
     delay["step"], delay["started"] = step, 1
+
+
+@compiled
+def _closed(lag_s: float, step_us: int) -> float:
+    """Return which share of its way a servo with a lag [s] covers in a control period [µs]."""
+    return 1.0 - math.exp(-step_us / 1e6 / lag_s) if lag_s > 0.0 else 1.0
+
+
+@compiled
+def thrust_believed(delay: np.void, step: int, back: int, held: np.ndarray) -> float:
+    """Return the thrust that the commands ask for [N], by the model of `note_commands`.
+
+    Args:
+        delay: Record of dtype `DELAY`.
+        step: The step.
+        back: How many control periods before it.
+        held: Commands in force, shape (4,): of a UAV of which nothing is noted yet.
+    """
+    if delay["started"] == 0:
+        return float(held[THROTTLE])
+    last = min(step - 1, int(delay["step"]))
+    return float(delay["positions"][(last - back) % _HISTORY, THROTTLE])
 
 
 @compiled

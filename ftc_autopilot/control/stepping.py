@@ -81,8 +81,11 @@ def controller_step(controllers: Controllers, i: int, measured: np.void, step_us
         may_send = k == lost
         now = measured if may_send else state_predictor.interpolate(delay, measured)
         now = state_predictor.smoothed(delay, now, common["gyro_filter_s"], step_us)
+        step, held = int(np.int64(now["step"])), state["held"]
         motion = motion_of(
-            state_predictor.predicted(delay, now, common["delay_s"], step_us, aircraft), aircraft
+            state_predictor.predicted(delay, now, common["delay_s"], step_us, aircraft),
+            aircraft,
+            state_predictor.thrust_believed(delay, step, 0, held),
         )
         fill_neighbour_state(motion, now["step"], controllers.own_states[i])
         if controllers.guidance[i]["active"] != 0:
@@ -91,8 +94,9 @@ def controller_step(controllers: Controllers, i: int, measured: np.void, step_us
             delay["found"] = controllers.signals[i]["dead_steps"]
         elif may_send:
             mask = _cut_thrust(controllers, i, motion)
-        step, held = int(np.int64(now["step"])), state["held"]
-        state_predictor.note_commands(delay, step, held, common["predicted_lag_s"], step_us)
+        state_predictor.note_commands(
+            delay, step, held, common["predicted_lag_s"], step_us, aircraft["thrust_lag"]
+        )
     state_predictor.note_state(delay, measured)
     if mask != 0:
         count_events(mask, int(measured["step"]), state)
@@ -108,10 +112,12 @@ def _seen(
     known_s = controllers.parameters[i]["common"]["delay_s"]
     delay = controllers.delays[i]
     ahead = state_predictor.periods_known(delay, known_s, step_us)
-    if ahead + delay["found"] > 0:
-        motion = motion_of(measured, controllers.aircraft[i])
-    after_gap = state_predictor.is_after_gap(delay, measured, step_us)
     links = state_predictor.periods_known(delay, 0.0, step_us)
+    if ahead + delay["found"] > 0:
+        step, held = int(np.int64(measured["step"])), controllers.states[i]["held"]
+        thrust = state_predictor.thrust_believed(delay, step, links, held)
+        motion = motion_of(measured, controllers.aircraft[i], thrust)
+    after_gap = state_predictor.is_after_gap(delay, measured, step_us)
     return Seen(motion, ahead, links, after_gap)
 
 

@@ -17,6 +17,7 @@ from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTT
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.stops import has_actuator, position_of, range_of, share_of
+from sitl_plant.thrust import reach_of
 from sitl_plant.vec3 import clamp
 
 
@@ -33,9 +34,9 @@ def not_finite(command: Command) -> int:
 
 
 @compiled
-def _saturated(commanded: float, j: int, aircraft: AircraftRecord, held: float) -> float:
-    """Return a command within its stops; the one in force in place of one that is not finite."""
-    lowest, highest = range_of(aircraft, j)
+def _saturated(commanded: float, j: int, V: float, aircraft: AircraftRecord, held: float) -> float:
+    """Return a command within its reach; the one in force in place of one that is not finite."""
+    lowest, highest = reach_of(aircraft, j, V)
     return clamp(commanded, lowest, highest) if math.isfinite(commanded) else held
 
 
@@ -63,12 +64,12 @@ def transmit(
     Returns:
         Bit mask of the channels that transmit, bit numbers as FTC_ACTUATOR.
     """
-    held = state["held"]
+    held, V = state["held"], now.motion.V
     saturated = (
-        _saturated(command.delta[0], AILERON, aircraft, held[0]),
-        _saturated(command.delta[1], ELEVATOR, aircraft, held[1]),
-        _saturated(command.delta[2], RUDDER, aircraft, held[2]),
-        _saturated(command.thrust, THROTTLE, aircraft, held[THROTTLE]),
+        _saturated(command.delta[0], AILERON, V, aircraft, held[0]),
+        _saturated(command.delta[1], ELEVATOR, V, aircraft, held[1]),
+        _saturated(command.delta[2], RUDDER, V, aircraft, held[2]),
+        _saturated(command.thrust, THROTTLE, V, aircraft, held[THROTTLE]),
     )
     a, b = now.thresholds.a, now.thresholds.b
     relative, absolute = (b[0], b[0], b[0], a[0]), (b[1], b[1], b[1], a[1])

@@ -69,7 +69,7 @@ from sitl_plant.config import (
     true_aircraft,
     truth_problems,
 )
-from sitl_plant.hardware import Sensors, Servos, sensor_problems, servo_problems
+from sitl_plant.hardware import ActuatorServos, Sensors, Servos, sensor_problems, servo_problems
 from sitl_plant.plant_section import OwnPlant, PlantSection
 
 
@@ -159,7 +159,7 @@ class Scenario(Model):
                     id=uav.id,
                     initial=uav.initial,
                     aircraft=true_aircraft(self.aircraft_of(uav.id), self.uncertainty),
-                    servos=(uav.servos or self.servos).by_actuator(),
+                    servos=self.servos_of(uav.id),
                     plant=uav.plant or self.plant,
                 )
                 for uav in self.uavs
@@ -173,7 +173,6 @@ class Scenario(Model):
             KeyError: The scenario has no such UAV.
         """
         uavs = {uav.id: uav for uav in self.uavs}
-        servos = (uavs[uav_id].servos or self.servos).by_actuator()
         links = self.links
         return AutopilotConfig(
             id=uav_id,
@@ -183,7 +182,7 @@ class Scenario(Model):
             fleet=tuple(uavs),
             origin=self.origin,
             aircraft=self.aircraft_of(uav_id),
-            controller=self.controller.with_servos(servos),
+            controller=self.controller.with_servos(self.servos_of(uav_id)),
             trigger=self.trigger,
             formation_trigger=links.formation.trigger,
             guidance=self.guidance,
@@ -208,6 +207,17 @@ class Scenario(Model):
             KeyError: The scenario has no such UAV.
         """
         return {uav.id: uav.aircraft or self.aircraft for uav in self.uavs}[uav_id]
+
+    def servos_of(self, uav_id: int) -> ActuatorServos:
+        """Return the servos of a UAV, whose throttle has at least the lag of the aircraft's engine.
+
+        Raises:
+            KeyError: The scenario has no such UAV.
+        """
+        own = {uav.id: uav.servos for uav in self.uavs}[uav_id]
+        propulsion = self.aircraft_of(uav_id).propulsion
+        lag_s = 0.0 if propulsion is None else propulsion.lag_s
+        return (own or self.servos).by_actuator().with_engine_lag(lag_s)
 
     def neighbours(self, uav_id: int) -> list[tuple[int, float]]:
         """Return id and weight of each neighbour of a UAV."""

@@ -14,6 +14,7 @@ from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.stops import range_of
+from sitl_plant.thrust import available_thrust
 from sitl_plant.vec3 import clamp
 
 _FIRST_SIGMA = 0.2  # standard deviation of the residual at first, relative to the jump threshold
@@ -44,7 +45,7 @@ def diagnose(
     actuators = state["actuators"]
     if abs(now.seen.ahead - state["ahead"]) * dt > _LARGE_CHANGE_S:
         for j in range(N_CHANNELS):
-            restart_command(j, now, gains, state)
+            restart_command(j, now, aircraft, gains, state)
     state["ahead"] = now.seen.ahead
     changed = -1
     for j in range(N_CHANNELS):
@@ -66,7 +67,7 @@ def diagnose(
         dither = past_dither(j, now, gains, state)
         found = decide(actuator, dither, limits, state["age"], dt, gains, j == THROTTLE)
         if found > 0:
-            _note_dead_time(j, found, now, gains, state)
+            _note_dead_time(j, found, now, aircraft, gains, state)
         if j < THROTTLE and actuator["lost"] != before:
             changed = j
         if actuator["lost"] == 0 and state["age"] > gains["offset_start_s"]:
@@ -76,7 +77,8 @@ def diagnose(
             else:
                 largest = _LARGEST_THRUST_OFFSET * highest
                 least = -largest
-            at_a_stop = j == THROTTLE and not 1.0 < held[j] < highest - 1.0
+            most = available_thrust(now.seen.motion.V, aircraft)
+            at_a_stop = j == THROTTLE and not 1.0 < held[j] < most - 1.0
             if not at_a_stop:
                 _offset(actuator, limits.offset, least, largest, dt)
         signals["effectiveness"][j] = actuator["effectiveness"]
@@ -98,14 +100,16 @@ def _leave_alone(actuator: np.void, j: int, signals: SignalsRecord) -> None:
 
 
 @compiled
-def _note_dead_time(j: int, steps: int, now: Step, gains: np.void, state: np.void) -> None:
+def _note_dead_time(
+    j: int, steps: int, now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void
+) -> None:
     """Note the dead time that actuator j has shown; all surfaces have the first that one shows."""
     actuators = state["actuators"]
     for k in range(N_CHANNELS):
         one = k == j or (k < THROTTLE and j < THROTTLE)
         if one and actuators[k]["dead_steps"] == 0:
             actuators[k]["dead_steps"] = steps
-            restart_command(k, now, gains, state)
+            restart_command(k, now, aircraft, gains, state)
             restart_instrument(actuators[k])
 
 

@@ -10,8 +10,8 @@ C0 is square, so every surface has a measurement of its own. The thrust's follow
     y_T = m (V̇ - vᵀ(R1ᵀg + F0/m)/V) V/v_x
 
 Commands, as old as those that the measurement shows, pass through a model of the servos and the
-same filter, so that y = u while all is well. All filters start at rest together with the law, and
-the servos at their first commands.
+same filter, so that y = u while all is well; u of the throttle is no more than the airspeed
+permits. All filters start at rest together with the law, and the servos at their first commands.
 """
 
 import math
@@ -24,6 +24,7 @@ from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aircraft import AircraftRecord
+from sitl_plant.thrust import made_thrust
 from sitl_plant.vec3 import Vec3, add, clamp, cross, mat3, mul, scale, sub, vec3
 
 
@@ -89,7 +90,10 @@ def measure(now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void)
             actuator["position"] = servo_step(actuator["position"], command, j, gains, dt)
         else:
             actuator["position"] = command
-        actuator["commanded"] += share * (actuator["position"] - actuator["commanded"])
+        position = actuator["position"]
+        if j == THROTTLE:
+            position = made_thrust(position, motion.V, aircraft)
+        actuator["commanded"] += share * (position - actuator["commanded"])
     throttle = actuators[THROTTLE]
     delta = (
         actuators[AILERON]["position"],
@@ -110,11 +114,15 @@ def steps_back(j: int, now: Step, gains: np.void, state: np.void) -> int:
 
 
 @compiled
-def restart_command(j: int, now: Step, gains: np.void, state: np.void) -> None:
+def restart_command(
+    j: int, now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void
+) -> None:
     """Let the filters of the command of actuator j begin again, as a dead time was found."""
     actuator = state["actuators"][j]
     command = state["held"][_row(steps_back(j, now, gains, state), state), j]
     actuator["position"] = actuator["commanded"] = command
+    if j == THROTTLE:
+        actuator["commanded"] = made_thrust(command, now.seen.motion.V, aircraft)
     actuator["blanking_s"] = max(actuator["blanking_s"], 3.0 * gains["filter_s"])
 
 
@@ -154,8 +162,11 @@ def _start_as_known(
     actuators = state["actuators"]
     for j in range(N_CHANNELS):
         actuator = actuators[j]
-        actuator["commanded"] = now.held[j]
-        known = actuator["effectiveness"] * now.held[j] + actuator["offset"]
+        held = now.held[j]
+        if j == THROTTLE:
+            held = made_thrust(held, now.seen.motion.V, aircraft)
+        actuator["commanded"] = held
+        known = actuator["effectiveness"] * held + actuator["offset"]
         actuator["measured"] = actuator["stuck"] if actuator["lost"] != 0 else known
     y = actuators[0]["measured"], actuators[1]["measured"], actuators[2]["measured"]
     turning = sub(mul(now.seen.motion.air.C, y), moment)

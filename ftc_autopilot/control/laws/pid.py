@@ -19,6 +19,7 @@ from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.config import Aircraft
 from sitl_plant.rigid_body import R2
 from sitl_plant.stops import range_of
+from sitl_plant.thrust import available_thrust
 from sitl_plant.vec3 import Vec3, clamp, mul
 
 _TimeConstant = Annotated[float, quantity("s", gt=0.0, doc="Time constant of an attitude loop.")]
@@ -99,7 +100,8 @@ def pid_law(now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void)
     )
     V_error = -now.errors.V_tilde
     T = gains["thrust_trim_n"] + gains["speed_p_n_s_m"] * V_error + state["thrust_integral"]
-    winds_up = (T <= 0.0 and V_error < 0.0) or (aircraft["thrust_limit"] <= T and V_error > 0.0)
+    most = available_thrust(motion.V, aircraft)
+    winds_up = (T <= 0.0 and V_error < 0.0) or (most <= T and V_error > 0.0)
     if not winds_up:
         state["thrust_integral"] += now.dt * gains["speed_i_n_m"] * V_error
     return Command(delta, T, ALL)

@@ -45,6 +45,7 @@ from ftc_autopilot.guidance.path import PathPoint, height_at, locate, point_at
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.aerodynamics import carried_linearly, drag
+from sitl_plant.thrust import available_thrust
 
 _APPROACH_MAX = math.radians(40.0)
 """Largest angle between the commanded course and the path [rad]."""
@@ -158,7 +159,7 @@ def path_law(
         for k in range(3):
             command[1 + k] = now.motion.phi[k]
         return place.s
-    command[0] = _airspeed(now, path, place, coordination, wind, limits, state)
+    command[0] = _airspeed(now, path, place, coordination, wind, aircraft, limits, state)
     climb, climb_now = _climb(now, path, place, coordination, aircraft, limits, gains, state)
     weight = aircraft["m"] * aircraft["g"] * math.cos(climb)
     lift = 0.5 * aircraft["rho"] * command[0] ** 2 * aircraft["S"]
@@ -259,10 +260,11 @@ def _airspeed(
     place: _Place,
     coordination: Coordination,
     wind: tuple[float, float],
+    aircraft: np.void,
     limits: np.void,
     state: np.void,
 ) -> float:
-    """Return V_r."""
+    """Return V_r, which rises no faster than the propulsion permits at the present airspeed."""
     ahead, right, _ = coordination.slot
     s = place.s + 3.0 / now.bandwidth * place.s_dot
     formation = point_at(path, s - ahead)
@@ -273,7 +275,11 @@ def _airspeed(
     desired = math.hypot(north, east)
     desired = min(max(desired, limits["airspeed_min_m_s"]), limits["airspeed_max_m_s"])
     change = limits["acceleration_max_m_s2"] * now.dt
-    desired = min(max(desired, state["airspeed"] - change), state["airspeed"] + change)
+    faster = change
+    if aircraft["thrust_rows"] > 0:
+        thrust, D = _thrust_and_drag(now, aircraft, limits)
+        faster = min(change, max(thrust - D, 0.0) / aircraft["m"] * now.dt)
+    desired = min(max(desired, state["airspeed"] - change), state["airspeed"] + faster)
     state["airspeed"] = desired
     return float(desired)
 
@@ -367,8 +373,7 @@ def _climb(
     sink = _upwards(error, coordination, gains, state) + coordination.up
 
     accelerating = now.reference[0, 1] / aircraft["g"]
-    D = drag(pressure, math.atan2(now.motion.v[2], now.motion.v[0]), aircraft)
-    thrust = limits["thrust_share_max"] * aircraft["thrust_limit"]
+    thrust, D = _thrust_and_drag(now, aircraft, limits)
     most = math.sin(limits["climb_max_rad"])
     high = min(max((thrust - D) / weight - accelerating, -most), most)
     low = max(min(-D / weight - accelerating, most), -most)
@@ -378,6 +383,15 @@ def _climb(
         state["height"] = min(max(state["height"] + error * now.dt, -limit), limit)
     present = (sink + slope * place.s_dot) / V
     return math.asin(min(max(desired, low), high)), math.asin(min(max(present, low), high))
+
+
+@compiled
+def _thrust_and_drag(now: Situation, aircraft: np.void, limits: np.void) -> tuple[float, float]:
+    """Return the largest thrust that guidance counts on, and the drag, at present [N]."""
+    V = max(now.motion.V, 1.0)
+    pressure = 0.5 * aircraft["rho"] * V**2 * aircraft["S"]
+    D = drag(pressure, math.atan2(now.motion.v[2], now.motion.v[0]), aircraft)
+    return limits["thrust_share_max"] * available_thrust(V, aircraft), D
 
 
 @compiled

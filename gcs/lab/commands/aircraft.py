@@ -39,6 +39,8 @@ class _Shown:
     modes: "list[Mode]"
     authority_rad_s2: dict[str, float]
     checks: "list[Check]"
+    thrust_n: dict[str, float] | None  # largest one by airspeed, if its file says it
+    fastest_m_s: float | None  # level flight within its airspeeds
 
 
 def aircraft(
@@ -107,6 +109,8 @@ def aircraft(
             "level_flight": shown.flight._asdict(),
             "modes": [mode._asdict() for mode in shown.modes],
             "authority_rad_s2": shown.authority_rad_s2,
+            "largest_thrust_n": shown.thrust_n,
+            "fastest_level_flight_m_s": shown.fastest_m_s,
             "checks": [check._asdict() for check in shown.checks],
             "heading_by_bank": needs_bank(shown.aircraft),
         }
@@ -117,11 +121,16 @@ def aircraft(
 
 def _shown(name: str, aircraft: "Aircraft", airspeed: float | None) -> _Shown:
     from gcs.lab.theory.airframe_checks import airframe_checks
-    from gcs.lab.theory.modes import authority, level_flight, modes
+    from gcs.lab.theory.modes import (
+        authority,
+        fastest_level_flight,
+        largest_thrust,
+        level_flight,
+        modes,
+    )
 
     low, high = aircraft.airspeed_min_m_s, aircraft.airspeed_max_m_s
-    cruise = (low + high) / 2.0 if aircraft.cruise_m_s is None else aircraft.cruise_m_s
-    speed = cruise if airspeed is None else airspeed
+    speed = aircraft.design_airspeed if airspeed is None else airspeed
     if not low <= speed <= high:
         limits = f"expected [{low:g}, {high:g}] m/s, the limits of {name}"
         raise BadInput(f"--airspeed is {speed:g}, {limits}")
@@ -130,7 +139,13 @@ def _shown(name: str, aircraft: "Aircraft", airspeed: float | None) -> _Shown:
         text = f"{name} has no straight, level flight at {speed:g} m/s; choose another --airspeed"
         raise BadInput(text)
     found = modes(aircraft, flight), authority(aircraft, speed)
-    return _Shown(aircraft, flight, *found, airframe_checks(aircraft, flight))
+    thrust = None
+    if aircraft.propulsion is not None:
+        at = sorted({low, speed, high})
+        thrust = {f"{V:g}": largest_thrust(aircraft, V) for V in at}
+    fastest = fastest_level_flight(aircraft)
+    checks = airframe_checks(aircraft, flight)
+    return _Shown(aircraft, flight, *found, checks, thrust, fastest)
 
 
 def _print(name: str, shown: _Shown, quiet: bool) -> None:
@@ -154,16 +169,23 @@ def _print(name: str, shown: _Shown, quiet: bool) -> None:
     at = f"Straight, level flight at {flight.airspeed_m_s:g} m/s"
     trim = table_of(texts(at), numbers(""), texts("of"))
     aileron, elevator, rudder = map(_stops_text, one.stops_deg)
+    most = (shown.thrust_n or {}).get(f"{flight.airspeed_m_s:g}", one.thrust_limit_n)
     for label, value, limit in (
         ("angle of attack", f"{flight.alpha_deg:.1f}°", ""),
         ("sideslip", f"{flight.beta_deg + 0.0:.1f}°", ""),
         ("aileron", f"{flight.aileron_deg:.1f}°", aileron),
         ("elevator", f"{flight.elevator_deg:.1f}°", elevator),
         ("rudder", f"{flight.rudder_deg:.1f}°" if one.has("rudder") else "", rudder),
-        ("thrust", f"{flight.thrust_n:.0f} N", f"{one.thrust_limit_n:g} N"),
+        ("thrust", f"{flight.thrust_n:.0f} N", f"{most:.4g} N"),
     ):
         trim.add_row(label, value.replace("-0.0°", "0.0°"), limit)
     console.print(trim)
+    if shown.thrust_n is not None:
+        rows = ", ".join(f"{V} m/s {T:.3g} N" for V, T in shown.thrust_n.items())
+        console.print(f"Largest thrust: {rows}")
+    if shown.fastest_m_s is not None and shown.fastest_m_s < one.airspeed_max_m_s:
+        text = f"Its thrust holds level flight up to {shown.fastest_m_s:.1f} m/s"
+        console.print(f"{text}, less than airspeed_max_m_s: {one.airspeed_max_m_s:g} m/s")
     table = table_of(
         texts("mode"),
         numbers("frequency\n[rad/s]"),

@@ -2,10 +2,16 @@
 
 import math
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 
 from gcs.errors import BadInput
-from gcs.lab.theory.modes import LevelFlight, authority, level_flight
+from gcs.lab.theory.modes import (
+    LevelFlight,
+    authority,
+    fastest_level_flight,
+    largest_thrust,
+    level_flight,
+)
 from gcs.scenario.aircraft_file import load_aircraft
 from mavlink_defs.constants import SURFACES
 from sitl_plant.aerodynamics import lateral, rate_damping
@@ -39,9 +45,28 @@ class Airframe:
         return self.flight.airspeed_m_s
 
     @property
+    def largest_thrust(self) -> float:
+        """Largest thrust at the cruising speed [N]."""
+        return largest_thrust(self.aircraft, self.airspeed)
+
+    @property
     def thrust_to_spare(self) -> float:
-        """Largest thrust less what level flight takes [N]."""
-        return self.aircraft.thrust_limit_n - self.flight.thrust_n
+        """The same less what level flight takes [N]."""
+        return self.largest_thrust - self.flight.thrust_n
+
+    @cached_property
+    def fastest(self) -> float:
+        """Highest airspeed for which its propulsion has the thrust, if its file says that [m/s]."""
+        aircraft = self.aircraft
+        if aircraft.propulsion is None:
+            return aircraft.airspeed_max_m_s
+        return fastest_level_flight(aircraft) or self.airspeed
+
+    @property
+    def engine_lag_s(self) -> float:
+        """Lag of its own propulsion [s]."""
+        propulsion = self.aircraft.propulsion
+        return 0.0 if propulsion is None else propulsion.lag_s
 
     @property
     def effect(self) -> tuple[float, float, float]:
@@ -53,8 +78,7 @@ class Airframe:
 
 def cruise_of(aircraft: Aircraft) -> float:
     """Return the airspeed that an aircraft is designed for [m/s]: its cruise, or mid-range."""
-    middle = (aircraft.airspeed_min_m_s + aircraft.airspeed_max_m_s) / 2.0
-    return aircraft.cruise_m_s or middle
+    return aircraft.design_airspeed
 
 
 def airframe_of(name: str, aircraft: Aircraft, airspeed: float | None = None) -> Airframe:

@@ -165,7 +165,7 @@ class Rules:
     def _share_of_thrust(self, value: float) -> Line:
         """A force by its unit, but no larger a share of the thrust limit than at home."""
         similar = self.similar.factor("N")
-        share = self.airframe.aircraft.thrust_limit_n / home().aircraft.thrust_limit_n
+        share = self.airframe.largest_thrust / home().largest_thrust
         if share < similar:
             return Line(rounded(value, share), f"{value:g} of 2000 N, as a share of the limit")
         return Line(rounded(value, similar), f"{value:g} × {self.similar.formula('N')}")
@@ -232,7 +232,7 @@ class Rules:
 
     def _speed_gain(self, value: float) -> Line:
         number = rounded(value, self.similar.factor("1/s"))
-        lag = self.given.engine_lag_s
+        lag = max(self.given.engine_lag_s, self.airframe.engine_lag_s)
         if lag > 0.0 and _ENGINE / lag < number:
             return Line(rounded(_ENGINE, 1.0 / lag), f"{_ENGINE:g}/engine lag")
         return Line(number, f"{value:g} × s^-1")
@@ -280,12 +280,15 @@ class Rules:
         aircraft = self.airframe.aircraft
         number = rounded(value, self.similar.velocity)
         within = min(max(number, aircraft.airspeed_min_m_s), aircraft.airspeed_max_m_s)
+        fastest = self.airframe.fastest
+        if within > fastest:
+            return Line(rounded(fastest, 1.0), "the fastest level flight that the thrust holds")
         return Line(within, f"{value:g} × v, within the aircraft's limits")
 
     def _climb(self, value: float) -> Line:
         aircraft = self.airframe.aircraft
         weight = aircraft.mass_kg * aircraft.gravity_m_s2
-        spare = 0.9 * aircraft.thrust_limit_n - self.airframe.flight.thrust_n
+        spare = 0.9 * self.airframe.largest_thrust - self.airframe.flight.thrust_n
         steepest = math.degrees(math.asin(min(max(spare / weight, 0.02), 1.0)))
         return Line(min(value, round(steepest, 1)), "what 0.9 of the thrust climbs, at most 20 deg")
 

@@ -29,6 +29,7 @@ class Readings:
         group: Number of the experiment, shape (n,): errors of one are not independent.
         ground: Without a specific force: velocity over the ground, body axes [m/s], shape (n, 3).
         gravity: The same: gravity, body axes [m/s²], shape (n, 3).
+        arms: Known moments by thrust, body axes [m], shape (3,); None: of none.
     """
 
     dt: float
@@ -41,6 +42,7 @@ class Readings:
     group: np.ndarray
     ground: np.ndarray | None = None
     gravity: np.ndarray | None = None
+    arms: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,8 @@ def windows_of(readings: Readings, body: Body) -> Windows:
     turning = (readings.omega[rows[:, -1]] - readings.omega[rows[:, 0]]) / (span * readings.dt)
     gyroscopic = np.cross(readings.omega, readings.omega @ J)
     moment = turning @ J + np.stack([mean(column) for column in gyroscopic.T], axis=1)
+    if readings.arms is not None:
+        moment -= np.outer(mean(readings.thrust), readings.arms)
     V = np.linalg.norm(readings.v, axis=1)
     qS = 0.5 * body.air_density_kg_m3 * V**2 * body.wing_area_m2
     by = mean(qS)

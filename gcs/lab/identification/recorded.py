@@ -12,6 +12,7 @@ from gcs.lab.identification.readings import WINDOW_S, Readings, windows_of
 from gcs.results.recording import Recording
 from gcs.results.store import read_recording
 from mavlink_defs.constants import THROTTLE
+from sitl_plant.aircraft import aircraft_record
 from sitl_plant.config import Aircraft, Coefficients
 from sitl_plant.simulators.base import Body
 
@@ -94,4 +95,5 @@ def readings_of(recording: Recording, aircraft: Aircraft, i: int) -> Readings:
         (recording.time_s / _GROUP_S).astype(np.int64),
         ground=states[:, 3:6],
         gravity=aircraft.gravity_m_s2 * down,
+        arms=np.array(aircraft_record(aircraft)["thrust_arms"]),
     )

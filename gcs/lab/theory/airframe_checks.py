@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from ftc_autopilot.control.heading import remaining_side_force, weathercock_problem
 from ftc_autopilot.control.pairing import LEAST_RELATIVE_GAIN, is_coupled, relative_gain
-from gcs.lab.theory.modes import LevelFlight, authority
+from gcs.lab.theory.modes import LevelFlight, authority, largest_thrust
 from mavlink_defs.constants import SURFACES
 from sitl_plant.aerodynamics import lateral
 from sitl_plant.aircraft import aircraft_record
@@ -24,6 +24,12 @@ _AREA = 0.3  # by which S may differ from b c
 _NO_TRIM = "level flight is not possible: choose another airspeed, or check moments and stops"
 _RESERVE_DEG = 4.0  # of the angle of attack to the stall
 _SPARE_THRUST = 1.3  # of the drag
+
+_SHORT = (
+    "its thrust at this airspeed does not hold level flight: choose another one, or check "
+    "propulsion, thrust_limit_n and drag"
+)
+_NO_SPARE = "it can neither climb nor speed up: choose another airspeed, or check thrust and drag"
 
 AREA = "wing area by span times chord"
 PAIRING = "aileron rolls, rudder yaws (relative gain)"
@@ -61,13 +67,14 @@ def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
         text = f"no room for turns and gusts, {_RESERVE_DEG:g}° at least: choose a higher airspeed"
         is_met = reserve >= _RESERVE_DEG
         found.append(Check("angle of attack below the stall", f"{reserve:.1f}°", is_met, text))
-    spare = aircraft.thrust_limit_n / flight.thrust_n if flight.thrust_n > 0.0 else float("inf")
+    most = largest_thrust(aircraft, flight.airspeed_m_s)
+    spare = most / flight.thrust_n if flight.thrust_n > 0.0 else float("inf")
     found.append(
         Check(
             "largest thrust by what level flight takes",
             f"{spare:.2f}",
             spare >= _SPARE_THRUST,
-            "it can neither climb nor speed up: choose another airspeed, or check thrust and drag",
+            _SHORT if spare < 1.0 else _NO_SPARE,
         )
     )
     if not aircraft.has("rudder"):

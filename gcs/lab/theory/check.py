@@ -114,6 +114,7 @@ def _unlike_the_papers(scenario: Scenario) -> str | None:
     plant = scenario.plant_config()
     parts = {
         "servos": any(uav.servos != ActuatorServos() for uav in plant.uavs),
+        "propulsion models": any(uav.aircraft.propulsion is not None for uav in plant.uavs),
         "errors of sensors": plant.sensors != Sensors(),
         "motions of the air": plant.wind != Wind(),
         "other triggers than (25), (29)": not _papers(scenario.trigger),

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 
 from ftc_autopilot.common.schedule import Schedule
+from gcs.lab.theory.modes import largest_thrust
 from gcs.results.quantities import PAPER_ORDER
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
-from mavlink_defs.constants import ACTUATORS
+from mavlink_defs.constants import ACTUATORS, THROTTLE
 
 _SURFACES = PAPER_ORDER[1:]
 WIRE_ROUNDING = 2.0**-24
@@ -66,11 +67,15 @@ def dwell_times(recording: Recording, i: int, scenario: Scenario) -> dict[str, A
 def _demand(
     recording: Recording, i: int, scenario: Scenario
 ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
-    """Return the command before saturation [deg, deg, deg, N], (steps, 4), and its limits."""
+    """Return the command before saturation [deg, deg, deg, N], and its limits, all (steps, 4)."""
     demand = recording.signals["demand"][:, i].copy()
     demand[:, :3] = np.degrees(demand[:, :3])
     aircraft = scenario.aircraft_of(recording.uav_ids[i])
     lowest, highest = np.array([*aircraft.stops_deg, (0.0, aircraft.thrust_limit_n)]).T
+    highest = np.tile(highest, (len(demand), 1))
+    if aircraft.propulsion is not None:
+        airspeeds = recording.signals["V"][:, i].tolist()
+        highest[:, THROTTLE] = [largest_thrust(aircraft, V) for V in airspeeds]
     return demand, (lowest, highest)
 
 

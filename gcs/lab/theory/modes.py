@@ -10,6 +10,7 @@ from sitl_plant.aerodynamics import control_effectiveness
 from sitl_plant.aircraft import AircraftRecord, aircraft_record
 from sitl_plant.config import Aircraft
 from sitl_plant.rigid_body import R1, STILL_AIR, State, state_derivative
+from sitl_plant.thrust import available_thrust, with_any_thrust
 from sitl_plant.vec3 import Vec3, mul
 
 _NEWTONS = 1000.0  # thrust is of the order of one in the solver's unit
@@ -28,6 +29,8 @@ _ACROSS = {
 }
 """Names by the number of pairs of eigenvalues, the pairs first."""
 _LARGEST = math.radians(30.0)  # of α and β: the coefficients are linear, and say nothing beyond
+_AIRSPEEDS = 25  # at which level flight is looked for
+_SPEED_ENDS = 0.01  # m/s
 _LEFT = 1e-6  # m/s², rad/s² and m/s that a trim may leave
 
 
@@ -61,10 +64,13 @@ class Mode(NamedTuple):
 
 
 def level_flight(aircraft: Aircraft, airspeed_m_s: float) -> LevelFlight | None:
-    """Return straight, level flight at an airspeed, within stops or not; None if there is none."""
+    """Return straight, level flight at an airspeed, within stops or not; None if there is none.
+
+    The thrust is what the flight takes, whether the propulsion can make it or not.
+    """
     from scipy.optimize import root
 
-    record = aircraft_record(aircraft)
+    record = with_any_thrust(aircraft_record(aircraft))
 
     has_rudder = aircraft.has("rudder")
 
@@ -92,8 +98,11 @@ def level_flight(aircraft: Aircraft, airspeed_m_s: float) -> LevelFlight | None:
 
 
 def modes(aircraft: Aircraft, flight: LevelFlight) -> list[Mode]:
-    """Return the modes of small motions about a level flight, the longitudinal ones first."""
-    record = aircraft_record(aircraft)
+    """Return the modes of small motions about a level flight, the longitudinal ones first.
+
+    The thrust is held: a command asks for it in N.
+    """
+    record = with_any_thrust(aircraft_record(aircraft))
     has_rudder = aircraft.has("rudder")
     last = flight.rudder_deg if has_rudder else flight.roll_deg
     angles = [flight.alpha_deg, flight.beta_deg, flight.alpha_deg, *flight[3:5], last]
@@ -114,6 +123,33 @@ def modes(aircraft: Aircraft, flight: LevelFlight) -> list[Mode]:
         *_named(np.linalg.eigvals(along), _ALONG),
         *_named(np.linalg.eigvals(across), _ACROSS),
     ]
+
+
+def largest_thrust(aircraft: Aircraft, airspeed_m_s: float) -> float:
+    """Return the largest thrust at an airspeed [N]."""
+    return float(available_thrust(airspeed_m_s, aircraft_record(aircraft)))
+
+
+def fastest_level_flight(aircraft: Aircraft) -> float | None:
+    """Return the highest airspeed within its limits at which its thrust holds level flight [m/s].
+
+    It is searched from the fastest one down; None if there is no such flight.
+    """
+    low, high = aircraft.airspeed_min_m_s, aircraft.airspeed_max_m_s
+
+    def is_held(V: float) -> bool:
+        flight = level_flight(aircraft, V)
+        return flight is not None and flight.thrust_n <= largest_thrust(aircraft, V)
+
+    tried = np.linspace(high, low, _AIRSPEEDS).tolist()
+    first = next((k for k, V in enumerate(tried) if is_held(V)), None)
+    if first is None or first == 0:
+        return None if first is None else high
+    slow, fast = tried[first], tried[first - 1]
+    while fast - slow > _SPEED_ENDS:
+        middle = (slow + fast) / 2.0
+        slow, fast = (middle, fast) if is_held(middle) else (slow, middle)
+    return float(slow)
 
 
 def authority(aircraft: Aircraft, airspeed_m_s: float) -> dict[str, float]:

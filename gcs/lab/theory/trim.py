@@ -14,6 +14,7 @@ from mavlink_defs.constants import ACTUATORS, AILERON, RUDDER, SURFACES, THROTTL
 from sitl_plant.aircraft import aircraft_record
 from sitl_plant.config import Aircraft
 from sitl_plant.rigid_body import R1, R2, STILL_AIR, state_derivative
+from sitl_plant.thrust import available_thrust, with_any_thrust
 from sitl_plant.vec3 import mul
 
 _CHOSEN_AIRSPEED = (AILERON, RUDDER)
@@ -86,6 +87,8 @@ def trim_stuck(
     from scipy.optimize import root
 
     record, channel = aircraft_record(aircraft), ACTUATORS.index(stuck)
+    if channel != THROTTLE:
+        record = with_any_thrust(record)
     value = position / _NEWTONS if channel == THROTTLE else math.radians(position)
     turns = channel in _CHOSEN_AIRSPEED
     roll = math.radians(roll_deg)
@@ -152,7 +155,8 @@ def _beyond(
         for channel, (name, stops) in enumerate(zip(SURFACES, aircraft.stops_deg, strict=True))
         if channel != stuck and not stops[0] <= math.degrees(delta[channel]) <= stops[1]
     ]
-    if not 0.0 <= thrust <= aircraft.thrust_limit_n and stuck != THROTTLE:
+    most = available_thrust(V, aircraft_record(aircraft))
+    if not 0.0 <= thrust <= most and stuck != THROTTLE:
         found.append("throttle")
     if not aircraft.airspeed_min_m_s <= V <= aircraft.airspeed_max_m_s:
         found.append("airspeed")

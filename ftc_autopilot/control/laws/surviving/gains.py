@@ -104,7 +104,7 @@ def longitudinal_gain(aircraft: Aircraft, V: float, weights: LoopWeights = _DEFA
 
         V̇ = (T cos α - D_α α)/m - g sin(θ - α)
         α̇ = q - (L_α α + L_q q + T sin α)/(m V) + g cos(θ - α)/V
-        q̇ = (M_α α + M_q q + ...)/Jyy,   θ̇ = q
+        q̇ = (M_α α + M_q q + z T + ...)/Jyy,   θ̇ = q
     """
     a = aircraft_record(aircraft)
     m, g, J = a["m"], a["g"], a["J"][1, 1]
@@ -115,16 +115,18 @@ def longitudinal_gain(aircraft: Aircraft, V: float, weights: LoopWeights = _DEFA
     V_by_alpha = g - (T * math.sin(alpha) + air.drag_by_alpha) / m
     alpha_by_V = -2.0 * (m * g - T * math.sin(alpha)) / across  # L = m g - T sin α
     alpha_by_alpha = -(air.lift_by_alpha + T * math.cos(alpha)) / along
+    arm = a["thrust_arms"][1]
+    moment_by_V = 0.0 - 2.0 * arm * T / V  # of the air, which balances the thrust
     model = np.array(
         [
             [-2.0 * air.drag / along, V_by_alpha, 0.0, -g, 0.0],
             [alpha_by_V, alpha_by_alpha, 1.0 - air.lift_by_q / along, 0.0, 0.0],
-            [0.0, air.moment_by_alpha / J, air.moment_by_q / J, 0.0, 0.0],
+            [moment_by_V / J, air.moment_by_alpha / J, air.moment_by_q / J, 0.0, 0.0],
             [0.0, 0.0, 1.0, 0.0, 0.0],
             [0.0, 0.0, 0.0, 1.0, 0.0],
         ]
     )
-    by_thrust = np.array([math.cos(alpha) / m, -math.sin(alpha) / along, 0.0, 0.0, 0.0])
+    by_thrust = np.array([math.cos(alpha) / m, -math.sin(alpha) / along, arm / J, 0.0, 0.0])
     Q = np.diag(
         [
             weights.speed_s2_m2,

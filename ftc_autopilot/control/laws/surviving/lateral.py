@@ -66,8 +66,10 @@ def lateral_trim(now: Step, lost: int, aircraft: AircraftRecord, diagnosis: np.v
         Y_delta / momentum / by_r,
     )
     l_beta, n_beta = l.beta + l.r * side, n.beta + n.r * side
-    rolling = -(l.bias + l_lost * stuck + l_delta * offset + l.r * turn)
-    yawing = -(n.bias + n_lost * stuck + n_delta * offset + n.r * turn)
+    l_0 = l.bias + motion.by_thrust[0] / air.scale
+    n_0 = n.bias + motion.by_thrust[2] / air.scale
+    rolling = -(l_0 + l_lost * stuck + l_delta * offset + l.r * turn)
+    yawing = -(n_0 + n_lost * stuck + n_delta * offset + n.r * turn)
     l_delta, n_delta = l_delta + l.r * side_delta, n_delta + n.r * side_delta
     determinant = l_beta * n_delta - l_delta * n_beta
     beta = (rolling * n_delta - yawing * l_delta) / determinant

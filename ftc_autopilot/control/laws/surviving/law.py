@@ -20,6 +20,7 @@ from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import angular_acceleration
 from sitl_plant.stops import has_actuator, range_of, stop_beside
+from sitl_plant.thrust import available_thrust
 from sitl_plant.vec3 import mat3, mul, sub
 
 _LEAST_COSINE = 0.3  # of the roll angle, in the turn rate of a trim
@@ -90,7 +91,7 @@ def reconfigured(
         else:
             elevator = probed(ELEVATOR, gains["diagnosis"], diagnosis)
             level = pitch_trim(now, aircraft, gains, diagnosis)
-            thrust = thrust_for_pitch(now, level, gains, state)
+            thrust = thrust_for_pitch(now, level, aircraft, gains, state)
     else:
         state["gave_up_speed"], state["pitch_integral"] = 0, 0.0
     if no_throttle:
@@ -103,7 +104,9 @@ def reconfigured(
             ),
             dithered(rudder, RUDDER, range_of(aircraft, RUDDER), gains["diagnosis"], diagnosis),
         ),
-        dithered_thrust(thrust, aircraft["thrust_limit"], gains["diagnosis"], diagnosis),
+        dithered_thrust(
+            thrust, available_thrust(motion.V, aircraft), gains["diagnosis"], diagnosis
+        ),
         ALL,
     )
 

@@ -22,7 +22,8 @@ from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import angular_acceleration
 from sitl_plant.stops import range_of
-from sitl_plant.vec3 import clamp, mat3, mul, scale, vec3
+from sitl_plant.thrust import available_thrust, reach_of, thrust_moment
+from sitl_plant.vec3 import add, clamp, mat3, mul, scale, sub, vec3
 
 _ORDER = (AIRSPEED, YAW, ROLL, PITCH, YAW, ROLL)  # in which outputs are planned
 _AGAIN = 4  # from there on: if aileron and rudder go together, and are sent
@@ -208,13 +209,18 @@ def _plan(
     h, j, rows = gains["prediction_step_s"], CHANNELS[o], tables.shape[2]
     path, width, error, influence = tables[0], tables[1], tables[2], tables[3]
     small = _SMALL_THRUST if j == THROTTLE else _SMALL_ANGLE
+    if j == THROTTLE and aircraft["thrust_rows"] > 0:
+        highest = reach_of(aircraft, j, now.motion.V)[1]
+        commands[j] = min(commands[j], highest)
+        if commands[j] + small > highest:  # there is no more, and less shows the influence as well
+            small = -small
     moved = np.empty(N_CHANNELS)
     low, high = -math.inf, math.inf
     for c in range(N_CHANNELS):
         move = _move(o, c, together, gains)
         moved[c] = commands[c] + small * move
         if move != 0.0:
-            lowest, highest = range_of(aircraft, c)
+            lowest, highest = reach_of(aircraft, c, now.motion.V)
             one, other = (lowest - commands[c]) / move, (highest - commands[c]) / move
             low, high = max(low, min(one, other)), min(high, max(one, other))
     if low > high:  # one is at its stop, and would have to go back before the other may move
@@ -238,19 +244,25 @@ def _plan(
 def trim(now: Step, aircraft: AircraftRecord, commands: np.ndarray) -> None:
     """Write the commands that balance the nominal moments, and hold the speed's derivative.
 
+    The thrust depends on the deflections, and these on its moment: they are found twice.
+
     Args:
         now: The present step.
         aircraft: Nominal aircraft.
         commands: Aileron, elevator, rudder [rad], thrust [N], within the stops, shape (4,).
     """
     motion, J = now.motion, mat3(aircraft["J"])
-    turning = angular_acceleration(motion.omega, motion.air.N, J, mat3(aircraft["J_inv"]))
-    delta = deflections_for(scale(-1.0, mul(J, turning)), motion.air.C, aircraft)
-    for i in range(3):
-        lowest, highest = range_of(aircraft, i)
-        commands[i] = clamp(delta[i], lowest, highest)
-    thrust = thrust_for(now.reference.V_dot, motion, vec3(commands), aircraft)
-    commands[THROTTLE] = clamp(thrust, 0.0, aircraft["thrust_limit"])
+    N = motion.air.N
+    for _ in range(2):
+        turning = angular_acceleration(motion.omega, N, J, mat3(aircraft["J_inv"]))
+        delta = deflections_for(scale(-1.0, mul(J, turning)), motion.air.C, aircraft)
+        for i in range(3):
+            lowest, highest = range_of(aircraft, i)
+            commands[i] = clamp(delta[i], lowest, highest)
+        thrust = thrust_for(now.reference.V_dot, motion, vec3(commands), aircraft)
+        commands[THROTTLE] = clamp(thrust, 0.0, available_thrust(motion.V, aircraft))
+        by_thrust = thrust_moment(commands[THROTTLE], aircraft)
+        N = add(sub(motion.air.N, motion.by_thrust), by_thrust)
 
 
 @compiled

@@ -15,7 +15,8 @@ from ftc_autopilot.control.step import Command, Step, Thresholds
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aircraft import AircraftRecord
-from sitl_plant.stops import has_actuator, range_of
+from sitl_plant.stops import has_actuator
+from sitl_plant.thrust import reach_of
 from sitl_plant.vec3 import clamp
 
 _MOST_DOUBLINGS = 4
@@ -92,7 +93,7 @@ def triggered(
         aircraft: Nominal aircraft, whose limits saturate the command.
         commands: In force [rad, rad, rad, N], shape (4,), updated.
     """
-    lowest, highest = range_of(aircraft, j)
+    lowest, highest = reach_of(aircraft, j, now.motion.V)
     if j == THROTTLE:
         saturated = clamp(command.thrust, lowest, highest)
         least = thresholds.a[0] * abs(commands[j]) + thresholds.a[1]

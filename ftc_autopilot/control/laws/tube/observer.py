@@ -14,7 +14,8 @@ from mavlink_defs.runtime.jit import inlined
 from sitl_plant.aerodynamics import aerodynamics, force, moment
 from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import angular_acceleration
-from sitl_plant.vec3 import mat3, vec3
+from sitl_plant.thrust import made_thrust, thrust_moment
+from sitl_plant.vec3 import add, mat3, vec3
 
 
 @inlined
@@ -45,7 +46,8 @@ def observe(
         return
     tau, m = gains["force_observer_s"], aircraft["m"]
     by_air = force(motion.air, vec3(positions))
-    known_force = by_air[0] + positions[THROTTLE], by_air[1], by_air[2]
+    thrust = made_thrust(positions[THROTTLE], motion.V, aircraft)
+    known_force = by_air[0] + thrust, by_air[1], by_air[2]
     for i in range(3):
         innovation = motion.specific_force[i] - known_force[i] / m - d[i]
         slope[i] += dt * innovation / (4.0 * tau * tau)
@@ -53,7 +55,8 @@ def observe(
 
     before = vec3(omega)
     air = aerodynamics(vec3(state["v"]), before, aircraft)
-    turning = moment(air, vec3(positions))
+    thrust = made_thrust(positions[THROTTLE], air.V, aircraft)
+    turning = add(moment(air, vec3(positions)), thrust_moment(thrust, aircraft))
     known = angular_acceleration(before, turning, mat3(aircraft["J"]), mat3(aircraft["J_inv"]))
     pole = 1.0 / gains["rates_observer_s"]
     for i in range(3):

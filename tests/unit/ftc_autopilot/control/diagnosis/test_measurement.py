@@ -156,6 +156,6 @@ def test_surfaces_share_a_dead_time_and_the_throttle_has_its_own(
     plant = new_plant_state(scenario1.plant_config())
     observe(plant, 0, 0, STEP_US)
     now = step_of(motion_of(plant.messages[0], plant.aircraft[0]))
-    _note_dead_time(shown_by, 12, now, servo(0.0), state)
+    _note_dead_time(shown_by, 12, now, plant.aircraft[0], servo(0.0), state)
     surfaces, throttle = (12, 0) if shown_by == RUDDER else (0, 12)
     assert state["actuators"]["dead_steps"].tolist() == [surfaces] * 3 + [throttle]

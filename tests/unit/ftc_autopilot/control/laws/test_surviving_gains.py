@@ -125,6 +125,20 @@ def test_forces_of_rates_surfaces_and_drag_count(general_aircraft: Aircraft) -> 
     assert longitudinal_gain(general_aircraft, 45.0) == pytest.approx(expected, rel=0.1)
 
 
+@pytest.mark.parametrize("V", [37.5, 62.5])
+def test_the_moment_of_the_thrust_counts(scenario1: Scenario, V: float) -> None:
+    """Of a thrust below the centre of gravity; the air's moment that balances it grows with V²."""
+    tree = scenario1.aircraft.model_dump() | {"propulsion": {"pitch_arm_m": 0.1}}
+    aircraft = Aircraft.model_validate(tree)
+    A, B = jacobian(V, aircraft_record(aircraft))
+    A5, B5 = np.zeros((5, 5)), np.zeros((5, 1))
+    A5[:4, :4], B5[:4, 0] = A[:4, :4], B[:4, 0]
+    A5[4, 3] = 1.0
+    assert B5[2, 0] == pytest.approx(0.1 / 7.51, rel=1e-2)
+    expected = lqr(A5, B5, _q("longitudinal"), 1e-6)
+    assert longitudinal_gain(aircraft, V) == pytest.approx(expected, rel=1e-3)
+
+
 @pytest.mark.parametrize("V", [25.0, 50.0, 80.0])
 @pytest.mark.parametrize("name", ["paper", "general"])
 def test_both_loops_are_stable_on_the_whole_model(

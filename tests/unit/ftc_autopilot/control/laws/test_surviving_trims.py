@@ -126,7 +126,7 @@ def test_the_thrust_feeds_back_what_is_off_the_trim(
         nominal, V, alpha=0.07, phi=(0.0, 0.2, 0.0), omega=(0.0, -0.3, 0.0),
         reference=(0.0, 0.15, 0.0),
     )  # fmt: skip
-    thrust = thrust_for_pitch(now, trim, gains, state)
+    thrust = thrust_for_pitch(now, trim, nominal, gains, state)
     x = [3.0, 0.05, -0.3, 0.05, 0.1 + 0.05e-3]
     assert thrust == pytest.approx(650.0 - row @ x)
 
@@ -148,7 +148,7 @@ def test_the_integral_of_the_pitch_error(
 ) -> None:
     state["pitch_integral"] = before
     now = seen(nominal, phi=(0.0, error + 0.1, 0.0), reference=(0.0, 0.1, 0.0))
-    thrust_for_pitch(now, PitchTrim(45.0, 0.05, 900.0), gains, state)
+    thrust_for_pitch(now, PitchTrim(45.0, 0.05, 900.0), nominal, gains, state)
     assert state["pitch_integral"] == pytest.approx(after, abs=1e-12)
 
 

@@ -174,3 +174,26 @@ def test_set_by_trim_are_the_constants() -> None:
     assert {
         name for names in TERMS.values() for name, of in names.items() if of == "1"
     } == SET_BY_TRIM
+
+
+def test_the_moment_of_the_thrust_is_not_taken_for_the_airs() -> None:
+    """Of a flight whose thrust turns the aircraft, as its nominal file says."""
+    tree = load_aircraft("aerosonde").model_dump()
+    arms = {"torque_arm_m": -0.1, "pitch_arm_m": 0.1, "yaw_arm_m": 0.05}
+    aircraft = Aircraft.model_validate(tree | {"propulsion": arms})
+    scenario = load_scenario("airframes/aerosonde").model_copy(
+        update={
+            "aircraft": aircraft,
+            "disturbance": Disturbance(),
+            "servos": Servos(surfaces=SurfaceServo(lag_s=0.02, rate_limit_deg_s=400.0)),
+        }
+    )
+    readings = readings_of(fly_in_process(scenario), aircraft, 0)
+    known = aircraft.coefficients.model_dump()
+    found, without = (
+        fit(windows_of(one, body_of(aircraft)), known)
+        for one in (readings, replace(readings, arms=None))
+    )
+    for name in ("cm_alpha", "cm_de", "cl_da", "cn_dr"):
+        assert found.estimates[name].value == pytest.approx(known[name], rel=0.02), name
+    assert found.residuals["cm"].share < 0.2 * without.residuals["cm"].share

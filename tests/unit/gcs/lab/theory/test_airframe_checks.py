@@ -77,3 +77,16 @@ def test_a_flying_wing_has_to_turn_into_the_wind_by_itself() -> None:
     bad = Aircraft.model_validate(with_values(tree, {"coefficients.cn_beta": 0.001}))
     name = "turns into the wind while the aileron holds the roll (cn_beta)"
     assert not_met(bad, 18.0) == [name]
+
+
+def test_thrust_counts_at_the_airspeed_of_the_flight() -> None:
+    """Enough of it below, and too little at cruise: the check says what to do."""
+    rows = [{"airspeed_m_s": 18.0, "thrust_n": 50.0}, {"airspeed_m_s": 22.0, "thrust_n": 5.0}]
+    tree = load_aircraft("aerosonde").model_dump() | {"propulsion": {"thrust": rows}}
+    weak = Aircraft.model_validate(tree)
+    assert not_met(weak, 18.5) == []
+    assert not_met(weak, 24.0) == ["largest thrust by what level flight takes"]
+    flight = level_flight(weak, 24.0)
+    assert flight is not None
+    (short,) = (check for check in airframe_checks(weak, flight) if not check.is_met)
+    assert "does not hold level flight" in short.otherwise

@@ -115,3 +115,14 @@ def test_no_working_trigger_beats_its_bound(scenario1: Scenario, demand: list[fl
 def test_schedule_windows_include_their_last_instant(scenario1: Scenario) -> None:
     times = np.array([0.0, 14.0, 14.001, 24.0])
     assert in_force(scenario1.trigger.a2_n, times).tolist() == [0.5, 0.5, 1.0, 1.0]
+
+
+def test_a_command_is_saturated_by_what_there_is_at_its_airspeed(scenario1: Scenario) -> None:
+    """The demand jumps beyond 1000 N, of which there are 400 N at 50 m/s."""
+    rows = [{"airspeed_m_s": 40.0, "thrust_n": 600.0}, {"airspeed_m_s": 60.0, "thrust_n": 200.0}]
+    tree = scenario1.model_dump()
+    tree["aircraft"]["propulsion"] = {"thrust": rows}
+    weak, recording = Scenario.model_validate(tree), with_thrust([0.0, 1e3, 1e3], [0])
+    recording.signals["V"] = 50.0
+    assert dwell_times(recording, 0, scenario1)["throttle"]["mu_n_s"] == pytest.approx(1e6)
+    assert dwell_times(recording, 0, weak)["throttle"]["mu_n_s"] == pytest.approx(4e5)

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from gcs.fleet.in_process import fly_in_process
-from gcs.lab.theory.modes import authority, level_flight, modes
+from gcs.lab.theory.modes import (
+    authority,
+    fastest_level_flight,
+    largest_thrust,
+    level_flight,
+    modes,
+)
 from gcs.scenario.aircraft_file import load_aircraft
 from gcs.scenario.model import scenario_of, scenario_tree
 from sitl_plant.aircraft import aircraft_record
@@ -112,3 +118,30 @@ def test_an_aerosonde_flies_under_laws_that_were_made_on_another_aircraft(
     assert np.all(errors.max(axis=(0, 1)) < (1.5, 1.0, 1.5))  # roll, pitch, yaw
     events = np.count_nonzero(flight.signals["events"]) / 3
     assert events < {"surviving": 550, "tube": 200}[law]
+
+
+def with_thrust(aircraft: Aircraft, *rows: tuple[float, float]) -> Aircraft:
+    thrust = [{"airspeed_m_s": V, "thrust_n": T} for V, T in rows]
+    return Aircraft.model_validate(aircraft.model_dump() | {"propulsion": {"thrust": thrust}})
+
+
+def test_a_level_flight_is_found_whether_the_thrust_suffices_or_not(aerosonde: Aircraft) -> None:
+    """So that it can be said how much is missing; modes are those of a thrust that is held."""
+    weak, flight = with_thrust(aerosonde, (10.0, 9.0), (40.0, 1.0)), level_flight(aerosonde, V)
+    assert flight is not None
+    assert level_flight(weak, V) == flight
+    assert largest_thrust(weak, V) == 5.0
+    assert flight.thrust_n > 5.0
+    assert modes(weak, flight) == modes(aerosonde, flight)
+
+
+def test_the_fastest_level_flight_takes_all_the_thrust(aerosonde: Aircraft) -> None:
+    assert fastest_level_flight(aerosonde) == aerosonde.airspeed_max_m_s
+    falling = with_thrust(aerosonde, (18.0, 30.0), (30.0, 5.0))
+    fastest = fastest_level_flight(falling)
+    assert fastest is not None
+    assert 24.0 < fastest < 29.0
+    flight = level_flight(falling, fastest)
+    assert flight is not None
+    assert flight.thrust_n == pytest.approx(largest_thrust(falling, fastest), abs=0.05)
+    assert fastest_level_flight(with_thrust(aerosonde, (18.0, 1.0), (30.0, 1.0))) is None

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gcs.fleet.in_process import fly_in_process
-from gcs.lab.theory.modes import level_flight
+from gcs.lab.theory.modes import largest_thrust, level_flight
 from gcs.lab.theory.trim import Trim, stuck_range, trim_stuck
 from gcs.scenario.aircraft_file import load_aircraft
 from gcs.scenario.model import Scenario
@@ -162,3 +162,27 @@ def test_without_a_rudder_the_bank_balances_a_stuck_aileron() -> None:
     assert straight is not None
     assert straight.airspeed_m_s == pytest.approx(18.0, abs=1e-4)
     assert straight.alpha_deg == pytest.approx(flight.alpha_deg, abs=1e-4)
+
+
+def test_a_flight_that_takes_more_thrust_than_there_is_there_is_none() -> None:
+    """With the aileron stuck, at an airspeed at which the propeller is too weak."""
+    aerosonde = load_aircraft("aerosonde_propeller")
+    rows = [{"airspeed_m_s": 20.0, "thrust_n": 50.0}, {"airspeed_m_s": 28.0, "thrust_n": 5.0}]
+    weak = Aircraft.model_validate(aerosonde.model_dump() | {"propulsion": {"thrust": rows}})
+    for V, beyond in ((20.0, ()), (28.0, ("throttle",))):
+        trim = trim_stuck(weak, "aileron", 0.5, V)
+        assert trim is not None
+        assert trim.beyond == beyond
+        assert (trim.thrust_n > 5.0) or V == 20.0
+
+
+def test_a_stuck_throttle_makes_no_more_than_the_airspeed_permits() -> None:
+    """Stuck open, the aircraft flies as fast as its propeller pulls it, whatever is asked for."""
+    aircraft = load_aircraft("aerosonde_propeller").model_copy(update={"airspeed_max_m_s": 45.0})
+    trims = [trim_stuck(aircraft, "throttle", thrust, 28.0) for thrust in (40.0, 60.0)]
+    assert trims[0] is not None
+    assert trims[1] is not None
+    assert trims[0].airspeed_m_s == pytest.approx(trims[1].airspeed_m_s, abs=1e-6)
+    flight = level_flight(aircraft, trims[0].airspeed_m_s)
+    assert flight is not None
+    assert flight.thrust_n == pytest.approx(largest_thrust(aircraft, trims[0].airspeed_m_s))
