@@ -22,6 +22,7 @@ import numpy as np
 
 from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.common.motion import Motion
+from ftc_autopilot.control.pairing import surfaces_by_sideslip
 from ftc_autopilot.control.reference import Reference
 from ftc_autopilot.control.step import Step
 from ftc_autopilot.control.synchronisation_errors import FormationErrors
@@ -49,7 +50,8 @@ def needs_bank(aircraft: Aircraft) -> str | None:
     """Return why an aircraft has to hold its heading by bank; None if its rudder can hold it.
 
     Where the rudder balances the yawing moment of sideslip, the side force that is left has to be
-    against the sideslip: Y_β - Y_δr n_β/n_δr < 0.
+    against the sideslip: Y_β - Y_δr n_β/n_δr < 0. Where aileron and rudder are coupled, both
+    balance both moments.
     """
     if not aircraft.has("rudder"):
         return "no rudder"
@@ -63,10 +65,9 @@ def remaining_side_force(aircraft: Aircraft, V: float) -> float:
 
     NaN if the rudder makes no yawing moment.
     """
-    air = lateral(V, aircraft_record(aircraft))
-    if air.yawing.rudder == 0.0:
-        return math.nan
-    return air.side.beta - air.side.rudder * air.yawing.beta / air.yawing.rudder
+    side = lateral(V, aircraft_record(aircraft)).side
+    aileron, rudder = surfaces_by_sideslip(aircraft)
+    return float(side.beta + side.aileron * aileron + side.rudder * rudder)
 
 
 def weathercock_problem(aircraft: Aircraft) -> str | None:

@@ -76,6 +76,7 @@ def aircraft(
     It also checks what the laws take for granted: a trim within the stops, thrust to spare, aileron
     and rudder that do different work, sideslip that dies out while the rudder holds the heading. If
     that does not, or there is no rudder, the laws `surviving` and `tube` hold the heading by bank.
+    Where aileron and rudder do each other's work, `tube` plans both together.
     """
     from ftc_autopilot.control.heading import needs_bank
     from gcs.scenario.aircraft_file import load_aircraft

@@ -11,10 +11,9 @@ from ftc_autopilot.control.laws import KINDS
 from gcs.commands.common import QuietOption, flight_progress, warm_up
 from gcs.commands.options import options_of, with_options
 from gcs.errors import BadInput, FlightLost
+from gcs.lab.written_files import check_out, write_out
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES, UNITS, percent
 from gcs.terminal import Terminal, console_of, numbers, print_line, table_of, texts
-from mavlink_defs.config.output_files import write_text
-from mavlink_defs.config.user_files import read_text
 from mavlink_defs.config.yaml_text import parse_yaml
 
 if TYPE_CHECKING:
@@ -126,7 +125,7 @@ def design(
     from gcs.lab.design.scenario import plain, text_of, tree_of
     from gcs.scenario.model import scenario_of
 
-    _check_file(options.out)
+    check_out(options.out, _MARK, "a design")
     made = _design(aircraft, options)
     console = console_of(quiet=options.quiet)
     text = text_of(made, options.command(Path(aircraft).name))
@@ -134,7 +133,7 @@ def design(
     for warning in made.warnings:
         console.print(f"warning: {warning}", soft_wrap=True)
     if options.out is not None:
-        write_text(options.out, text)
+        write_out(options.out, text)
         console.print(f"{options.out} written; `gcs fly {options.out}` flies it", soft_wrap=True)
     elif not options.fly:
         print_line(text.rstrip("\n"))
@@ -182,18 +181,6 @@ def _section(text: str | None) -> dict[str, Any] | None:
             "as in --plant '{kind: jsbsim, aircraft: c172p}'",
         )
     return dict(section)
-
-
-def _check_file(path: Path | None) -> None:
-    """Refuse to replace a file that this command has not written.
-
-    Raises:
-        BadInput: It is there.
-    """
-    if path is None or not path.is_file() or read_text(path).startswith(_MARK):
-        return
-    text = f"{path} already exists, is not a design, and was not changed"
-    raise BadInput(text, "choose another --out, or remove it")
 
 
 def _fly(made: "Design", scenario: "Scenario", output: Terminal, console: Terminal) -> None:

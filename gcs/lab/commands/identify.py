@@ -10,9 +10,8 @@ from gcs.commands.common import QuietOption
 from gcs.commands.options import options_of, with_options
 from gcs.commands.progress import working
 from gcs.errors import BadInput
+from gcs.lab.written_files import check_out, write_out
 from gcs.terminal import Terminal, console_of, numbers, print_json, table_of, texts
-from mavlink_defs.config.output_files import write_text
-from mavlink_defs.config.user_files import read_text
 
 if TYPE_CHECKING:
     from gcs.lab.identification.identified import Identified
@@ -37,7 +36,10 @@ class IdentifyOptions:
     cruise: Annotated[
         float | None,
         typer.Option(
-            help="Airspeed about which PLANT is identified [m/s].", min=0.1, metavar="M/S"
+            help="Airspeed about which PLANT is identified [m/s].",
+            min=0.1,
+            max=300.0,
+            metavar="M/S",
         ),
     ] = None
     altitude: Annotated[
@@ -149,7 +151,7 @@ def identify(
             "as in gcs identify own:aerosonde --cruise 24, or gcs identify --from runs/mine "
             "--aircraft aerosonde",
         )
-    _check_file(options.out)
+    check_out(options.out, _MARK, "an identified aircraft")
     console = console_of(quiet=options.quiet)
     command = options.command(plant)
     found = (
@@ -160,7 +162,7 @@ def identify(
     if options.out is not None:
         from gcs.lab.identification.identified import text_of
 
-        write_text(options.out, text_of(found, command))
+        write_out(options.out, text_of(found, command))
     if options.as_json:
         print_json(_json(found), indent=2)
     else:
@@ -179,6 +181,7 @@ def _of_plant(
 
     if options.cruise is None:
         raise BadInput("--cruise is missing, expected an airspeed in m/s", "as in --cruise 24")
+    _check_airspeeds(options, options.cruise)
     simulator, name = simulator_of(plant, options.altitude, options.wing_area)
     choices = Choices(
         options.cruise,
@@ -194,6 +197,19 @@ def _of_plant(
         return identified(simulator, choices, lambda done, total: task.show(done, total=total))
 
 
+def _check_airspeeds(options: IdentifyOptions, cruise: float) -> None:
+    """Refuse limits that the cruise is not within.
+
+    Raises:
+        BadInput: It is not.
+    """
+    low, high = options.airspeed_min, options.airspeed_max
+    if low is not None and low > cruise:
+        raise BadInput(f"--airspeed-min is {low:g}, expected at most --cruise, {cruise:g} m/s")
+    if high is not None and high < cruise:
+        raise BadInput(f"--airspeed-max is {high:g}, expected at least --cruise, {cruise:g} m/s")
+
+
 def _of_flight(options: IdentifyOptions, console: Terminal) -> "Identified":
     from gcs.lab.identification.recorded import identify_recording
     from gcs.scenario.aircraft_file import load_aircraft
@@ -204,18 +220,6 @@ def _of_flight(options: IdentifyOptions, console: Terminal) -> "Identified":
         raise BadInput(text, "as in --from runs/mine --aircraft aerosonde")
     with working(console, "reading the flight"):
         return identify_recording(options.source, load_aircraft(options.aircraft), options.uav)
-
-
-def _check_file(path: Path | None) -> None:
-    """Refuse to replace a file that this command has not written.
-
-    Raises:
-        BadInput: It is there.
-    """
-    if path is None or not path.is_file() or read_text(path).startswith(_MARK):
-        return
-    text = f"{path} already exists, was not identified, and was not changed"
-    raise BadInput(text, "choose another --out, or remove it")
 
 
 def _json(found: "Identified") -> dict[str, object]:

@@ -26,7 +26,7 @@ from mavlink_defs.config.quantity import Quantity
 _SERVO = 0.5  # K2 times the servos' lag
 _ENGINE = 0.3  # c_v times the engine's lag
 _NOISE = 0.2  # of the surfaces' threshold: noise of a command
-_FILTER = 0.25  # K2 times the time constant of the gyro's filter
+_FILTER = 0.05, 0.25  # K2 times the time constant of a noisy gyro's filter
 _ROLL_RATE = 0.6  # of the steady roll rate by full aileron
 _BELOW_STALL_DEG = 3.0
 
@@ -117,6 +117,7 @@ class Rules:
             "c_v": self._speed_gain,
             "rate_limit_deg_s": self._rates,
             "return_deg_s": self._rates,
+            "lead_s": self._leads,
             "alpha_limit_deg": self._below_stall,
             "delay_s": lambda _: Line(self.given.gyro_delay_s, "delay of the gyro, given"),
         }
@@ -212,17 +213,22 @@ class Rules:
         return Line(number, f"{text_of(value)} / s_i{limit}")
 
     def _gyro_filter(self, K2: Any) -> Line:
-        """A low pass that leaves so much noise of K2 σ/M as the trigger does not see."""
+        """A low pass that leaves so much noise of K2 σ/M as the trigger does not see.
+
+        The diagnosis sees noise that no trigger does, so that a phase of 3 deg is spent anyhow.
+        """
         sigma = math.radians(self.given.gyro_noise_deg_s)
+        text = "noise of the surfaces' commands at most 0.2 b2, within [0.05, 0.25]/K2"
+        if sigma == 0.0:
+            return Line(0.0, text)
         gains = [k * f for k, f in zip(_largest(K2), self.gain_factors(K2), strict=True)]
         effect = self.airframe.effect
         noise = max(k * sigma / M for k, M in zip(gains, effect, strict=True) if M > 0.0)
         least = _NOISE * math.radians(self.least_b2_deg * min(self.similar.stops))
         worst = noise / least
-        tau = 0.0 if worst <= 1.0 else 0.5 * self.given.step_us / 1e6 * worst**2
-        tau = min(tau, _FILTER / max(gains))
-        text = "noise of the surfaces' commands at most 0.2 b2, at most 0.25/K2"
-        return Line(float(f"{tau:.2g}"), text)
+        tau = 0.5 * self.given.step_us / 1e6 * worst**2 if worst > 1.0 else 0.0
+        low, high = (share / max(gains) for share in _FILTER)
+        return Line(float(f"{min(max(tau, low), high):.2g}"), text)
 
     def _speed_gain(self, value: float) -> Line:
         number = rounded(value, self.similar.factor("1/s"))
@@ -240,6 +246,11 @@ class Rules:
             number[0] = rounded(most, 1.0 + 1e-12)
             text += ", roll 0.6 of the steady rate by full aileron"
         return Line(number, text)
+
+    def _leads(self, value: Any) -> Line:
+        """The time that a surface takes to turn its axis; of the airspeed, by its unit."""
+        number = scaled(value, (self.similar.time, *self.similar.axes), 1.0)
+        return Line(number, f"{text_of(value)} × s, s_i")
 
     def _below_stall(self, value: float) -> Line:
         stall = self.airframe.aircraft.stall_deg

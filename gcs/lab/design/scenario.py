@@ -5,7 +5,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from ftc_autopilot.control.heading import remaining_side_force
 from ftc_autopilot.control.laws import LAWS
+from ftc_autopilot.control.pairing import is_coupled, surfaces_by_sideslip
 from ftc_autopilot.control.triggers import TRIGGERS
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from gcs.errors import BadInput
@@ -16,7 +18,7 @@ from gcs.lab.design.similarity import Similarity, similarity
 from gcs.lab.theory.airframe_checks import AREA, PAIRING, SIDESLIP, airframe_checks
 from gcs.lab.theory.modes import level_flight
 from mavlink_defs.config.yaml_text import yaml_of
-from sitl_plant.aerodynamics import lateral
+from sitl_plant.aerodynamics import Lateral, lateral
 from sitl_plant.aircraft import aircraft_record
 
 TRIGGER_OF = {"surviving": "per_channel", "tube": "consequence", "pid": "periodic"}
@@ -99,16 +101,21 @@ def design_of(
 
 
 def _warnings(airframe: Airframe, law: str) -> Iterator[str]:
-    for check in airframe_checks(airframe.aircraft, airframe.flight):
-        if check.is_met:
-            continue
-        text = f"{airframe.name}: {check.name}: {check.value}: {check.otherwise}"
-        by_bank = LAWS[law](kind=law).holds_heading_by_bank(airframe.aircraft)
-        can_be_flown = {AREA: True, PAIRING: law != "tube", SIDESLIP: by_bank is not None}
-        if can_be_flown.get(check.name, False):
-            yield text
-            continue
+    """Yield what is not as it should be, but can be flown.
+
+    Raises:
+        BadInput: Something cannot be; all that is not as it should be is named, as one wrong number
+            may fail several checks.
+    """
+    by_bank = LAWS[law](kind=law).holds_heading_by_bank(airframe.aircraft)
+    can_be_flown = {AREA: True, PAIRING: True, SIDESLIP: by_bank is not None}
+    checks = airframe_checks(airframe.aircraft, airframe.flight)
+    unmet = [check for check in checks if not check.is_met]
+    texts = [f"{check.name}: {check.value}: {check.otherwise}" for check in unmet]
+    if not all(can_be_flown.get(check.name, False) for check in unmet):
+        text = f"{airframe.name}: {'; and '.join(texts)}"
         raise BadInput(text, f"see gcs aircraft {airframe.name}")
+    yield from (f"{airframe.name}: {text}" for text in texts)
 
 
 class Sections(NamedTuple):
@@ -193,9 +200,10 @@ def steps_deg(design: Design) -> dict[str, tuple[float, str]]:
             "yaw": (yaw, "10 deg, by a turn"),
         }
     air = lateral(V, aircraft_record(aircraft))
-    stiffness = air.scale * abs(air.yawing.beta) / aircraft.inertia_kg_m2.Jzz
-    widest = math.degrees(airframe.authority[2] / max(stiffness, 1e-9))
-    held = math.degrees(weight * math.sin(math.radians(roll)) / max(abs(air.side.beta), 1e-9))
+    widest, by, side = _widest_sideslip_deg(airframe, air), "rudder", air.side.beta
+    if is_coupled(aircraft):
+        by, side = "aileron and rudder", remaining_side_force(aircraft, V)
+    held = math.degrees(weight * math.sin(math.radians(roll)) / max(abs(side), 1e-9))
     return {
         "roll": (
             roll * min(1.0, _ROLL * widest / held),
@@ -204,9 +212,19 @@ def steps_deg(design: Design) -> dict[str, tuple[float, str]]:
         "pitch": of_pitch,
         "yaw": (
             min(yaw, _YAW * widest),
-            f"10 deg, at most 0.45 × {widest:.0f} deg of sideslip by rudder",
+            f"10 deg, at most 0.45 × {widest:.0f} deg of sideslip by {by}",
         ),
     }
+
+
+def _widest_sideslip_deg(airframe: Airframe, air: Lateral) -> float:
+    """Return the largest sideslip at which the rudder, coupled or alone, holds the heading."""
+    aircraft = airframe.aircraft
+    if is_coupled(aircraft):
+        pairs = zip(airframe.stops[::2], surfaces_by_sideslip(aircraft), strict=True)
+        return math.degrees(min(stop / max(abs(by), 1e-9) for stop, by in pairs))
+    stiffness = air.scale * abs(air.yawing.beta) / aircraft.inertia_kg_m2.Jzz
+    return math.degrees(airframe.authority[2] / max(stiffness, 1e-9))
 
 
 def profile_of(design: Design) -> tuple[list[dict[str, float]], float]:

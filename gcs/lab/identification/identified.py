@@ -171,8 +171,9 @@ def _aircraft(
     limit = choices.thrust_limit or _THRUST_SHARE * body.mass_kg * level.gravity
     slowest = _SLOWEST_OF_CRUISE * V
     if stall is not None:
-        lifts, most = _lift(level.alpha, values), _lift(stall, values)
-        slowest = _SLOWEST * V * math.sqrt(min(lifts / most, 1.0)) if most > lifts else 0.9 * V
+        qS = 0.5 * body.air_density_kg_m3 * V**2 * body.wing_area_m2
+        needed, most = body.mass_kg * level.gravity / qS, _lift(stall, values)
+        slowest = _SLOWEST * V * math.sqrt(needed / most) if most > needed else 0.9 * V
     tree: dict[str, Any] = {
         "source": choices.source,
         "mass_kg": _short(body.mass_kg),
@@ -202,7 +203,10 @@ def _stops_deg(simulator: Simulator) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for name, stops in zip(SURFACES, simulator.stops, strict=True):
         low, high = (round(math.degrees(stop), 2) for stop in stops)
-        found[name] = high if low == -high else [low, high]
+        if low == high:
+            found[name] = "none"
+        else:
+            found[name] = high if low == -high else [low, high]
     return found
 
 
@@ -270,4 +274,6 @@ def _remark(name: str, one: Estimate, is_trimmed: bool) -> str:
         return "so that it trims where the plant does"
     if one.is_nominal:
         return "nominal: the flight does not show it"
+    if math.isinf(one.half_width):
+        return "not shown: its surface does not move"
     return f"± {one.half_width:.2g}"

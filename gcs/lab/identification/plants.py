@@ -40,7 +40,7 @@ def simulator_of(
             section = JsbSimPlant(kind="jsbsim", aircraft=aircraft, patch=patch)
             simulator = new_simulator(section, altitude)
         except SimulatorError as problem:
-            raise BadInput(f"{plant}: {problem}") from problem
+            raise BadInput(f"{plant}: {problem}", problem.hint) from problem
         return (
             simulator,
             f"{aircraft} of JSBSim {version('jsbsim')}, thrust at the centre of gravity",

@@ -66,7 +66,8 @@ def trim(simulator: Simulator, V: float, altitude: float = 0.0) -> SimulatorTrim
         down = felt[2] + gravity * math.cos(alpha)
         return np.array([along, down, *turning])
 
-    u = np.array([_FIRST_ALPHA, *(-middle / half), 0.1])
+    neutral = np.divide(-middle, half, out=np.zeros(3), where=half > 0.0)  # none: no surface
+    u = np.array([_FIRST_ALPHA, *neutral, 0.1])
     steps = np.array([1e-3, 1e-2, 1e-2, 1e-2, 1e-3])
     for _ in range(_ITERATIONS):
         left = unrest(u)
@@ -76,13 +77,17 @@ def trim(simulator: Simulator, V: float, altitude: float = 0.0) -> SimulatorTrim
             (unrest(u + h * e) - unrest(u - h * e)) / (2.0 * h)
             for h, e in zip(steps, np.eye(5), strict=True)
         ]
+        if not np.isfinite([left, *columns]).all():
+            break
         step = np.linalg.lstsq(np.column_stack(columns), -left, rcond=1e-6)[0]
         u = u + step * min(1.0, _STEEPEST / max(float(np.max(np.abs(step))), 1e-9))
         u[0] = np.clip(u[0], -_LARGEST_ALPHA, _LARGEST_ALPHA)
         u[1:4] = np.clip(u[1:4], -1.0, 1.0)
     left = unrest(u)
     if not np.all(np.isfinite(left)) or np.max(np.abs(left)) > 10.0 * _AT_REST:
-        raise BadInput(_no_trim(V, u, left), "choose another --cruise")
+        raise BadInput(
+            _no_trim(V, u, left), "choose another --cruise: a higher one, if it is too slow"
+        )
     alpha, delta, thrust = unpacked(u)
     return SimulatorTrim(V, alpha, delta, thrust, felt, gravity)
 
@@ -96,8 +101,13 @@ def _no_trim(V: float, u: np.ndarray, left: np.ndarray) -> str:
     why = f"the {' and the '.join(at_stop)} would have to pass the stop" if at_stop else ""
     if abs(u[0]) >= 0.99 * _LARGEST_ALPHA:
         why = "an angle of attack of 30 deg would not carry it"
-    left_over = f"{np.max(np.abs(left[:2])):.2g} m/s^2 and {np.max(np.abs(left[2:])):.2g} rad/s^2"
-    return f"no level flight at {V:g} m/s: {why or 'what is left over is'} ({left_over})"
+    along, down = left[:2]
+    if not why and down > abs(along):
+        why = "the lift does not carry it"
+    if not np.all(np.isfinite(left)):
+        return f"no level flight at {V:g} m/s: its accelerations are not finite"
+    over = f"{np.max(np.abs(left[:2])):.2g} m/s^2, {np.max(np.abs(left[2:])):.2g} rad/s^2"
+    return f"no level flight at {V:g} m/s{f': {why}' if why else ''} (left over: {over})"
 
 
 def acceleration(

@@ -6,17 +6,20 @@ that balances the yawing moment of the same sideslip, has to be against it.
 """
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from ftc_autopilot.control.heading import remaining_side_force, weathercock_problem
-from gcs.lab.theory.modes import LevelFlight
+from ftc_autopilot.control.pairing import LEAST_RELATIVE_GAIN, is_coupled, relative_gain
+from gcs.lab.theory.modes import LevelFlight, authority
 from mavlink_defs.constants import SURFACES
 from sitl_plant.aerodynamics import lateral
 from sitl_plant.aircraft import aircraft_record
 from sitl_plant.config import Aircraft
 
-_PAIRING = 0.6
-"""Least share of the aileron in what rolls, relative gain array (Bristol 1966)."""
+_LARGEST_RELATIVE_GAIN = 1.6
+"""Above it aileron and rudder undo much of each other's work: the Aerosonde, changed so, lacks the
+authority for the steps of a design."""
 _AREA = 0.3  # by which S may differ from b c
 _NO_TRIM = "level flight is not possible: choose another airspeed, or check moments and stops"
 _RESERVE_DEG = 4.0  # of the angle of attack to the stall
@@ -51,6 +54,7 @@ def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
             "compare S, b and c with their source; a tapered wing may differ as much",
         )
     ]
+    found += _surfaces_that_do_nothing(aircraft, flight)
     found += _surfaces_within_stops(aircraft, flight)
     if aircraft.stall_deg is not None:
         reserve = aircraft.stall_deg - flight.alpha_deg
@@ -80,21 +84,14 @@ def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
     if yaw.rudder == 0.0:
         text = "the rudder does nothing: check cn_dr, or say `surface_limits_deg: {rudder: none}`"
         return [*found, Check(NO_RUDDER, "0", False, text)]
-    determinant = roll.aileron * yaw.rudder - roll.rudder * yaw.aileron
-    pairing = roll.aileron * yaw.rudder / determinant if determinant != 0.0 else float("nan")
     effective = remaining_side_force(aircraft, flight.airspeed_m_s)
     tau_s = (
         aircraft.mass_kg * flight.airspeed_m_s / -effective if effective != 0.0 else float("inf")
     )
+    if roll.aileron != 0.0 and aircraft.has("aileron"):
+        found.append(_pairing(aircraft))
     return [
         *found,
-        Check(
-            PAIRING,
-            f"{pairing:.2f}",
-            pairing >= _PAIRING,
-            "aileron and rudder do each other's work: `tube`, which plans one after the other, "
-            "loses the heading; `surviving` inverts both together",
-        ),
         Check(
             SIDESLIP,
             f"{tau_s:.3g} s",
@@ -103,6 +100,38 @@ def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
             "heading by bank; other laws lose it",
         ),
     ]
+
+
+def _pairing(aircraft: Aircraft) -> Check:
+    gain = relative_gain(aircraft)
+    if is_coupled(aircraft):
+        text = (
+            "aileron and rudder do much of each other's work: `tube` plans both together, "
+            "`surviving`, `backstepping` and `proposed` invert both; `pid`, a loop for each, may "
+            "swing"
+        )
+    else:
+        text = (
+            "aileron and rudder undo each other's work: little is left to turn about one axis; "
+            "roll and yaw take small steps, and many messages"
+        )
+    return Check(
+        PAIRING, f"{gain:.2f}", LEAST_RELATIVE_GAIN <= gain <= _LARGEST_RELATIVE_GAIN, text
+    )
+
+
+def _surfaces_that_do_nothing(aircraft: Aircraft, flight: LevelFlight) -> Iterator[Check]:
+    """Yield a check that is not met for an aileron or an elevator without a moment, if any."""
+    V = flight.airspeed_m_s
+    by_aileron = lateral(V, aircraft_record(aircraft)).rolling.aileron
+    by_elevator = authority(aircraft, V).get("elevator", 0.0)
+    for surface, moment, coefficient in (
+        ("aileron", by_aileron, "cl_da"),
+        ("elevator", by_elevator, "cm_de"),
+    ):
+        if moment == 0.0 or not aircraft.has(surface):
+            text = f"it does nothing, and every law needs it: check {coefficient} and its stops"
+            yield Check(f"moment by {surface}", "0", False, text)
 
 
 def _surfaces_within_stops(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:

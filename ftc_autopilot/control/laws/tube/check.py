@@ -5,21 +5,27 @@ import math
 import numpy as np
 
 from ftc_autopilot.control.inversion import deflections_for, thrust_for
-from ftc_autopilot.control.laws.tube.parameters import OUTPUTS
+from ftc_autopilot.control.laws.tube.parameters import (
+    AIRSPEED,
+    CHANNELS,
+    OUTPUTS,
+    PITCH,
+    ROLL,
+    YAW,
+)
 from ftc_autopilot.control.laws.tube.plan import Plan, best_change, first_exit
 from ftc_autopilot.control.laws.tube.prediction import Servo, Start, predict
 from ftc_autopilot.control.laws.tube.tube import build_tube, to_errors
 from ftc_autopilot.control.step import Step
-from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
+from mavlink_defs.constants import AILERON, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import angular_acceleration
 from sitl_plant.stops import range_of
 from sitl_plant.vec3 import clamp, mat3, mul, scale, vec3
 
-_AIRSPEED, _ROLL, _PITCH, _YAW = range(OUTPUTS)
-_ORDER = (_AIRSPEED, _YAW, _ROLL, _PITCH)  # in which outputs are planned
-_CHANNELS = (THROTTLE, AILERON, ELEVATOR, RUDDER)  # by output
+_ORDER = (AIRSPEED, YAW, ROLL, PITCH, YAW, ROLL)  # in which outputs are planned
+_AGAIN = 4  # from there on: if aileron and rudder go together, and are sent
 _SMALL_ANGLE, _SMALL_THRUST = 0.01, 10.0  # change of a command that shows its influence [rad, N]
 _NO_CHANGE = 1e-12
 _ROUNDING_S = 1e-9
@@ -43,7 +49,8 @@ def check(
 
     The outputs are planned one after the other, each with the commands of those before it. In the
     law's first step all are, from commands that balance moments and drag, at which the servos are
-    at rest.
+    at rest. Where aileron and rudder go together, what is sent for one of roll and yaw serves the
+    other as well.
 
     Args:
         now: The present step.
@@ -71,36 +78,73 @@ def check(
     path, width, error = tables[0], tables[1], tables[2]
     build_tube(now, seen, gains, path, width)
     _predict_errors(start, commands, h, seen, aircraft, path, error)
-    mask = 0
-    for o in _ORDER:
-        j = _CHANNELS[o]
-        if no_rudder and o == _YAW:
+    mask, together = 0, _go_together(now, no_rudder, gains)
+    for k in range(len(_ORDER)):
+        o = _ORDER[k]
+        j = CHANNELS[o]
+        if no_rudder and o == YAW:
             state["exit"][j] = math.nan
             continue
-        leaves = first_exit(error[o, :seen], width[o, :seen])
-        _note_exit(leaves * h, leaves == seen, j, gains, state)
         by_clock = now.clock_s[j] > 0.0
-        rested = (state["step"] - state["sent"][j]) * now.dt >= gains["dwell_s"] - _ROUNDING_S
-        turn = leaves * h < lead[o] + lag and rested
+        channels = 1 << j
+        if together and o in (ROLL, YAW):
+            channels = 1 << AILERON | 1 << RUDDER
+        is_sent = together and mask & channels == channels
+        if k >= _AGAIN and not is_sent:
+            continue
+        leaves = first_exit(error[o, :seen], width[o, :seen])
+        if k < _AGAIN:
+            _note_exit(leaves * h, leaves == seen, j, gains, state)
+        turn = leaves * h < lead[o] + lag and _have_rested(now, channels, gains, state)
         if by_clock:
             turn = bool(now.due & (1 << j))
-        if not (now.first or turn):
+        if not (now.first or turn or is_sent):
             continue
         if seen < rows:
             seen = rows
             build_tube(now, rows, gains, path, width)
             _predict_errors(start, commands, h, rows, aircraft, path, error)
-        plan = _plan(now, o, start, commands, aircraft, gains, tables)
-        worth = abs(plan.change) > _NO_CHANGE and (plan.leaves - leaves) * h >= gains["gain_s"]
+        plan = _plan(now, o, together, start, commands, aircraft, gains, tables)
+        least_s = 0.0 if is_sent else gains["gain_s"]
+        worth = abs(plan.change) > _NO_CHANGE and (plan.leaves - leaves) * h >= least_s
         if not (now.first or by_clock or worth):
             continue
-        commands[j] += plan.change
+        for c in range(N_CHANNELS):
+            if channels & (1 << c):
+                commands[c] += plan.change * _move(o, c, together, gains)
+                if not (mask & (1 << c) or by_clock):
+                    state["recent"][c] += 1.0
         state["exit"][j] = plan.leaves * h
-        if not by_clock:
-            state["recent"][j] += 1.0
-        mask |= 1 << j
+        mask |= channels
         _predict_errors(start, commands, h, rows, aircraft, path, error)
     return mask
+
+
+@inlined
+def _go_together(now: Step, no_rudder: bool, gains: np.void) -> bool:
+    """Return whether aileron and rudder are moved together: coupled, and by the clock both due."""
+    both = 1 << AILERON | 1 << RUDDER
+    by_clock = now.clock_s[AILERON] > 0.0 or now.clock_s[RUDDER] > 0.0
+    are_due = not by_clock or now.due & both == both
+    return bool(gains["coupled"] != 0 and not no_rudder and are_due)
+
+
+@inlined
+def _move(o: int, c: int, together: bool, gains: np.void) -> float:
+    """Return by how much a plan of output o moves channel c."""
+    if together:
+        return float(gains["moves"][o, c])
+    return 1.0 if c == CHANNELS[o] else 0.0
+
+
+@inlined
+def _have_rested(now: Step, channels: int, gains: np.void, state: np.void) -> bool:
+    """Return whether the last events of channels, a bit mask, are long enough ago."""
+    for c in range(N_CHANNELS):
+        rest = (state["step"] - state["sent"][c]) * now.dt
+        if channels & (1 << c) and rest < gains["dwell_s"] - _ROUNDING_S:
+            return False
+    return True
 
 
 @inlined
@@ -142,33 +186,42 @@ def _predict_errors(
 def _plan(
     now: Step,
     o: int,
+    together: bool,
     start: Start,
     commands: np.ndarray,
     aircraft: AircraftRecord,
     gains: np.void,
     tables: np.ndarray,
 ) -> Plan:
-    """Plan the change of the command of output o.
+    """Plan the change of the commands by which output o is planned.
 
     Args:
         now: The present step.
         o: The output.
+        together: Whether aileron and rudder are moved together.
         start: What the prediction starts from.
         commands: In force [rad, rad, rad, N], shape (4,).
         aircraft: Nominal aircraft.
         gains: Parameters, record made of `Tube`.
         tables: Path, width, error, and room for another error, shape (4, OUTPUTS, rows).
     """
-    h, j, rows = gains["prediction_step_s"], _CHANNELS[o], tables.shape[2]
+    h, j, rows = gains["prediction_step_s"], CHANNELS[o], tables.shape[2]
     path, width, error, influence = tables[0], tables[1], tables[2], tables[3]
-    before = commands[j]
     small = _SMALL_THRUST if j == THROTTLE else _SMALL_ANGLE
-    commands[j] = before + small
-    _predict_errors(start, commands, h, rows, aircraft, path, influence)
-    commands[j] = before
+    moved = np.empty(N_CHANNELS)
+    low, high = -math.inf, math.inf
+    for c in range(N_CHANNELS):
+        move = _move(o, c, together, gains)
+        moved[c] = commands[c] + small * move
+        if move != 0.0:
+            lowest, highest = range_of(aircraft, c)
+            one, other = (lowest - commands[c]) / move, (highest - commands[c]) / move
+            low, high = max(low, min(one, other)), min(high, max(one, other))
+    if low > high:  # one is at its stop, and would have to go back before the other may move
+        low = high = 0.0
+    _predict_errors(start, moved, h, rows, aircraft, path, influence)
     for k in range(rows):
         influence[o, k] = (influence[o, k] - error[o, k]) / small
-    lowest, highest = range_of(aircraft, j)
     settled_s = max(gains["settle_s"][o], _CLOCK_SHARE * now.clock_s[j])
     return best_change(
         error[o],
@@ -176,8 +229,8 @@ def _plan(
         width[o],
         min(int(settled_s / h), rows - 1),
         gains["plan_share"][o],
-        lowest - before,
-        highest - before,
+        low,
+        high,
     )
 
 

@@ -7,13 +7,17 @@ from pydantic import Field
 
 from ftc_autopilot.control.laws.base import Gains, LawParameters
 from ftc_autopilot.control.laws.surviving.parameters import FaultTolerant, Surviving
+from ftc_autopilot.control.pairing import is_coupled, joint_moves
 from mavlink_defs.config.quantity import quantity, whole
-from mavlink_defs.constants import N_CHANNELS
+from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from sitl_plant.aircraft import AIRCRAFT
 from sitl_plant.config import Aircraft
 
 OUTPUTS = 4
 """Outputs that have a tube: airspeed [m/s], roll, pitch, yaw [rad]."""
+AIRSPEED, ROLL, PITCH, YAW = range(OUTPUTS)
+CHANNELS = (THROTTLE, AILERON, ELEVATOR, RUDDER)
+"""By output: the channel that is its own."""
 
 _Width = Annotated[float, quantity("deg", gt=0.0, doc="Half the width of an angle's tube.")]
 _Share = Annotated[float, quantity("", ge=0.0, doc="Of one output.")]
@@ -31,7 +35,10 @@ class Tube(FaultTolerant):
 
     SELECTS_CHANNELS: ClassVar[bool] = True
     FALLBACK: ClassVar[type[LawParameters] | None] = Surviving
-    DERIVED: ClassVar[tuple[tuple[str, str, tuple[int, ...]], ...]] = ()
+    DERIVED: ClassVar[tuple[tuple[str, str, tuple[int, ...]], ...]] = (
+        ("coupled", "i8", ()),  # 1: aileron and rudder go together
+        ("moves", "f8", (OUTPUTS, N_CHANNELS)),  # then, of channels by the plan of an output
+    )
     STATE: ClassVar[np.dtype] = np.dtype(
         [
             ("fallback", Surviving.STATE),
@@ -67,8 +74,13 @@ class Tube(FaultTolerant):
         return tuple(self.model_copy(update={"tube_scale": scale}) for scale in scales)
 
     def derive(self, aircraft: Aircraft, record: np.void) -> None:
-        """Compute the gains of the fallback's loops."""
+        """Compute the gains of the fallback's loops, and how coupled surfaces go together."""
         super().derive(aircraft, record["fallback"])
+        moves = np.zeros((OUTPUTS, N_CHANNELS))
+        moves[range(OUTPUTS), CHANNELS] = 1.0
+        if is_coupled(aircraft):
+            moves[np.ix_((ROLL, YAW), (AILERON, RUDDER))] = joint_moves(aircraft)
+        record["coupled"], record["moves"] = is_coupled(aircraft), moves
 
     kind: Literal["tube"] = Field(default="tube", description="Name of the law.")
 

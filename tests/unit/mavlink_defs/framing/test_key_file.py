@@ -76,7 +76,8 @@ def test_a_new_key_is_announced_then_used_and_the_former_one_expires(path: Path)
 
 
 @pytest.mark.parametrize(
-    ("age_s", "old_is_heard"), [(BEFORE_USE_S, True), (IN_GRACE_S, True), (LATER_S, False)]
+    ("age_s", "old_is_heard"),
+    [(0.0, True), ((ANNOUNCED_S + GRACE_S) / 2.0, True), (LATER_S, False)],  # far from the edges
 )
 def test_signers_of_both_kinds_go_over_to_the_new_key(
     path: Path, age_s: float, old_is_heard: bool, monkeypatch: pytest.MonkeyPatch
