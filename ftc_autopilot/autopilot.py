@@ -11,7 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from ftc_autopilot.config import AutopilotConfig
-from ftc_autopilot.control.controllers import new_controllers
+from ftc_autopilot.control.controller import CONTROLLER, PARAMETERS
+from ftc_autopilot.control.controllers import bind_plugins, new_controllers
+from ftc_autopilot.control.plugin_failures import clear_failures, failure_of
 from ftc_autopilot.guidance.path import PATH
 from ftc_autopilot.hot.checkpoint import VEHICLE, map_array, open_checkpoint, restore, save
 from ftc_autopilot.hot.hot_state import HotState
@@ -61,8 +63,10 @@ class Autopilot:
         system: Its system id.
         is_over: Whether its flight has ended, or it was stopped.
         loss: Why it ended before the simulation did; None if it did not.
+        failure: Which plug-in has ended it and why; None if none has.
         crash_at: Step after which to exit, as by SIGKILL: for tests.
-        record_optional: Whether to fly on if the record cannot be written.
+        record_optional: Whether to fly on if the record cannot be written, and without control if
+            a plug-in fails.
     """
 
     def __init__(
@@ -126,6 +130,7 @@ class Autopilot:
         self._gcs_signing = GcsSigning(config.id, config.signing_key)
         self._to_plant = FramePacker(config.id, component, self._next_sequence)
         self.loss: str | None = None
+        self.failure: str | None = None
         self.is_over = False
         self.crash_at = _NEVER
         self.record_optional = False
@@ -138,8 +143,10 @@ class Autopilot:
         """
         link = self._link
         records = checkpoint_records(link, self._controllers, self._saved)
-        checkpoint = open_checkpoint(path, records, self._config.model_dump_json())
+        described = f"{PARAMETERS} {CONTROLLER} {self._config.model_dump_json()}"
+        checkpoint = open_checkpoint(path, records, described)
         resumes = restore(checkpoint)
+        bind_plugins(self._controllers, [self._config])
         paths = map_array(path.with_suffix(".path"), PATH, 1)  # large, and seldom changed
         if not resumes:
             paths[:] = np.zeros((), PATH)
@@ -172,7 +179,7 @@ class Autopilot:
         """
         if self._hot.step >= self.crash_at:
             os.kill(os.getpid(), signal.SIGKILL)
-        self.loss = self._write_record(outcome == Outcome.RESTARTED)
+        self.loss = self._write_record(outcome == Outcome.RESTARTED) or self._failure()
         if self.loss is None and outcome == Outcome.OVER:
             self._report_end()
             self.stop()
@@ -207,7 +214,8 @@ class Autopilot:
         heard_end = bool(self._hot.flags & dialect.FTC_SIM_FLAGS_ENDED)
         try:
             if self._recorder is not None:
-                self._recorder.finish(self.loss, self._hot.repeated, heard_end)
+                repeated, failure = self._hot.repeated, self.failure
+                self._recorder.finish(self.loss, repeated, heard_end, failure)
         except OSError as problem:
             if not self.record_optional:
                 self.loss = f"cannot write {problem.filename}: {problem.strerror}"
@@ -225,6 +233,19 @@ class Autopilot:
                 return text
             self._recorder.give_up()
             log(self.system, f"{text}; flying on without recording")
+        return None
+
+    def _failure(self) -> str | None:
+        """Return how a plug-in has ended the flight; a standing fleet flies on without this one."""
+        failure = failure_of(self._controllers, 0, self._config, self._vehicle.time_s)
+        if failure is None:
+            return None
+        log(self.system, failure)
+        if not self.record_optional:
+            self.failure = failure
+            return failure
+        clear_failures(self._controllers, 0)
+        self._vehicle.end_control(failure)
         return None
 
     def refused(self) -> Counter[str]:

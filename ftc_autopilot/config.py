@@ -24,6 +24,9 @@ TelemetryClockKind: TypeAlias = Literal["wall", "simulated"]
 """What intervals of telemetry count in lockstep; see `ftc_autopilot.vehicle.telemetry_clock`."""
 
 
+PLUGIN_FAILED = 3
+"""Exit status of an autopilot whose flight a plug-in has ended."""
+
 NEIGHBOUR_TIMEOUT_S = 0.25
 """Silence after which a neighbour's edge is dropped, if it sends in every period [s]."""
 

@@ -2,7 +2,7 @@
 
 It registers with the plant by HEARTBEAT, exchanges messages with its neighbours and the ground
 stations, and flies until the plant ends the simulation. Exit status: 0 the simulation ended or
-a signal stopped it, 1 the plant fell silent, 2 bad input.
+a signal stopped it, 1 the plant fell silent, 2 bad input, 3 a plug-in failed.
 """
 
 import sys
@@ -12,8 +12,9 @@ from functools import partial
 from pathlib import Path
 
 from ftc_autopilot.autopilot import Autopilot, log
-from ftc_autopilot.config import AutopilotConfig
+from ftc_autopilot.config import PLUGIN_FAILED, AutopilotConfig
 from ftc_autopilot.hot.loop import new_loops, run
+from ftc_autopilot.plugins.loading import PluginError
 from mavlink_defs.config.files import load
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.endpoint import (
@@ -86,7 +87,9 @@ def main(arguments: list[str] | None = None) -> None:
         help="write all signals as .npy; with several CONFIGs once for each",
     )
     parser.add_argument(
-        "--record-optional", action="store_true", help="fly on if FOLDER cannot be written"
+        "--record-optional",
+        action="store_true",
+        help="fly on if FOLDER cannot be written, and without control if a plug-in fails",
     )
     parser.add_argument(
         "--exit-with-parent", type=int, metavar="PID", help="stop when this parent process is gone"
@@ -113,7 +116,7 @@ def main(arguments: list[str] | None = None) -> None:
                 _boot(config, record, options.checkpoint, sockets)
                 for config, record in zip(configs, records, strict=True)
             ]
-        except (ConfigError, EndpointError, SigningError) as problem:
+        except (ConfigError, EndpointError, PluginError, SigningError) as problem:
             log_line(problem)
             sys.exit(2)
         except OSError as problem:
@@ -134,8 +137,10 @@ def main(arguments: list[str] | None = None) -> None:
         autopilot.finish_record()
         if refused := autopilot.refused():
             log(autopilot.system, f"frames dropped: {counts_text(refused)}")
-        if autopilot.loss is not None:
+        if autopilot.loss is not None and autopilot.failure is None:
             log(autopilot.system, autopilot.loss)
+    if any(autopilot.failure is not None for autopilot in autopilots):
+        sys.exit(PLUGIN_FAILED)
     sys.exit(0 if all(autopilot.loss is None for autopilot in autopilots) else 1)
 
 
@@ -145,7 +150,7 @@ def _boot(
     """Return an autopilot by its configuration file; its sockets are closed with `sockets`.
 
     Raises:
-        ConfigError, EndpointError, SigningError: The configuration cannot be used.
+        ConfigError, EndpointError, PluginError, SigningError: The configuration cannot be used.
         OSError: A file cannot be made; it is named.
     """
     config = load(file, AutopilotConfig)

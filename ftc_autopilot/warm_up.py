@@ -17,6 +17,7 @@ from ftc_autopilot.hot.checkpoint import save
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.hot.link import AutopilotLink, new_link
 from ftc_autopilot.hot.loop import Loop, new_loops, run
+from ftc_autopilot.plugins.loading import PluginError
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from mavlink_defs.config.files import load
 from mavlink_defs.config.models import ConfigError
@@ -25,7 +26,7 @@ from mavlink_defs.framing.codec import SIM_STATE
 
 def warm_up_with(config_file: Path) -> None:
     """Call everything with the configuration of one autopilot, unless it cannot be used."""
-    with contextlib.suppress(ConfigError):
+    with contextlib.suppress(ConfigError, PluginError):
         call_everything(load(config_file, AutopilotConfig))
 
 

@@ -73,7 +73,19 @@ COMMANDS = {
         "scenarios",
         "List the bundled scenarios, one per line: name and what it shows; then the additions.",
     ),
-    "new": ("new", "Write a small commented scenario as a starting point for your own."),
+    "laws": ("laws", "List the control laws, ours and other packages', or show one."),
+    "triggers": (
+        "triggers",
+        "List the event triggers, ours and other packages', or show one.",
+    ),
+    "guidance": (
+        "guidance",
+        "List the guidance laws, ours and other packages', or show one.",
+    ),
+    "new": (
+        "new",
+        "Write a small commented scenario as a starting point for your own, or a project.",
+    ),
     "up": ("up", "Start a fleet that flies until it is stopped (Ctrl-C)."),
     "config": (
         "config",
@@ -157,7 +169,7 @@ class _Commands(TyperGroup):
             )
         gc.freeze()  # what is imported stays: to search it for garbage takes a tenth of a second
         holder = typer.Typer(rich_markup_mode="markdown")
-        if hasattr(home, name):
+        if hasattr(home, name) and not hasattr(home, "app"):
             epilog = getattr(home, f"{name.upper()}_EPILOG", None) or home.EPILOG
             holder.command(name, epilog=epilog)(getattr(home, name))
         else:

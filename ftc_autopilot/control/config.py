@@ -4,7 +4,7 @@ Names are the paper's, in ASCII; defaults are the values of Table III, or where 
 none, a set that flies well with Table III to the letter. Angles inside the laws are rad.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Self
 
 from pydantic import AfterValidator, Field, model_validator
@@ -16,6 +16,7 @@ from ftc_autopilot.control.triggers.static import PerChannel
 from ftc_autopilot.guidance.formation import Formation
 from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
+from ftc_autopilot.plugins.loading import plugin_of
 from mavlink_defs.config.models import HostPort, Loc, Model, Problems, SystemId, repeated
 from mavlink_defs.config.quantity import quantity, whole
 from sitl_plant.config import Aircraft
@@ -48,6 +49,20 @@ def law_problems(controller: Controller, aircraft: Aircraft) -> Iterator[tuple[L
     if getattr(controller, "heading", "") == "rudder" and not aircraft.has("rudder"):
         text = "expected 'auto' or 'bank', as the aircraft has no rudder, got 'rudder'"
         yield ("controller", "heading"), text
+
+
+def plugins_of(*models: Model) -> dict[str, str]:
+    """Return the digest of the code of each plug-in whose parameters are given, by its name."""
+    found = (plugin_of(type(model)) for model in models)
+    return {plugin.name: plugin.digest for plugin in found if plugin is not None}
+
+
+def plugin_problems(expected: Mapping[str, str], *models: Model) -> Iterator[tuple[Loc, str]]:
+    """Yield place and text if the code of a plug-in is not the one that is expected."""
+    for name, digest in plugins_of(*models).items():
+        if (other := expected.get(name, digest)) != digest:
+            text = f"expected code with digest {other}, it has {digest} now; "
+            yield ("plugins", name), f"{text}without this entry the present code is flown"
 
 
 class FormationTrigger(Model):
@@ -117,6 +132,9 @@ class ControllerConfig(Model):
         default=None, description="Formation on paths; none: it flies on the path itself."
     )
     leader_access: float = quantity("", ge=0.0, default=0.0, doc="Leader access h_i.")
+    plugins: dict[str, str] = Field(
+        default={}, description="Digest of the code of each plug-in, by its name."
+    )
     neighbours: tuple[Neighbour, ...] = Field(
         default=(), description="Neighbours in the communication graph."
     )
@@ -140,4 +158,5 @@ class ControllerConfig(Model):
     def _law_and_trigger_fit(self) -> Self:
         Problems.check(trigger_problems(self.controller, self.trigger, self.step_us))
         Problems.check(law_problems(self.controller, self.aircraft))
+        Problems.check(plugin_problems(self.plugins, self.controller, self.trigger, self.guidance))
         return self

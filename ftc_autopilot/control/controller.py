@@ -15,8 +15,17 @@ from ftc_autopilot.common.records import fill, record_dtype
 from ftc_autopilot.common.schedule import scheduled
 from ftc_autopilot.control.config import FormationTrigger
 from ftc_autopilot.control.heading import along_flight, bank_for
-from ftc_autopilot.control.laws import KINDS, LAWS, Controller, evaluate, heading_loop
+from ftc_autopilot.control.laws import (
+    KINDS,
+    LAWS,
+    PLUGIN_LAW,
+    Controller,
+    evaluate,
+    heading_loop,
+    own_parameters,
+)
 from ftc_autopilot.control.laws.base import LawParameters
+from ftc_autopilot.control.laws.plugin import PLUGIN_PARAMETERS, PLUGIN_STATE
 from ftc_autopilot.control.reference import filter_reference, read_reference, start_filter
 from ftc_autopilot.control.step import (
     Command,
@@ -29,10 +38,12 @@ from ftc_autopilot.control.step import (
 )
 from ftc_autopilot.control.synchronisation_errors import formation_errors
 from ftc_autopilot.control.transmit import not_finite, transmit
-from ftc_autopilot.control.triggers import MODES, TRIGGERS, clock_of
+from ftc_autopilot.control.triggers import MODES, PLUGIN_MODE, TRIGGERS, clock_of
+from ftc_autopilot.control.triggers import plugin as trigger_plugins
 from ftc_autopilot.control.triggers.base import TriggerParameters
 from ftc_autopilot.guidance.formation import FormationParameters
 from ftc_autopilot.guidance.laws import GUIDANCE_PARAMETERS, Guidance, guidance_record
+from ftc_autopilot.plugins.models import PLUGIN, owned
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aircraft import AircraftRecord
@@ -50,28 +61,37 @@ def _record_of_triggers() -> np.dtype:
         [
             *((name, common[name]) for name in common.names or ()),
             *((mode, record) for mode, record in own.items() if record.names),
+            (PLUGIN, trigger_plugins.PLUGIN_PARAMETERS),
         ]
     )
 
 
 PARAMETERS = np.dtype(
     [
-        ("law", "i8"),  # index in KINDS
+        ("law", "i8"),  # index in KINDS, or PLUGIN_LAW
         ("common", record_dtype(LawParameters)),
-        ("mode", "i8"),  # of the trigger, index in MODES
+        ("mode", "i8"),  # of the trigger, index in MODES, or PLUGIN_MODE
         ("trigger", _record_of_triggers()),
         ("formation_triggered", "i8"),  # 0: a neighbour message in every step
         ("formation_trigger", record_dtype(FormationTrigger)),
         ("guidance", GUIDANCE_PARAMETERS),
         ("formation", record_dtype(FormationParameters)),
         *((kind, law.record()) for kind, law in LAWS.items()),
+        (PLUGIN, PLUGIN_PARAMETERS),  # last, as of CONTROLLER
     ]
 )
 
 CONTROLLER = np.dtype(
     [
         *((kind, law.STATE) for kind, law in LAWS.items()),
-        ("trigger", [(mode, one.STATE) for mode, one in TRIGGERS.items() if one.STATE.names]),
+        ("law_failure", "i8"),  # of a plug-in: why it is not called any more; 0 if it is
+        (
+            "trigger",
+            [
+                *((mode, one.STATE) for mode, one in TRIGGERS.items() if one.STATE.names),
+                (PLUGIN, trigger_plugins.PLUGIN_STATE),
+            ],
+        ),
         ("command", "f8", (4,)),  # unfiltered reference: airspeed, attitude [m/s, rad]
         ("reference", "f8", (4, 3)),  # airspeed, attitude: value and two derivatives, SI, rad
         ("held", "f8", (N_CHANNELS,)),  # aileron, elevator, rudder [rad], thrust [N]
@@ -83,6 +103,7 @@ CONTROLLER = np.dtype(
         ("min_interval", "i8", (N_CHANNELS,)),  # smallest interval between two events [steps]
         ("not_finite", "i8", (N_CHANNELS,)),  # steps with a demand that was not finite, so not sent
         ("neighbour_messages", "i8"),  # steps after the first with a message to the neighbours
+        (PLUGIN, PLUGIN_STATE),  # last, so that a checkpoint can leave it out
     ]
 )
 
@@ -136,13 +157,16 @@ def parameter_record(
     their defaults.
     """
     record: np.void = np.zeros(1, PARAMETERS)[0]
-    record["law"] = KINDS.index(controller.kind)
+    record["law"] = number_of(controller.kind)
     fill(record["common"], controller)
-    record["mode"] = MODES.index(trigger.mode)
+    record["mode"] = MODES.index(trigger.mode) if trigger.mode in MODES else PLUGIN_MODE
     fill(record["trigger"], trigger)
     for mode, one in TRIGGERS.items():
         if mode in record["trigger"].dtype.names:
             fill(record["trigger"][mode], trigger if mode == trigger.mode else one(mode=mode))
+    if trigger.mode not in MODES:
+        own = trigger_plugins.own_record(type(trigger))
+        fill(owned(record["trigger"][PLUGIN], own), trigger)
     if formation is not None:
         record["formation_triggered"] = 1
         fill(record["formation_trigger"], formation)
@@ -150,8 +174,13 @@ def parameter_record(
         record["guidance"] = guidance_record(guidance)
     if in_space is not None:
         fill(record["formation"], in_space)
-    controller.write_to(record[controller.kind])
+    controller.write_to(own_parameters(record, type(controller), controller.kind))
     return record
+
+
+def number_of(kind: str) -> int:
+    """Return the number of a law, which all plug-ins share."""
+    return KINDS.index(kind) if kind in LAWS else PLUGIN_LAW
 
 
 def new_controller() -> np.void:
@@ -167,10 +196,10 @@ def restart_law(state: ControllerRecord) -> None:
     Args:
         state: Record of dtype `CONTROLLER`, updated in place.
     """
-    state["started"] = 0
+    state["started"] = state["law_failure"] = 0
     state["trigger"] = np.zeros((), CONTROLLER["trigger"])
-    for kind, law in LAWS.items():
-        state[kind] = np.zeros((), law.STATE)
+    for part in (*LAWS, PLUGIN):
+        state[part] = np.zeros((), CONTROLLER[part])
 
 
 def no_signals(steps: int) -> np.ndarray:

@@ -17,12 +17,15 @@ from ftc_autopilot.control.controller import (
     new_controller,
     parameter_record,
 )
+from ftc_autopilot.control.laws import own_parameters
+from ftc_autopilot.control.plugin_functions import bind
 from ftc_autopilot.control.reference import PROFILE
 from ftc_autopilot.control.state_predictor import DELAY
 from ftc_autopilot.guidance.coordination import FORMATION, new_formation
 from ftc_autopilot.guidance.formation import LAYOUT, layout_record
 from ftc_autopilot.guidance.laws import GUIDANCE_STATE
 from ftc_autopilot.guidance.path import PATH
+from ftc_autopilot.plugins.models import PLUGIN
 from mavlink_defs.framing.codec import ACTUATORS, NEIGHBOUR
 from sitl_plant.aircraft import AIRCRAFT, aircraft_record
 
@@ -102,10 +105,33 @@ def new_controllers(configs: Sequence[ControllerConfig]) -> Controllers:
             controllers.layouts[i] = layout_record(
                 config.formation, config.id, config.leader_access, edges
             )
-        law = controllers.parameters[i][config.controller.kind]
+        law = own_parameters(
+            controllers.parameters[i], type(config.controller), config.controller.kind
+        )
         config.controller.derive(config.aircraft, law)
+    bind_plugins(controllers, configs)
     reset_controllers(controllers)
     return controllers
+
+
+def without_plugin(records: np.ndarray) -> np.ndarray:
+    """Return the memory of one record of PARAMETERS or CONTROLLER, but for a plug-in's, uint8."""
+    end = dict(records.dtype.fields or {})[PLUGIN][1]
+    return records.reshape(1).view(np.uint8)[:end]
+
+
+def bind_plugins(controllers: Controllers, configs: Sequence[ControllerConfig]) -> None:
+    """Write the addresses of the functions of plug-ins, which are of this process only.
+
+    Args:
+        controllers: `parameters` are updated.
+        configs: Of the UAVs.
+
+    Raises:
+        PluginError: One cannot be used.
+    """
+    for record, config in zip(controllers.parameters, configs, strict=True):
+        bind(record, config)
 
 
 def reset_controllers(controllers: Controllers) -> None:

@@ -29,6 +29,7 @@ from ftc_autopilot.guidance.formation_flight import fly_in_formation, tell_place
 from ftc_autopilot.guidance.laws import guide
 from ftc_autopilot.guidance.laws.base import Situation
 from ftc_autopilot.guidance.places import note_relayed, take_in
+from ftc_autopilot.plugins.models import PLUGIN
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.framing.codec import RELAYED_AT, REPORT_AT
 from mavlink_defs.runtime.jit import compiled, inlined
@@ -284,6 +285,17 @@ def _guide(
         guidance["command"],
     )
     guidance["guided_step"] = step
+
+
+@inlined
+def has_failed(controllers: Controllers, i: int) -> bool:
+    """Return whether a plug-in of UAV i has failed, and so is not called any more."""
+    state, guidance = controllers.states[i], controllers.guidance[i]["law"]
+    return bool(
+        state["law_failure"] != 0
+        or state["trigger"][PLUGIN]["failure"] != 0
+        or guidance[PLUGIN]["failure"] != 0
+    )
 
 
 @inlined

@@ -15,7 +15,8 @@ import numpy as np
 
 from ftc_autopilot.control.config import Neighbour
 from ftc_autopilot.control.controller import SIGNALS
-from ftc_autopilot.control.controllers import Controllers
+from ftc_autopilot.control.controllers import Controllers, without_plugin
+from ftc_autopilot.control.laws import PLUGIN_LAW
 from ftc_autopilot.control.stepping import (
     publish_own_state,
 )
@@ -165,12 +166,16 @@ def new_link(
 def checkpoint_records(
     link: AutopilotLink, controllers: Controllers, vehicle: np.ndarray
 ) -> tuple[np.ndarray, ...]:
-    """Return what a checkpoint saves of an autopilot, the record of its vehicle last."""
+    """Return what a checkpoint saves of an autopilot, the record of its vehicle last.
+
+    The area of a plug-in's law, a third of all, is left out if there is none.
+    """
+    is_plugin = int(controllers.parameters[0]["law"]) == PLUGIN_LAW
     return (
         link.state,
         link.formation.state,
-        controllers.parameters,
-        controllers.states,
+        controllers.parameters if is_plugin else without_plugin(controllers.parameters),
+        controllers.states if is_plugin else without_plugin(controllers.states),
         controllers.guidance,
         controllers.formations,
         controllers.profiles,

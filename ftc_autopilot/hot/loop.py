@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ftc_autopilot.control.controllers import Controllers
-from ftc_autopilot.control.stepping import broadcast_if_triggered, controller_step
+from ftc_autopilot.control.stepping import broadcast_if_triggered, controller_step, has_failed
 from ftc_autopilot.hot.link import (
     AutopilotLink,
     is_due,
@@ -130,6 +130,7 @@ def run(loops: Loops) -> None:
                 now_s >= now["until_s"]
                 or link.state[0]["step"] >= now["until_step"]
                 or 0 < len(link.record) == link.state[0]["recorded"]
+                or has_failed(loop.controllers, 0)
                 or (polls and lockstep and waits(now["gcs_fd"], link.simulator.received))
             ):
                 now["outcome"] = Outcome.TICK

@@ -37,8 +37,10 @@ class Recorder:
         if not self._given_up:
             self._spool.restart()
 
-    def finish(self, loss: str | None, repeats: list[int], heard_end: bool) -> None:
+    def finish(
+        self, loss: str | None, repeats: list[int], heard_end: bool, failure: str | None
+    ) -> None:
         """Write the rest and how the flight ended; OSError with a file's name if it cannot."""
         self.write(at_least=1)
         if not self._given_up:
-            self._spool.finish(loss=loss, repeats=repeats, heard_end=heard_end)
+            self._spool.finish(loss=loss, repeats=repeats, heard_end=heard_end, failure=failure)

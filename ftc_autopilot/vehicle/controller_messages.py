@@ -8,7 +8,8 @@ import numpy as np
 from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.control.controller import NO_INTERVAL
 from ftc_autopilot.control.controllers import Controllers
-from ftc_autopilot.control.laws import KINDS
+from ftc_autopilot.control.laws import own_state
+from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.vehicle.message import message
 from mavlink_defs import dialect
@@ -21,8 +22,8 @@ from mavlink_defs.framing.codec import drop_counts
 class ControllerMessages:
     """Makes messages from the controller's last step."""
 
-    def __init__(self, hot: HotState, controllers: Controllers) -> None:
-        self._hot, self._controllers = hot, controllers
+    def __init__(self, hot: HotState, controllers: Controllers, law: LawParameters) -> None:
+        self._hot, self._controllers, self._law = hot, controllers, law
         self._failed = [False] * len(ACTUATORS)
 
     def changes(self) -> Iterator[tuple[int, str]]:
@@ -75,8 +76,7 @@ class ControllerMessages:
     @message(dialect.MAVLink_ftc_adaptation_message)
     def adaptation(self) -> MAVLink_message:
         """Return FTC_ADAPTATION; NaN under a law without these estimates."""
-        kind = KINDS[int(self._controllers.parameters[0]["law"])]
-        state = self._controllers.states[0][kind]
+        state = own_state(self._controllers.states[0], type(self._law), self._law.kind)
         known = state.dtype.names or ()
         names = ("Phi_v", "g_v", "beta_v", "Phi_omega", "beta_omega")
         estimates = (state[name] if name in known else math.nan for name in names)

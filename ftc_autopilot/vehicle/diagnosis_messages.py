@@ -5,7 +5,8 @@ from collections.abc import Iterator
 
 from ftc_autopilot.control.controllers import Controllers
 from ftc_autopilot.control.diagnosis import LOST
-from ftc_autopilot.control.laws import KINDS, LAWS, heading_loop
+from ftc_autopilot.control.laws import heading_loop, own_state
+from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.vehicle.message import message
 from mavlink_defs import dialect
@@ -26,11 +27,10 @@ _TAKEN_OVER = {
 class DiagnosisMessages:
     """Makes messages and texts from the diagnosis of the last step."""
 
-    def __init__(self, hot: HotState, controllers: Controllers) -> None:
+    def __init__(self, hot: HotState, controllers: Controllers, law: LawParameters) -> None:
         self._hot, self._controllers = hot, controllers
-        kind = KINDS[int(controllers.parameters[0]["law"])]
-        state = controllers.states[0][kind]
-        if LAWS[kind].FALLBACK is not None:
+        state = own_state(controllers.states[0], type(law), law.kind)
+        if law.FALLBACK is not None:
             state = state["fallback"]
         self._diagnosis = state["diagnosis"] if "diagnosis" in (state.dtype.names or ()) else None
         self._lost = [False] * len(ACTUATORS)

@@ -224,6 +224,10 @@ class Modes:
             self._set_armed(False)
         return _ACCEPTED
 
+    def disarm_at_once(self) -> None:
+        """Disarm, also in flight."""
+        self._set_armed(False)
+
     def start_mission(self, seq: int = 1) -> int:
         """Execute MAV_CMD_MISSION_START of the whole mission.
 

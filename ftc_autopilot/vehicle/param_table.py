@@ -16,19 +16,22 @@ import numpy as np
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from ftc_autopilot.common.records import in_si
+from ftc_autopilot.common.records import in_si, record_dtype
 from ftc_autopilot.common.schedule import Schedule
 from ftc_autopilot.config import AutopilotConfig
+from ftc_autopilot.control.controller import number_of
 from ftc_autopilot.control.controllers import NOT_STARTED, Controllers
-from ftc_autopilot.control.laws import KINDS, LAWS
+from ftc_autopilot.control.laws import own_parameters
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.laws.surviving.gains import LoopWeights
-from ftc_autopilot.control.triggers import MODES, TRIGGERS
+from ftc_autopilot.control.triggers import MODES, PLUGIN_MODE, TRIGGERS, trigger_of
 from ftc_autopilot.control.triggers.base import TriggerParameters
+from ftc_autopilot.control.triggers.plugin import own_record
 from ftc_autopilot.guidance.formation import FormationParameters
 from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
 from ftc_autopilot.guidance.laws.base import GuidanceParameters
 from ftc_autopilot.hot.hot_state import HotState
+from ftc_autopilot.plugins.models import PLUGIN, owned
 from mavlink_defs import dialect
 from mavlink_defs.config.quantity import Quantity, describe
 from mavlink_defs.services.param import MAX_NAME
@@ -124,15 +127,18 @@ def parameters_of(
 ) -> list[Parameter]:
     """Return all parameters of a vehicle: of trigger, law, guidance, formation, identity."""
     records, kind = controllers.parameters, config.controller.kind
+    law = type(config.controller)
     found = [
         *trigger_tunables(records),
         *trigger_tunables(records, config.trigger.mode),
         *tunables(LawParameters, records["common"]),
-        *law_tunables(LAWS[kind], records[kind]),
+        *law_tunables(law, own_parameters(records, law, kind)),
     ]
     guidance = config.guidance.kind  # its gains; limits belong to the path, which is made once
-    gains = records["guidance"][guidance]
-    found += tunables(GUIDANCE_LAWS[guidance], gains, "GUID_", base=GuidanceParameters)
+    guidance_law, gains = type(config.guidance), records["guidance"]
+    own = owned(gains[PLUGIN], record_dtype(guidance_law, GuidanceParameters))
+    gains = gains[guidance] if guidance in GUIDANCE_LAWS else own
+    found += tunables(guidance_law, gains, "GUID_", base=GuidanceParameters)
     if config.formation is not None:
         found += tunables(FormationParameters, records["formation"], "FORM_")
 
@@ -148,7 +154,8 @@ def parameters_of(
         tunable.put(value)
 
     def put_mode(tunable: Tunable, value: float) -> None:
-        if 0 <= value < len(MODES) and not config.controller.goes_with(MODES[int(value)]):
+        mode = (*MODES, config.trigger.mode)[int(value)] if 0 <= value <= PLUGIN_MODE else ""
+        if mode and not config.controller.goes_with(mode):
             raise ParamValueError(f"is {value:g}, which does not go with the law {kind}")
         tunable.put(value)
         controllers.states["trigger"] = np.zeros((), controllers.states.dtype["trigger"])
@@ -158,7 +165,7 @@ def parameters_of(
         "MAV_TYPE": dialect.MAV_TYPE_FIXED_WING,
         "MAV_AUTOPILOT": config.mav_autopilot,
         "STEP_US": config.step_us,
-        "CTRL_LAW": KINDS.index(kind),
+        "CTRL_LAW": number_of(kind),
     }
     parameters = [
         Parameter(name, INT32, partial(float, value)) for name, value in read_only.items()
@@ -192,10 +199,16 @@ def trigger_tunables(records: np.ndarray, mode: str | None = None) -> Iterator[T
     record, prefix = records["trigger"], "TRIG_"
     if mode is None:
         doc = ", ".join(f"{i} {each}" for i, each in enumerate(MODES))
-        quantity = Quantity("", None, 0, None, len(MODES) - 1, doc)
+        own = int(records["mode"][0])
+        doc += f", {PLUGIN_MODE} a plug-in" if own == PLUGIN_MODE else ""
+        quantity = Quantity("", None, 0, None, max(len(MODES) - 1, own), doc)
         cells = records["mode"].reshape(1, 1)
         yield Tunable(f"{prefix}MODE", "mode", INT32, quantity, _ALWAYS, cells, 1.0)
         yield from tunables(TriggerParameters, record, prefix)
+    elif mode not in MODES:
+        trigger = trigger_of(mode)
+        own = owned(record[PLUGIN], own_record(trigger))
+        yield from tunables(trigger, own, prefix, base=TriggerParameters)
     elif mode in (record.dtype.names or ()):
         yield from tunables(TRIGGERS[mode], record[mode], prefix, base=TriggerParameters)
 

@@ -99,8 +99,8 @@ class Vehicle:
         self.modes = Modes(config, hot, controllers, path, self.say)
         self._guided = Guided(config.origin, self.modes, controllers, self.say)
         self._mission = Mission(own, self.modes, self._home, self._guided.fly_to_item, self.say)
-        self._controller = ControllerMessages(hot, controllers)
-        self._diagnosis = DiagnosisMessages(hot, controllers)
+        self._controller = ControllerMessages(hot, controllers, config.controller)
+        self._diagnosis = DiagnosisMessages(hot, controllers, config.controller)
         self._formation = FormationMessages(config, hot, controllers, self.say)
         self._old_states = OldStates(hot)
         self._clock = VehicleClock(round(unix_s * 1e6))
@@ -237,6 +237,11 @@ class Vehicle:
         server, airspeed = self._mission.server, self.modes.path.airspeed
         mission = MissionCheckpoint(server.items, self._home.at, airspeed)
         return hash((server.revision, airspeed, self._home.at)), mission
+
+    def end_control(self, why: str) -> None:
+        """Disarm at once, as no law flies this aircraft any more."""
+        self.modes.disarm_at_once()
+        self.say(dialect.MAV_SEVERITY_CRITICAL, f"{why}; disarmed")
 
     def farewell(self, text: str, severity: int = dialect.MAV_SEVERITY_NOTICE) -> None:
         """Send what is not yet reported, a last text and the final counters: the process ends."""

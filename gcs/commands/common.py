@@ -13,10 +13,12 @@ import numpy as np
 import typer
 from rich.console import Console
 
+from ftc_autopilot.plugins.loading import label as short_name
 from gcs.commands.options import SigningKeyOption
 from gcs.commands.progress import working
 from gcs.errors import BadInput
 from gcs.scenario.model import Scenario, load_scenario, scenario_of, scenario_tree
+from gcs.scenario.plugins import prepare_plugins
 from gcs.scenario.settings import label, values_of
 from mavlink_defs.config.inherit import PlaceError, merged, with_values
 from sitl_plant.plant_section import OwnPlant
@@ -119,7 +121,7 @@ def changed_scenario(
     for name in additions or ():
         tree = merged(tree, scenario_tree(name))
     values = values_of(settings or ())
-    changes += [f"{key} = {label(value)}" for key, value in values.items()]
+    changes += [f"{key} = {short_name(label(value))}" for key, value in values.items()]
     try:
         tree = with_values(tree, values, "--set")
     except PlaceError as problem:
@@ -174,9 +176,15 @@ def tell_heading(scenario: Scenario, console: Console) -> None:
 
 
 def warm_up(scenario: Scenario, console: Console) -> None:
-    """Compile the numeric core before processes need it, unless it is cached."""
+    """Compile the numeric core, and plug-ins, before processes need them, unless they are cached.
+
+    Raises:
+        BadInput: A plug-in cannot be used.
+    """
     from mavlink_defs.runtime.code_cache import cache_is_cold
 
+    for text in prepare_plugins(scenario):
+        console.print(text, soft_wrap=True)
     if not cache_is_cold():
         return
     from gcs.fleet.precompile import compile_everything, ctrl_c_while_compiling

@@ -1,6 +1,6 @@
 """``gcs scenarios``: list the scenarios that come with the package."""
 
-from gcs.scenario.bundled import SCENARIOS, addition_names, bundled_names
+from gcs.scenario.bundled import addition_names, bundled_names, file_of
 from gcs.scenario.model import scenario_tree
 from gcs.terminal import print_line
 from mavlink_defs.config.files import read
@@ -10,6 +10,8 @@ Examples:
 
 - gcs scenarios
 - gcs scenarios | grep rudder
+
+Other packages add theirs by the group of entry points ftc_sitl.scenarios.
 
 A name works wherever a file does: gcs fly paper/scenario1, gcs campaign campaigns/faults. The
 last ones are not scenarios but additions to one: gcs fly paper/scenario1 --with realistic
@@ -23,7 +25,7 @@ def scenarios() -> None:
     names = bundled_names()
     width = max(map(len, names))
     for name in names:
-        tree = read(SCENARIOS / f"{name}.yaml")
+        tree = read(file_of(name))
         print_line(f"{name:{width}}  {tree.get('description') or tree['name']}")
     for name in addition_names():
         print_line(f"{name:{width}}  --with {name} sets {', '.join(scenario_tree(name))}.")

@@ -69,7 +69,9 @@ class Collector:
             torn = [name for name, facts in names if facts is None]
             which = f" ends early: {', '.join(torn)}" if torn else " lacks steps of the plant"
             raise FlightLost(f"the recording{which}")
-        loss = plant["loss"]
+        failures = zip(ids, (facts.get("failure") for facts in complete), strict=True)
+        failed = [f"UAV {i}: {why}" for i, why in failures if why is not None]
+        loss = failed[0] if failed else plant["loss"]
         for i, facts in zip(ids, complete, strict=True):
             if self._next == self._scenario.steps and not facts["heard_end"]:
                 why = facts["loss"] or "its autopilot was stopped"
@@ -82,6 +84,7 @@ class Collector:
             wall_s=plant["wall_s"],
             loss=loss,
             restarts=restarts,
+            plugin_failed=bool(failed),
         )
 
     def remove(self) -> None:

@@ -11,13 +11,16 @@ from typing import NamedTuple
 import numpy as np
 
 from ftc_autopilot.control.controllers import Controllers, Source, begin_path, new_controllers
+from ftc_autopilot.control.plugin_failures import failure_of
 from ftc_autopilot.control.reference import profile_record
 from ftc_autopilot.control.stepping import (
     broadcast_if_triggered,
     controller_step,
+    has_failed,
     hear,
     publish_own_state,
 )
+from ftc_autopilot.plugins.loading import PluginError
 from gcs.errors import BadInput
 from gcs.results.path_following import paths_of
 from gcs.results.recording import Ending, Recording, Steps
@@ -94,11 +97,14 @@ def begin(scenario: Scenario) -> Flight:
     """Return a flight before its first step, with its faults.
 
     Raises:
-        BadInput: A simulator cannot fly it.
+        BadInput: A simulator, or a plug-in, cannot fly it.
     """
     ids = tuple(uav.id for uav in scenario.uavs)
     configs = [scenario.autopilot_config(uav_id) for uav_id in ids]
-    controllers = new_controllers(configs)
+    try:
+        controllers = new_controllers(configs)
+    except PluginError as problem:
+        raise BadInput(str(problem)) from problem
     sources = np.full(controllers.weights.shape, -1)
     for i, config in enumerate(configs):
         for d, neighbour in enumerate(config.neighbours):
@@ -149,15 +155,18 @@ def fly_on(
 
     run(first, room(first, first))  # loads the code
     started = time.perf_counter()
-    step, loss = first, None
+    step, loss, failure = first, None, None
     while step < scenario.steps and loss is None:
         chunk = room(step, min(step + _CHUNK_STEPS, scenario.steps))
         flown, lost = run(step, chunk)
         step += flown
         if lost >= 0:
             t = step * scenario.step_us / 1e6
+            last_s = (step - 1) * scenario.step_us / 1e6
+            failure = failure_of(controllers, lost, scenario, last_s)
             why = outside.failures.get(lost) or loss_of(fleet, lost)
             loss = f"UAV {ids[lost]} was lost at {t:.3f} s: {why}"
+            loss = loss if failure is None else f"UAV {ids[lost]}: {failure}"
         if on_steps is not None:
             on_steps(chunk.part(0, flown))
         if on_progress is not None:
@@ -168,6 +177,7 @@ def fly_on(
         repeats=np.zeros((len(ids), N_CHANNELS), np.int64),
         wall_s=time.perf_counter() - started,
         loss=loss,
+        plugin_failed=failure is not None,
     )
 
 
@@ -241,6 +251,9 @@ def run_steps(
         lost = fly(fleet, first + k, step_us)
         if lost == ADVANCE:
             break
+        for i in range(n - 1, -1, -1):
+            if has_failed(controllers, i):
+                lost = i
         for i in range(n):
             copy_values(applied[k, i], fleet.applied[i])
         k += 1

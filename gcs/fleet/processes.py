@@ -17,11 +17,13 @@ from pathlib import Path
 from types import MappingProxyType, TracebackType
 from typing import Self, TypeVar
 
+from ftc_autopilot.config import PLUGIN_FAILED
 from gcs.errors import BadInput, FlightLost, PortInUse
 from gcs.fleet.forked import FORKS, Forked, ForkServer, program, without_threads
 from gcs.fleet.relays import through
 from gcs.fleet.restarts import MOST_IN_A_ROW, Restarts
 from gcs.scenario.model import Scenario
+from gcs.scenario.plugins import libraries_of
 from mavlink_defs.config.files import dump
 from mavlink_defs.endpoint import EndpointError, PortTaken, UdpAddress, bind_udp, free_ports
 from mavlink_defs.runtime.spool import SpoolReader
@@ -165,6 +167,7 @@ class FleetProcesses:
         self._restart = restart
         self._autopilot_processes = autopilot_processes
         self._crashes = {f"uav{uav}": list(steps) for uav, steps in crashes.items()}
+        self._libraries = libraries_of(scenario.controller, scenario.trigger, scenario.guidance)
         self._restarts = Restarts()
         self._restarted: list[str] = []
         self._ground_stations = tuple(map(str, ground_stations))
@@ -239,6 +242,10 @@ class FleetProcesses:
             status = process.popen.poll()
             if process.name in self._given_up:
                 continue
+            if status == PLUGIN_FAILED and process.name != _PLANT:
+                if self.plant_returncode is None:
+                    self._processes[0].popen.terminate()  # the flight is over
+                continue
             if status == BadInput.exit_status:
                 if self._endless and self._restarts.counts[process.name]:
                     self._give_up(process, process.last_line())
@@ -251,8 +258,15 @@ class FleetProcesses:
                 raise BadInput(process.last_line())
             if status and self._is_torn(process):
                 if process.name == _PLANT or not self._restart:
-                    raise FlightLost(f"{process.name}: {process.last_line()}")
+                    raise FlightLost(f"{process.name}: {self._reason_of(process)}")
                 self._start_again(process)
+
+    def _reason_of(self, process: _Process) -> str:
+        """Return the last line of a process, and what may be behind its end by a signal."""
+        reason, killed = process.last_line(), (process.popen.returncode or 0) < 0
+        if killed and process.name != _PLANT and self._libraries:
+            reason += f"; it flew the shared library {' and '.join(self._libraries)}"
+        return reason
 
     def _is_torn(self, process: _Process) -> bool:
         """Return whether a process ended without the end of its recording."""
@@ -319,7 +333,7 @@ class FleetProcesses:
         arguments = [*configs, *options]
         if self._record:
             arguments += itertools.chain(*(("--record", str(path)) for path in recordings))
-            arguments += ["--record-optional"] if self._endless else []
+        arguments += ["--record-optional"] if self._endless else []
         log.write_bytes(b"")
         addresses = [UdpAddress(self._scenario.links.host, port) for port in ports]
         popen = self._launched(name, arguments, log)
@@ -332,9 +346,12 @@ class FleetProcesses:
             FlightLost: It has failed too often.
             OSError: A file cannot be written; with `endless` the process is given up instead.
         """
-        now, reason = time.monotonic(), process.last_line()
+        now, reason = time.monotonic(), self._reason_of(process)
         due = self._restarts.is_due(process.name, now)
         if due is None:
+            if self._endless and self._libraries:
+                self._give_up(process, f"{reason}, {MOST_IN_A_ROW + 1} times in a row")
+                return
             text = f"{process.name}: {reason}, {MOST_IN_A_ROW + 1} times in a row"
             raise FlightLost(f"{text} soon after its start")
         if not due:

@@ -71,6 +71,7 @@ class Ending:
         wall_s: Wall-clock time that the simulated time took [s].
         loss: Why the flight was lost; None if it was not.
         restarts: How often each autopilot was started again; empty: none could be.
+        plugin_failed: Whether it was lost because a plug-in failed.
     """
 
     mode: Mode
@@ -79,6 +80,7 @@ class Ending:
     wall_s: float
     loss: str | None
     restarts: tuple[int, ...] = ()
+    plugin_failed: bool = False
 
 
 @dataclass(frozen=True)
@@ -99,6 +101,7 @@ class Recording:
         wall_s: Wall-clock time that the simulated time took [s].
         loss: Why the flight was lost; None if it was not.
         restarts: How often each autopilot was started again, length n; empty if none was.
+        plugin_failed: Whether it was lost because a plug-in failed.
     """
 
     mode: Mode
@@ -112,6 +115,7 @@ class Recording:
     wall_s: float
     loss: str | None
     restarts: tuple[int, ...] = ()
+    plugin_failed: bool = False
 
     @classmethod
     def of(cls, steps: Steps, ending: Ending, uav_ids: tuple[int, ...], step_us: int) -> Self:
@@ -128,6 +132,7 @@ class Recording:
             wall_s=ending.wall_s,
             loss=ending.loss,
             restarts=ending.restarts,
+            plugin_failed=ending.plugin_failed,
         )
 
     @property
@@ -139,7 +144,13 @@ class Recording:
     def ending(self) -> Ending:
         """What is known of the flight besides its steps."""
         return Ending(
-            self.mode, len(self.states), self.repeats, self.wall_s, self.loss, self.restarts
+            self.mode,
+            len(self.states),
+            self.repeats,
+            self.wall_s,
+            self.loss,
+            self.restarts,
+            self.plugin_failed,
         )
 
     @property

@@ -47,7 +47,7 @@ def summary_of(tally: Tally, ending: Ending, scenario: Scenario) -> FlightSummar
     duration_s, wall_s, loss = ending.steps * scenario.step_us / 1e6, ending.wall_s, ending.loss
     if loss is None and ending.steps < scenario.steps:
         loss = f"stopped at {duration_s:g} s of {scenario.duration_s:g} s"
-    loss = _control_failure(uavs, loss)
+    loss = loss if ending.plugin_failed else _control_failure(uavs, loss)
     return FlightSummary(
         scenario=scenario.name,
         completed=loss is None,

@@ -10,6 +10,7 @@ from typing import Any
 
 from gcs.scenario.bundled import find_aircraft
 from gcs.scenario.mission import with_mission_file
+from gcs.scenario.plugins import with_plugins
 from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import merged, read_inherited
 from mavlink_defs.config.models import ConfigError, Loc, Problem
@@ -52,7 +53,7 @@ def load_aircraft(name: str) -> Aircraft:
 def with_named_files(path: Path | str, tree: dict[Any, Any]) -> dict[Any, Any]:
     """Return the tree of a scenario with the content of the aircraft and mission files it names.
 
-    A folder that its plant names, beside the file, is named from the root.
+    A folder that its plant names, and a file with a law, beside the file, are named from the root.
 
     Args:
         path: The file that the tree is of.
@@ -61,7 +62,8 @@ def with_named_files(path: Path | str, tree: dict[Any, Any]) -> dict[Any, Any]:
     Raises:
         ConfigError: A file cannot be used.
     """
-    tree = _with_folder(Path(path).parent, with_mission_file(path, tree))
+    tree = with_plugins(path, with_mission_file(path, tree))
+    tree = _with_folder(Path(path).parent, tree)
     tree = _with_own_aircraft(path, tree)
     name = tree.get("aircraft")
     if not isinstance(name, str):

@@ -1,5 +1,8 @@
 """The scenarios that come with the package, by name: ``paper/scenario1``.
 
+Other packages register folders of theirs in the group of entry points ``ftc_sitl.scenarios``: what
+lies there is ``NAME/FILE``, and so is an aircraft of its folder ``aircraft``.
+
 Beside their folders are additions: files that are no scenarios by themselves but to be merged
 into one, by name as well: ``realistic``.
 
@@ -7,8 +10,12 @@ Where a command takes a scenario, an existing file takes precedence over a bundl
 """
 
 import difflib
+import functools
+from importlib.util import find_spec
 from pathlib import Path
 
+from ftc_autopilot.plugins.loading import SCENARIOS as GROUP
+from ftc_autopilot.plugins.loading import registered
 from mavlink_defs.config.models import ConfigError, Problem
 
 _PACKAGE = Path(__file__).parents[1]
@@ -22,8 +29,31 @@ AIRCRAFT = _PACKAGE / "bundled_aircraft" if _INSTALLED.is_dir() else _PACKAGE.pa
 
 
 def aircraft_names() -> list[str]:
-    """Return the names of all bundled aircraft, sorted."""
-    return sorted(path.stem for path in AIRCRAFT.glob("*.yaml"))
+    """Return the names of all bundled aircraft, sorted, and those that other packages register."""
+    return [*sorted(path.stem for path in AIRCRAFT.glob("*.yaml")), *sorted(_of_others("aircraft"))]
+
+
+def file_of(name: str) -> Path:
+    """Return the file of a name in `bundled_names` or `addition_names`."""
+    return _of_others().get(name) or SCENARIOS / f"{name}.yaml"
+
+
+@functools.cache
+def _of_others(below: str = "") -> dict[str, Path]:
+    """Return the files of other packages by name: scenarios, or those in a folder of theirs."""
+    found = {}
+    for name, point in registered(GROUP).items():
+        try:
+            spec = find_spec(point.value)
+        except ImportError:
+            spec = None
+        for place in () if spec is None else spec.submodule_search_locations or ():
+            folder = Path(place) / below
+            for path in folder.glob("**/*.yaml"):
+                part = path.relative_to(folder).with_suffix("").as_posix()
+                if below or not part.startswith("aircraft/"):
+                    found[f"{name}/{part}"] = path
+    return found
 
 
 def find_aircraft(folder: Path, name: str) -> Path:
@@ -37,7 +67,7 @@ def find_aircraft(folder: Path, name: str) -> Path:
         return path
     stem = name.removesuffix(".yaml")
     if stem in (names := aircraft_names()):
-        return AIRCRAFT / f"{stem}.yaml"
+        return _of_others("aircraft").get(stem) or AIRCRAFT / f"{stem}.yaml"
     alike = difflib.get_close_matches(stem, names, n=1)
     meant = f"; did you mean '{alike[0]}'?" if alike else ""
     text = f"no such file, and no bundled aircraft of that name{meant}"
@@ -46,9 +76,10 @@ def find_aircraft(folder: Path, name: str) -> Path:
 
 
 def bundled_names() -> list[str]:
-    """Return the names of all bundled scenarios, sorted."""
+    """Return the names of all bundled scenarios, sorted, and those that other packages register."""
     files = SCENARIOS.glob("*/**/*.yaml")
-    return sorted(path.relative_to(SCENARIOS).with_suffix("").as_posix() for path in files)
+    ours = sorted(path.relative_to(SCENARIOS).with_suffix("").as_posix() for path in files)
+    return [*ours, *sorted(_of_others())]
 
 
 def addition_names() -> list[str]:
@@ -83,7 +114,7 @@ def _find(path: Path, name: str) -> Path:
     names = bundled_names() + addition_names()
     requested = name.removesuffix(".yaml")
     if requested in names:
-        return SCENARIOS / f"{requested}.yaml"
+        return file_of(requested)
     if path.is_dir():
         return path
     stem = requested.rpartition("/")[2]

@@ -14,7 +14,13 @@ from pydantic import Field, model_validator
 from ftc_autopilot.common.geography import Origin
 from ftc_autopilot.config import AutopilotConfig, Identity
 from ftc_autopilot.control.communication_graph import formation_problems
-from ftc_autopilot.control.config import Neighbour, law_problems, trigger_problems
+from ftc_autopilot.control.config import (
+    Neighbour,
+    law_problems,
+    plugin_problems,
+    plugins_of,
+    trigger_problems,
+)
 from ftc_autopilot.control.laws import Controller
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.triggers import Trigger
@@ -108,6 +114,11 @@ class Scenario(Model):
     guidance: Guidance = Field(
         default=PathFollowing(), description="Guidance law of every UAV on a path."
     )
+    plugins: Annotated[dict[str, str], AtMost(100)] = Field(
+        default={},
+        description="Digest of the code of each plug-in, by its name: filled in when the scenario "
+        "is read. Other code is not flown.",
+    )
     uavs: Annotated[tuple[ScenarioUav, ...], AtMost(LAST_SYSTEM)] = Field(
         min_length=1, description="The fleet."
     )
@@ -186,6 +197,7 @@ class Scenario(Model):
             trigger=self.trigger,
             formation_trigger=links.formation.trigger,
             guidance=self.guidance,
+            plugins=plugins_of(self.controller, self.trigger, self.guidance),
             formation=self.formation,
             leader_access=self.network.leader_access.get(uav_id, 0.0),
             neighbours=tuple(
@@ -266,6 +278,7 @@ class Scenario(Model):
             self._aircraft_problems,
             lambda: trigger_problems(self.controller, self.trigger, self.step_us),
             self._law_problems,
+            lambda: plugin_problems(self.plugins, self.controller, self.trigger, self.guidance),
             self._hardware_problems,
             self._plant_problems,
             self._network_problems,

@@ -4,10 +4,12 @@ import json
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import yaml
 
+from ftc_autopilot.plugins.loading import resolved
 from gcs.errors import BadInput
 from mavlink_defs.config.models import repeated
 from mavlink_defs.config.yaml_text import parse_yaml
@@ -60,7 +62,14 @@ def _parse_axis(text: str, option: str) -> Axis:
         )
     for _, problem in found:
         raise BadInput(f"{option} {key}: {problem}", "leave one of them out")
-    return Axis(key, tuple(values))
+    return Axis(key, tuple(map(_from_here, values)))
+
+
+def _from_here(value: Any) -> Any:
+    """Return a value in which a file with a plug-in, FILE.py:CLASS, is named from the root."""
+    if isinstance(value, dict):
+        return {key: _from_here(inner) for key, inner in value.items()}
+    return resolved(value, Path.cwd()) if isinstance(value, str) else value
 
 
 def values_of(settings: Sequence[str], option: str = "--set") -> dict[str, Any]:

@@ -5,21 +5,27 @@ not on the wire, so a value that its scenario has differs from the default like 
 set in flight.
 """
 
+import contextlib
 import functools
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 
 import numpy as np
 
 from ftc_autopilot.common.records import fill
 from ftc_autopilot.control.controller import PARAMETERS
-from ftc_autopilot.control.laws import KINDS, LAWS
+from ftc_autopilot.control.laws import KINDS, LAWS, PLUGIN_LAW, law_of, own_parameters
 from ftc_autopilot.control.laws.base import LawParameters
-from ftc_autopilot.control.triggers import MODES, TRIGGERS
+from ftc_autopilot.control.triggers import MODES, TRIGGERS, trigger_of
+from ftc_autopilot.control.triggers.base import TriggerParameters
+from ftc_autopilot.control.triggers.plugin import own_record
 from ftc_autopilot.control.triggers.static import PerChannel
 from ftc_autopilot.guidance.formation import FormationParameters
 from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
 from ftc_autopilot.guidance.laws.base import GuidanceParameters
+from ftc_autopilot.plugins.loading import LAWS as LAW_GROUP
+from ftc_autopilot.plugins.loading import TRIGGERS as TRIGGER_GROUP
+from ftc_autopilot.plugins.loading import PluginError, registered
 from ftc_autopilot.vehicle.param_table import Tunable, law_tunables, trigger_tunables, tunables
 from gcs.station.param_file import READ_ONLY
 from mavlink_defs.config.quantity import Quantity
@@ -36,7 +42,8 @@ _FIXED = {
     "MAV_TYPE": "MAV_TYPE of the heartbeat, read only.",
     "MAV_AUTOPILOT": "MAV_AUTOPILOT of the heartbeat, read only.",
     "STEP_US": "Control period, read only.",
-    "CTRL_LAW": ", ".join(f"{i} {kind}" for i, kind in enumerate(LAWS)) + "; read only.",
+    "CTRL_LAW": ", ".join(f"{i} {kind}" for i, kind in enumerate(LAWS))
+    + f", {PLUGIN_LAW} a plug-in; read only.",
 }
 
 
@@ -62,10 +69,40 @@ def defaults_of(held: Iterable[Param]) -> Defaults:
     """
     values = {param.name: param.value for param in held}
     law = values.get("CTRL_LAW", math.nan)
-    if law not in range(len(KINDS)):
+    if law not in range(len(KINDS) + 1):
         return {}
-    known = _defaults(KINDS[int(law)])
+    kind = KINDS[int(law)] if law != PLUGIN_LAW else _plugin_with(values)
+    known = {} if kind is None else _defaults(kind)
     return {name: known[name] for name in values if name in known}
+
+
+def _plugin_with(names: Collection[str]) -> str | None:
+    """Return the installed law whose parameters a vehicle has; None if there is not just one."""
+    found = [
+        kind
+        for kind, law in _plugins().items()
+        if all(one.name in names for one in law_tunables(law, np.zeros(1, law.record())))
+    ]
+    return found[0] if len(found) == 1 else None
+
+
+@functools.cache
+def _plugins() -> dict[str, type[LawParameters]]:
+    """Return the laws that other packages register and that can be used, by name."""
+    found: dict[str, type[LawParameters]] = {}
+    for name in registered(LAW_GROUP).keys() - LAWS.keys():
+        with contextlib.suppress(PluginError):
+            found[name] = law_of(name)
+    return found
+
+
+def _trigger_tunables() -> Iterator[Tunable]:
+    """Yield the numbers of the triggers that other packages register."""
+    for mode in registered(TRIGGER_GROUP).keys() - TRIGGERS.keys():
+        with contextlib.suppress(PluginError):
+            trigger = trigger_of(mode)
+            own = np.zeros(1, own_record(trigger))
+            yield from tunables(trigger, own, "TRIG_", base=TriggerParameters)
 
 
 def differs(param: Param, defaults: Defaults) -> bool:
@@ -82,6 +119,9 @@ def _known() -> dict[str, Quantity]:
     fixed = {name: Quantity("", None, None, None, None, doc) for name, doc in _FIXED.items()}
     fixed["STEP_US"] = Quantity("us", None, None, None, None, _FIXED["STEP_US"])
     found = [tunable for kind in LAWS for tunable in _tunables(kind)]
+    for law in _plugins().values():
+        found += law_tunables(law, np.zeros(1, law.record()))
+    found += _trigger_tunables()
     return fixed | {tunable.name: tunable.quantity for tunable in reversed(found)}
 
 
@@ -93,14 +133,14 @@ def _defaults(kind: str) -> Defaults:
         values = dict.fromkeys(tunable.at(t) for t in tunable.times[: last + 1].tolist())
         if all(map(math.isfinite, values)):  # a key may stand for one of another section
             found.setdefault(tunable.name, tuple(values))
-    if not LAWS[kind].goes_with(PerChannel().mode):  # the scenario has to say which
+    if not law_of(kind).goes_with(PerChannel().mode):  # the scenario has to say which
         del found["TRIG_MODE"]
     return found
 
 
 def _tunables(kind: str) -> Iterator[Tunable]:
     """Yield what can be set in a vehicle with a law, at its default: of every trigger, too."""
-    law, trigger = LAWS[kind], PerChannel()
+    law, trigger = law_of(kind), PerChannel()
     records = np.zeros(1, PARAMETERS)
     records["mode"] = MODES.index(trigger.mode)
     fill(records["trigger"][0], trigger)
@@ -108,7 +148,8 @@ def _tunables(kind: str) -> Iterator[Tunable]:
         if mode in (records.dtype["trigger"].names or ()):
             fill(records["trigger"][mode][0], TRIGGERS[mode](mode=mode))
     fill(records["common"][0], law(kind=kind))
-    law(kind=kind).write_to(records[kind][0])
+    own = own_parameters(records, law, kind)
+    law(kind=kind).write_to(own[0])
     fill(records["formation"][0], FormationParameters())
     for name, guidance in GUIDANCE_LAWS.items():
         fill(records["guidance"][name][0], guidance(kind=name))
@@ -119,4 +160,4 @@ def _tunables(kind: str) -> Iterator[Tunable]:
         yield from tunables(guidance, records["guidance"][name], "GUID_", base=GuidanceParameters)
     for mode in MODES:
         yield from trigger_tunables(records, mode)
-    yield from law_tunables(law, records[kind])
+    yield from law_tunables(law, own)

@@ -5,7 +5,8 @@ running the old code of a function that it calls from another file. Here every f
 folder of its own, whose name is a digest of that file, of every file that it imports, directly or
 not, of the versions of Python, numba and numpy, and of the processor that the code is made for.
 After a change only what depends on it is compiled again. Equal sources share their code, wherever
-they lie.
+they lie. A file of another project counts with what it imports of its own package or from beside
+it.
 
 The cache lies in ``$NUMBA_CACHE_DIR``, or ``$XDG_CACHE_HOME/ftc-sitl``, or
 ``~/.cache/ftc-sitl``. Where it cannot be written, every process compiles for itself what it
@@ -15,10 +16,12 @@ On x86 the code is made for any processor since about 2013 (x86-64-v3), so that 
 it; ``NUMBA_CPU_NAME`` chooses another. The bits of results do not depend on it.
 """
 
+import ast
 import contextlib
 import errno
 import functools
 import hashlib
+import importlib.util
 import os
 import pickle
 import platform
@@ -27,7 +30,7 @@ import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +65,8 @@ class DigestLocator(_UserProvidedCacheLocator):
     def __init__(self, function: Callable[..., object], file: str) -> None:
         """Locate the code of a function that is in a file."""
         super().__init__(function, file)
-        self._folder = _cache_folder / _digest_with_imports(_resolved(file))
+        further = _functions[function]
+        self._folder = _cache_folder / _digest_with_imports(_resolved(file), *further)
 
     @classmethod
     def from_function(cls, function: Callable[..., object], file: str) -> "DigestLocator | None":
@@ -78,8 +82,12 @@ class DigestLocator(_UserProvidedCacheLocator):
         return ""
 
 
-def add_to_cache(*variants: Callable[..., object]) -> bool:
+def add_to_cache(*variants: Callable[..., object], further: tuple[Path, ...] = ()) -> bool:
     """Let numba find the code of a function's variants in the cache.
+
+    Args:
+        variants: The variants, all of one file.
+        further: Files that their code depends on beside that file and what it imports.
 
     Returns:
         Whether it can lie there: not if the cache cannot be written, and not if the function is
@@ -87,8 +95,22 @@ def add_to_cache(*variants: Callable[..., object]) -> bool:
     """
     if _obstacle is not None or not _resolved(variants[0].__code__.co_filename).is_file():
         return False
-    _functions.update(variants)
+    _functions.update(dict.fromkeys(variants, further))
     return True
+
+
+def sources_of(file: Path) -> list[Path]:
+    """Return a file of another project and the files of that project that it imports, sorted.
+
+    What it imports must have been imported.
+    """
+    return [path for path in _with_imports(file) if not _is_ours(path)]
+
+
+def forget_sources() -> None:
+    """Read files again: one of another project has changed while this process runs."""
+    for known in (_content_digest, _digest_with_imports, _imports):
+        known.cache_clear()
 
 
 def forget_unreadable() -> bool:
@@ -174,35 +196,82 @@ def _resolved(name: str) -> Path:
 
 
 @functools.cache
-def _digest_with_imports(source: Path) -> str:
+def _digest_with_imports(source: Path, *further: Path) -> str:
     """Return a digest of a file and of all files of this project that its code depends on.
 
-    Other people's imports are not followed, so that the place of their files counts, too.
+    Of other people's files the place counts, too.
     """
+    place = source.relative_to(_ROOT) if source.is_relative_to(_ROOT) else source
+    files = _with_imports(source, *further)
+    return source_digest(files, f"{place} {_target}")[:16]
+
+
+def _with_imports(*sources: Path) -> list[Path]:
+    """Return files and all that they import, directly or not, sorted."""
     found: set[Path] = set()
-    waiting = [source]
+    waiting = list(sources)
     while waiting:
         path = waiting.pop()
         if path not in found:
             found.add(path)
             waiting += _imports(path)
-    place = source.relative_to(_ROOT) if source.is_relative_to(_ROOT) else source
-    files = sorted(_GENERATED.get(path, path) for path in found)
-    return source_digest(files, f"{place} {_target}")[:16]
+    return sorted(_GENERATED.get(path, path) for path in found)
+
+
+def _is_ours(source: Path) -> bool:
+    return any(source.is_relative_to(_ROOT / package) for package in _PACKAGES)
 
 
 @functools.cache
 def _imports(source: Path) -> list[Path]:
-    """Return the files of this project that a file imports."""
-    if source in _GENERATED:
+    """Return the files that a file imports of this project, and of its own one."""
+    if source in _GENERATED or source.suffix != ".py":
         return []
+    text = source.read_text(encoding="utf-8")
     names: list[str] = []
-    for package, members, module in _IMPORT.findall(source.read_text(encoding="utf-8")):
+    for package, members, module in _IMPORT.findall(text):
         names += [module or package]
         names += [f"{package}.{name}" for name in re.findall(r"\w+", members)]
     own = (name.replace(".", "/") for name in names if name.partition(".")[0] in _PACKAGES)
     files = [f"{_ROOT}/{name}{end}" for name in own for end in (".py", "/__init__.py")]
-    return [Path(file) for file in files if os.path.isfile(file)]
+    found = [Path(file) for file in files if os.path.isfile(file)]
+    return found if _is_ours(source) else [*found, *_imports_of_its_project(source, text)]
+
+
+def _imports_of_its_project(source: Path, text: str) -> Iterator[Path]:
+    """Yield what a file of another project imports of its package, or from beside it."""
+    top = source.parent
+    while (top / "__init__.py").is_file():
+        top = top.parent
+    own = source.relative_to(top).with_suffix("").parts
+    for node in ast.walk(ast.parse(text)):
+        names: list[str] = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            package = ".".join(own[: -node.level]) if node.level else ""
+            name = ".".join(filter(None, (package, node.module)))
+            names = [name, *(f"{name}.{alias.name}" for alias in node.names)]
+        for name in names:
+            file = _file_of(name) or source
+            beside = file.parent == source.parent
+            if beside or (top != source.parent and file.is_relative_to(top / _first(source, top))):
+                yield file
+
+
+def _file_of(module: str) -> Path | None:
+    """Return the file of a module; None if there is none of that name, or it is no Python."""
+    try:
+        spec = importlib.util.find_spec(module)
+    except (ImportError, AttributeError, ValueError):
+        return None
+    origin = "" if spec is None else spec.origin or ""
+    return _resolved(origin) if origin.endswith(".py") else None
+
+
+def _first(source: Path, top: Path) -> str:
+    """Return the name of the package below a folder that a file is in."""
+    return source.relative_to(top).parts[0]
 
 
 @functools.cache
@@ -247,7 +316,8 @@ def _choose_target() -> str:
 _settings["CACHE_LOCATOR_CLASSES"] = (
     f"{__name__}.{DigestLocator.__name__},{_settings['CACHE_LOCATOR_CLASSES'] or _FURTHER_LOCATORS}"
 )
-_functions: set[Callable[..., object]] = set()
+_functions: dict[Callable[..., object], tuple[Path, ...]] = {}
+"""Those whose code is cached, each with the further files that it depends on."""
 _cache_folder = _find_cache_folder()
 _obstacle = None if _settings["DISABLE_JIT"] else _find_obstacle()
 _target = _choose_target()

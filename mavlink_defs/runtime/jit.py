@@ -9,13 +9,14 @@ from types import FunctionType
 from typing import Any, TypeVar, cast
 
 import numba
-from numba.extending import overload
+from numba.extending import is_jitted, overload
 
 from mavlink_defs.runtime.code_cache import add_to_cache, forget_unreadable
 
 _F = TypeVar("_F", bound=Callable[..., object])
 
 _njit: Any = numba.njit  # whose types leave out some of its options
+_compiled_functions: set[Callable[..., object]] = set()
 
 
 def compiled(function: _F) -> _F:
@@ -26,6 +27,11 @@ def compiled(function: _F) -> _F:
     in numpy.
     """
     return _compiled(function, forceinline=False)
+
+
+def is_compiled(function: Callable[..., object]) -> bool:
+    """Return whether compiled code can call a function; none is with ``NUMBA_DISABLE_JIT=1``."""
+    return function in _compiled_functions or is_jitted(function)
 
 
 def inlined(function: _F) -> _F:
@@ -70,6 +76,7 @@ def _compiled(function: _F, forceinline: bool) -> _F:
 
     options_inside: Any = options | {"no_cpython_wrapper": True}
     overload(call, jit_options=options_inside, strict=False)(lambda *_, **__: inner)
+    _compiled_functions.add(call)
     return cast(_F, call)
 
 

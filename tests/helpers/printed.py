@@ -15,12 +15,15 @@ BY_ITSELF = {
     "fly": f"paper/scenario1 {SHORT} --in-process --record none --out OUT",
     "fly ": f"missions/race_track {SHORT} --in-process --record none --out OUT",
     "fly  ": "--campaign old --row 0 --in-process --record none --out OUT",
+    "guidance show": "path",
     "identify": "own:aerosonde --cruise 24",
+    "laws show": "surviving",
     "mission show": "missions/race_track",
     "profile check": "paper/scenario1",
     "scenarios": "",
     "sweep": f"paper/scenario1 {SHORT} --set trigger.mode=per_channel,joint "
     "--set uncertainty.coefficients=0.8,1.2 --jobs 1 --out OUT",
+    "triggers show": "dynamic",
     "trim": "paper/scenario1 --airspeed 50",
     "wire": "capture.pcap --period-us 1000",
 }
@@ -52,6 +55,7 @@ NO_TABLE = {
         "a line for each vehicle",
     ),
     **dict.fromkeys(("export", "key", "new", "record"), "names the file it has written"),
+    **dict.fromkeys(("guidance header", "laws header", "triggers header"), "a program in C"),
     "ardupilot": "waits for an ArduPilot; its tables are as of fly",
     "log": "the dashboard",
     "reproduce": "one sentence; its tables are in report.html",

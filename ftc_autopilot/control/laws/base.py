@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from ftc_autopilot.common.records import fill, record_dtype
-from ftc_autopilot.control.triggers import TRIGGERS
+from ftc_autopilot.control.triggers import trigger_of
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import quantity
 from sitl_plant.config import Aircraft
@@ -38,12 +38,14 @@ class LawParameters(Model):
             with a trigger that leaves this to the law, or one by the clock.
         FALLBACK: Parameters of a law that it may hand over to, all among its own; in its record
             they are a field `fallback`, as that law's own record.
+        LIBRARY: Of a plug-in: file of the shared library with its function, beside the class.
     """
 
     STATE: ClassVar[np.dtype] = np.dtype([])
     DERIVED: ClassVar[tuple[tuple[str, str, tuple[int, ...]], ...]] = ()
     SELECTS_CHANNELS: ClassVar[bool] = False
     FALLBACK: ClassVar[type["LawParameters"] | None] = None
+    LIBRARY: ClassVar[str | None] = None
 
     @classmethod
     def record(cls) -> np.dtype:
@@ -112,7 +114,7 @@ class LawParameters(Model):
     @classmethod
     def goes_with(cls, mode: str) -> bool:
         """Return whether a trigger can send the law: by the clock, or if both agree who selects."""
-        trigger = TRIGGERS[mode]
+        trigger = trigger_of(mode)
         return trigger.BY_CLOCK or trigger.LAW_SELECTS == cls.SELECTS_CHANNELS
 
     def by_clock(self) -> tuple[Self, ...]:

@@ -1,29 +1,42 @@
 """Triggers that a scenario can choose by name: when which command is transmitted.
 
 A trigger is one file: a model of its parameters, with its `mode` and the `STATE` that it keeps,
-and a compiled function. To register it, add the model to `Trigger` and the call to `decide`; the
-check of scenario files and the records that compiled code sees follow.
+and a compiled function. To register one of ours, add the model to `Trigger` and the call to
+`decide`; the check of scenario files and the records that compiled code sees follow. Triggers of
+other packages and files have one branch in common, `plugin`.
 """
 
 from typing import Annotated, Any, TypeAlias, get_args
 
 import numpy as np
-from pydantic import Discriminator, Tag
+from pydantic import BeforeValidator, Discriminator, SerializeAsAny, Tag
 
 from ftc_autopilot.control.triggers import static
 from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters
 from ftc_autopilot.control.triggers.dynamic import Dynamic, dynamic
 from ftc_autopilot.control.triggers.periodic import Periodic, Times, clock, periodic
 from ftc_autopilot.control.triggers.periodic_event import PeriodicEvent, periodic_event
+from ftc_autopilot.control.triggers.plugin import load_trigger, plugin_trigger
 from ftc_autopilot.control.triggers.scaled import Scaled, scaled
 from ftc_autopilot.control.triggers.self_triggered import SelfTriggered, self_triggered
+from ftc_autopilot.plugins.loading import TRIGGERS as GROUP
+from ftc_autopilot.plugins.models import PLUGIN, PLUGIN_TAG, is_plugin, model_of
 from mavlink_defs.runtime.jit import compiled
 
 
 def _mode(value: Any) -> Any:
-    if isinstance(value, dict):
-        return value.get("mode", "per_channel")
-    return getattr(value, "mode", "per_channel")
+    own = getattr(value, "mode", "per_channel")
+    mode = value.get("mode", "per_channel") if isinstance(value, dict) else own
+    return PLUGIN_TAG if is_plugin(mode, GROUP, MODES) else mode
+
+
+def trigger_of(mode: str) -> type[TriggerParameters]:
+    """Return the parameters' class of a trigger: one of ours, or a plug-in's.
+
+    Raises:
+        PluginError: The plug-in cannot be used.
+    """
+    return TRIGGERS.get(mode) or load_trigger(mode)
 
 
 Trigger: TypeAlias = Annotated[
@@ -34,15 +47,24 @@ Trigger: TypeAlias = Annotated[
     | Annotated[PeriodicEvent, Tag("periodic_event")]
     | Annotated[SelfTriggered, Tag("self")]
     | Annotated[static.Consequence, Tag("consequence")]
-    | Annotated[Scaled, Tag("scaled")],
+    | Annotated[Scaled, Tag("scaled")]
+    | Annotated[
+        SerializeAsAny[TriggerParameters],
+        BeforeValidator(model_of("mode", trigger_of)),
+        Tag(PLUGIN_TAG),
+    ],
     Discriminator(_mode),
 ]
 """The parameters of any trigger, discriminated by `mode`."""
 
 TRIGGERS: dict[str, type[TriggerParameters]] = {
-    get_args(trigger)[1].tag: get_args(trigger)[0] for trigger in get_args(get_args(Trigger)[0])
+    get_args(trigger)[-1].tag: get_args(trigger)[0]
+    for trigger in get_args(get_args(Trigger)[0])[:-1]
 }
+"""Our own triggers by name."""
 MODES = tuple(TRIGGERS)
+PLUGIN_MODE = len(MODES)
+"""Number of a trigger that is a plug-in; ours have their index in `MODES`."""
 _JOINT = MODES.index("joint")
 _PERIODIC = MODES.index("periodic")
 _DYNAMIC = MODES.index("dynamic")
@@ -95,4 +117,6 @@ def decide(now: Candidates, mode: int, parameters: np.void, states: np.void) -> 
         return static.consequence(now)
     if mode == _SCALED:
         return scaled(now, parameters["scaled"], states["scaled"])
+    if mode == PLUGIN_MODE:
+        return plugin_trigger(now, parameters[PLUGIN], states[PLUGIN])
     return static.per_channel(now)

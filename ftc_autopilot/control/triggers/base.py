@@ -20,12 +20,14 @@ class TriggerParameters(Model):
         BY_THRESHOLD: Whether an event means that (25), or (29), held.
         BY_CLOCK: Whether it sends by the clock, whatever the commands are.
         LAW_SELECTS: Whether the law selects which channels are sent, and when.
+        LIBRARY: Of a plug-in: file of the shared library with its function, beside the class.
     """
 
     STATE: ClassVar[np.dtype] = np.dtype([])
     BY_THRESHOLD: ClassVar[bool] = True
     BY_CLOCK: ClassVar[bool] = False
     LAW_SELECTS: ClassVar[bool] = False
+    LIBRARY: ClassVar[str | None] = None
 
     mode: str = Field(description="Name of the trigger.")
 

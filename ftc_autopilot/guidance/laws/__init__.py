@@ -4,12 +4,14 @@ A law is one file: a model of its parameters, with its `kind` and the `STATE` th
 updates, and three compiled functions. To register it, add the model to `Guidance` and
 `GUIDANCE_LAWS`, and its functions to `guide`, `pace_of` and `intention_of`, each for its index in
 `KINDS`, as the control laws are; the law that is left is `path`. The check of scenario files and
-the records that compiled code sees follow.
+the records that compiled code sees follow. Laws of other packages and files have one branch in
+common, `plugin`, behind `path`.
 """
 
-from typing import TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
+from pydantic import BeforeValidator, Discriminator, SerializeAsAny, Tag
 
 from ftc_autopilot.common.records import fill, record_dtype
 from ftc_autopilot.guidance.coordination import Coordination
@@ -20,31 +22,76 @@ from ftc_autopilot.guidance.laws.path_following import (
     path_law,
     path_pace,
 )
+from ftc_autopilot.guidance.laws.plugin import (
+    PLUGIN_PARAMETERS,
+    PLUGIN_STATE,
+    load_guidance,
+    own_record,
+    plugin_guidance,
+)
+from ftc_autopilot.plugins.loading import GUIDANCE_LAWS as GROUP
+from ftc_autopilot.plugins.models import PLUGIN, PLUGIN_TAG, is_plugin, model_of, owned
 from mavlink_defs.runtime.jit import compiled
 
-Guidance: TypeAlias = PathFollowing
-"""The parameters of any guidance law, discriminated by `kind`."""
-
 GUIDANCE_LAWS: dict[str, type[GuidanceParameters]] = {"path": PathFollowing}
+"""Our own laws by name."""
 KINDS = tuple(GUIDANCE_LAWS)
+PLUGIN_GUIDANCE = len(KINDS)
+"""Number of a law that is a plug-in; ours have their index in `KINDS`."""
+
+
+def _kind(value: Any) -> Any:
+    own = getattr(value, "kind", "path")
+    kind = value.get("kind", "path") if isinstance(value, dict) else own
+    return PLUGIN_TAG if is_plugin(kind, GROUP, KINDS) else kind
+
+
+def guidance_of(kind: str) -> type[GuidanceParameters]:
+    """Return the parameters' class of a guidance law: one of ours, or a plug-in's.
+
+    Raises:
+        PluginError: The plug-in cannot be used.
+    """
+    return GUIDANCE_LAWS.get(kind) or load_guidance(kind)
+
+
+Guidance: TypeAlias = Annotated[
+    Annotated[PathFollowing, Tag("path")]
+    | Annotated[
+        SerializeAsAny[GuidanceParameters],
+        BeforeValidator(model_of("kind", guidance_of)),
+        Tag(PLUGIN_TAG),
+    ],
+    Discriminator(_kind),
+]
+"""The parameters of any guidance law, discriminated by `kind`."""
 
 GUIDANCE_PARAMETERS = np.dtype(
     [
-        ("law", "i8"),  # index in KINDS
+        ("law", "i8"),  # index in KINDS, or PLUGIN_GUIDANCE
         ("common", record_dtype(GuidanceParameters)),
         *((kind, record_dtype(law, GuidanceParameters)) for kind, law in GUIDANCE_LAWS.items()),
+        (PLUGIN, PLUGIN_PARAMETERS),
     ]
 )
 
-GUIDANCE_STATE = np.dtype([(kind, law.STATE) for kind, law in GUIDANCE_LAWS.items()])
+GUIDANCE_STATE = np.dtype(
+    [*((kind, law.STATE) for kind, law in GUIDANCE_LAWS.items()), (PLUGIN, PLUGIN_STATE)]
+)
 
 
 def guidance_record(guidance: Guidance) -> np.void:
     """Turn the parameters of a guidance law into a record of `GUIDANCE_PARAMETERS`."""
     record: np.void = np.zeros(1, GUIDANCE_PARAMETERS)[0]
-    record["law"] = KINDS.index(guidance.kind)
     fill(record["common"], guidance)
-    fill(record[guidance.kind], guidance)
+    if guidance.kind in GUIDANCE_LAWS:
+        record["law"] = KINDS.index(guidance.kind)
+        fill(record[guidance.kind], guidance)
+    else:
+        record["law"] = PLUGIN_GUIDANCE
+        fill(record["path"], PathFollowing())
+        fill(record["path"], guidance)
+        fill(owned(record[PLUGIN], own_record(type(guidance))), guidance)
     return record
 
 
@@ -75,9 +122,13 @@ def guide(
         The path parameter [m].
     """
     limits = parameters["common"]
-    return path_law(
+    s = path_law(
         now, path, near, coordination, aircraft, limits, parameters["path"], state["path"], command
     )
+    if parameters["law"] == PLUGIN_GUIDANCE:
+        own, memory = parameters[PLUGIN], state[PLUGIN]
+        plugin_guidance(now, path, s, coordination, aircraft, limits, own, memory, command)
+    return s
 
 
 @compiled

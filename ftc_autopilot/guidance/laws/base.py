@@ -16,9 +16,11 @@ class GuidanceParameters(Model):
 
     Attributes:
         STATE: The law's memory between updates, all zero before the first one.
+        LIBRARY: Of a plug-in: file of the shared library with its function, beside the class.
     """
 
     STATE: ClassVar[np.dtype] = np.dtype([])
+    LIBRARY: ClassVar[str | None] = None
 
     kind: str = Field(description="Name of the law.")
 

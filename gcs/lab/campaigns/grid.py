@@ -16,6 +16,7 @@ from gcs.lab.campaigns.plan import Plan, rows_of
 from gcs.lab.campaigns.store import results_schema
 from gcs.scenario.code import code_digest, code_version
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
+from gcs.scenario.plugins import with_choices
 from gcs.scenario.settings import Axis, label
 from mavlink_defs.config.inherit import PlaceError, check_place, difference, with_values
 from mavlink_defs.config.models import ConfigError, Problem, ProblemKind
@@ -46,6 +47,8 @@ def plan_grid(files: Sequence[Path], axes: Sequence[Axis]) -> Grid:
     _check_keys(axes)
     named = _named(files)
     trees = {name: scenario_tree(file) for name, file in named.items()}
+    choices = {axis.key: axis.values for axis in axes}
+    trees = {name: with_choices(named[name], tree, choices) for name, tree in trees.items()}
     first, base = next(iter(trees.items()))
     campaign = Campaign(
         name=named[first].stem,

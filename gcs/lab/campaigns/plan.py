@@ -3,7 +3,7 @@
 import copy
 import difflib
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +17,7 @@ from gcs.lab.campaigns.store import results_schema
 from gcs.scenario.bundled import base_of
 from gcs.scenario.code import code_digest, code_version
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
+from gcs.scenario.plugins import with_choices, with_plugins
 from gcs.scenario.settings import is_number
 from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import PlaceError, value_at
@@ -104,9 +105,10 @@ def plan(campaign: Campaign, path: Path) -> Plan:
 
 def _planned(campaign: Campaign, path: Path) -> tuple[Plan, list[Problem]]:
     """Return the plan of the variants that can be used, and all problems except with draws."""
+    campaign = _with_plugins(campaign, path)
     try:
         file = base_of(path.parent, campaign.scenario)
-        tree = scenario_tree(file, is_base=True)
+        tree = with_choices(file, scenario_tree(file, is_base=True), _choices(campaign))
         scenario = scenario_of(file, tree)
     except ConfigError as error:
         problems = [Problem(("scenario",), line) for line in error.lines]
@@ -132,6 +134,31 @@ def _planned(campaign: Campaign, path: Path) -> tuple[Plan, list[Problem]]:
     if not of_variants:  # they decide which columns there are
         problems += _of_figures(flights)
     return Plan(mark, flights, draws, scenario), problems
+
+
+def _with_plugins(campaign: Campaign, path: Path) -> Campaign:
+    """Return a campaign whose variants name their plug-ins from the root, with their digests.
+
+    Raises:
+        ConfigError: One cannot be used.
+    """
+    variants = {}
+    for name, changes in campaign.variants.items():
+        try:
+            variants[name] = with_plugins(path, changes)
+        except ConfigError as error:
+            problems = [p._replace(loc=("variants", name, *p.loc)) for p in error.problems]
+            raise ConfigError(path, problems) from error
+    return campaign.model_copy(update={"variants": variants})
+
+
+def _choices(campaign: Campaign) -> dict[str, Sequence[Any]]:
+    """Return the values of the factors that choose among some, by key."""
+    return {
+        factor.key or name: factor.draw.values
+        for name, factor in campaign.factors.items()
+        if isinstance(factor.draw, Choice)
+    }
 
 
 _HARMLESS = {"duration_s": {"draw": {"kind": "choice", "values": [1.0]}, "relative": True}}

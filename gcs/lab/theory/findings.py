@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from ftc_autopilot.control.triggers import TRIGGERS
+from ftc_autopilot.control.triggers import trigger_of
 from gcs.lab.theory.check import Theory
 from gcs.lab.theory.judgement import Hypotheses, Judgement, Rate, Verdict
 
@@ -65,7 +65,7 @@ def _missing(theory: Theory) -> Iterator[str]:
 
 def _dwell(theory: Theory) -> Iterator[str]:
     period = theory.period_s
-    if not TRIGGERS[theory.trigger_mode].BY_THRESHOLD:
+    if not trigger_of(theory.trigger_mode).BY_THRESHOLD:
         yield (
             f"Trigger {theory.trigger_mode}: no event depends on the thresholds of (25), (29); no "
             "dwell time to bound."

@@ -4,7 +4,6 @@ Each addition is made in a copy of the packages that hold it, and flown there as
 """
 
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -44,26 +43,51 @@ def fly(copy: Path, tree: str, scenario: str = "paper/scenario1") -> str:
     return done.stdout
 
 
-def patched(text: str, diff: str) -> str:
-    """A text with the added lines of a diff without line numbers behind the lines before them."""
-    lines, at = text.splitlines(), 0
-    for line in diff.splitlines():
-        if line.startswith("+"):
-            lines.insert(at, line[1:])
-            at += 1
-        elif line != "@@":
-            at = lines.index(line[1:], at) + 1
-    return "\n".join(lines) + "\n"
+LAW = """
+from typing import Literal
+
+import numpy as np
+
+from ftc_autopilot.control.laws.base import LawParameters
+from ftc_autopilot.control.step import ALL, Command, Step
+from mavlink_defs.config.quantity import quantity
+from mavlink_defs.runtime.jit import compiled
 
 
-def test_a_law_is_one_file_and_its_registration(copy: Path) -> None:
-    """The law of the tutorial, word for word."""
-    page = (ROOT / "docs" / "tutorial" / "law.md").read_text()
-    (law,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
-    (diff,) = re.findall(r"```diff\n(.*?)```", page, re.DOTALL)
-    (copy / LAWS / "proportional.py").write_text(law)
-    registry = copy / LAWS / "__init__.py"
-    registry.write_text(patched(registry.read_text(), diff))
+class Proportional(LawParameters):
+    kind: Literal["proportional"] = "proportional"
+    attitude_gain: float = quantity("", gt=0.0, default=2.0, doc="Deflection per error.")
+
+
+@compiled
+def proportional_law(now: Step, gains: np.void) -> Command:
+    e, omega, k = now.errors.e, now.motion.omega, gains["attitude_gain"]
+    delta = (k * e[0] + 0.5 * omega[0], k * e[1] + 0.5 * omega[1], k * e[2] + 0.5 * omega[2])
+    return Command(delta, 900.0 - 300.0 * now.errors.V_tilde, ALL)
+"""
+
+
+def test_a_law_of_ours_is_one_file_and_its_registration(copy: Path) -> None:
+    (copy / LAWS / "proportional.py").write_text(LAW)
+    replaced(
+        copy / LAWS / "__init__.py",
+        (
+            "from ftc_autopilot.control.laws.proposed import",
+            "from ftc_autopilot.control.laws.proportional import Proportional, proportional_law\n"
+            "from ftc_autopilot.control.laws.proposed import",
+        ),
+        (
+            '    | Annotated[Tube, Tag("tube")]',
+            '    | Annotated[Proportional, Tag("proportional")]\n'
+            '    | Annotated[Tube, Tag("tube")]',
+        ),
+        (
+            "    if law == _PID:",
+            '    if law == KINDS.index("proportional"):\n'
+            '        return proportional_law(now, parameters["proportional"])\n'
+            "    if law == _PID:",
+        ),
+    )
     own = fly(copy, "'controller': {'kind': 'proportional', 'attitude_gain': 3.0}")
     assert own.startswith("None")
     assert own != fly(copy, "'controller': {'kind': 'pid'}")
@@ -131,9 +155,12 @@ def test_a_trigger_is_one_file_and_its_registration(copy: Path) -> None:
         ),
         (
             "    Discriminator(_mode),",
-            '    | Annotated[EveryNth, Tag("every_nth")],\n    Discriminator(_mode),',
+            "    Discriminator(_mode),",
         ),
-        ('Tag("scaled")],', 'Tag("scaled")]'),
+        (
+            '    | Annotated[Scaled, Tag("scaled")]',
+            '    | Annotated[EveryNth, Tag("every_nth")]\n    | Annotated[Scaled, Tag("scaled")]',
+        ),
         (
             "    return static.per_channel(now)",
             '    if mode == MODES.index("every_nth"):\n'
@@ -172,22 +199,14 @@ def test_a_guidance_law_is_one_file_and_its_registration(copy: Path) -> None:
     (laws / "gentle.py").write_text(GUIDANCE)
     replaced(
         laws / "__init__.py",
-        ("from typing import TypeAlias\n", "from typing import Annotated, TypeAlias\n"),
         (
             "from ftc_autopilot.guidance.laws.path_following import (",
-            "from pydantic import Discriminator, Tag\n"
             "from ftc_autopilot.guidance.laws.gentle import Gentle, gentle_law\n"
             "from ftc_autopilot.guidance.laws.path_following import (",
         ),
         (
-            "Guidance: TypeAlias = PathFollowing\n",
-            "def _kind(value):\n"
-            '    own = getattr(value, "kind", "path")\n'
-            '    return value.get("kind", "path") if isinstance(value, dict) else own\n'
-            "Guidance: TypeAlias = Annotated[\n"
-            '    Annotated[PathFollowing, Tag("path")] | Annotated[Gentle, Tag("gentle")],\n'
-            "    Discriminator(_kind),\n"
-            "]\n",
+            '    Annotated[PathFollowing, Tag("path")]',
+            '    Annotated[PathFollowing, Tag("path")] | Annotated[Gentle, Tag("gentle")]',
         ),
         ('{"path": PathFollowing}', '{"path": PathFollowing, "gentle": Gentle}'),
         (

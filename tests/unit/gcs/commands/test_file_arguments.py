@@ -112,7 +112,7 @@ def test_every_argument_that_is_a_file_is_read_here_or_written() -> None:
         if not hasattr(command, "commands"):
             yield from ((" ".join(names), parameter) for parameter in command.params)
 
-    known = set(READ) | {("compare", "new")}
+    known = set(READ) | {("compare", "new"), ("new", "project")}
     for command, parameter in walk(whole_command()):
         descriptor = getattr(parameter, "type_descriptor", None)
         if "Path" not in str(getattr(descriptor, "annotation", "")):

@@ -122,7 +122,7 @@ ONE_PROBLEM: list[tuple[dict[str, Any], str]] = [
     (
         {"controller.kind": "lqr"},
         "controller.kind: expected one of 'proposed', 'backstepping', 'pid', 'surviving', 'tube', "
-        "got 'lqr'",
+        "'FILE.py:CLASS', got 'lqr'",
     ),
     (
         {"trigger.a2_n.1.value": "1 N"},

@@ -1,0 +1,227 @@
+"""Values as a C function sees them: tuples of numbers in memory, and the call by an address.
+
+A tuple of floats, integers and such tuples lies in memory as a C struct of doubles and 64-bit
+integers, in order and without padding. Compiled code puts it on the stack.
+"""
+
+import ctypes
+import functools
+import struct
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, TypeAlias, TypeVar, cast, get_args, get_origin, get_type_hints
+
+import numba
+import numpy as np
+from llvmlite import ir
+from numba.core import types as numba_types
+from numba.core.errors import TypingError
+from numba.extending import intrinsic
+
+Buffer: TypeAlias = bytes | ctypes.Array[ctypes.c_char]
+T = TypeVar("T", bound=tuple[Any, ...])
+
+types: Any = numba_types  # without annotations
+_BYTES = ir.IntType(8).as_pointer()
+
+
+def layout_of(kind: Any) -> np.dtype:
+    """Return the memory of a tuple's type, such as a NamedTuple of floats and of other ones.
+
+    Raises:
+        TypeError: It holds something else than numbers.
+    """
+    if kind is float:
+        return np.dtype("f8")
+    if kind is int:
+        return np.dtype("i8")
+    if get_origin(kind) is tuple:
+        inner = {layout_of(part) for part in get_args(kind)}
+        if len(inner) == 1:  # of equal ones
+            return np.dtype((inner.pop(), (len(get_args(kind)),)))
+    elif isinstance(kind, type) and issubclass(kind, tuple):
+        hints = get_type_hints(kind)
+        return np.dtype([(name, layout_of(hints[name])) for name in hints])
+    raise TypeError(f"{kind} is no number and no tuple of numbers")
+
+
+def tuple_at(kind: type[T], memory: Buffer) -> T:
+    """Return a value of a tuple's type from memory of `layout_of` it."""
+    form, make = _reader_of(kind)
+    return cast(T, make(iter(form.unpack(memory))))
+
+
+def bytes_of(value: tuple[Any, ...]) -> bytes:
+    """Return the memory of a tuple, as `layout_of` its type.
+
+    Raises:
+        struct.error: It has other numbers.
+    """
+    form, _ = _reader_of(type(value))
+    return form.pack(*_flat(value))
+
+
+@functools.cache
+def _reader_of(kind: Any) -> tuple[struct.Struct, Callable[[Iterator[float]], Any]]:
+    return struct.Struct("=" + "".join(_codes(kind))), _maker_of(kind)
+
+
+def _parts(kind: Any) -> Iterable[Any]:
+    return get_args(kind) if get_origin(kind) is tuple else get_type_hints(kind).values()
+
+
+def _codes(kind: Any) -> Iterator[str]:
+    """Yield the code of each number as of the module struct."""
+    if kind in {float, int}:
+        yield "d" if kind is float else "q"
+    else:
+        for part in _parts(kind):
+            yield from _codes(part)
+
+
+def _maker_of(kind: Any) -> Callable[[Iterator[float]], Any]:
+    """Return what takes the numbers of a value in order and makes it."""
+    if kind in {float, int}:
+        return next
+    makers = [_maker_of(part) for part in _parts(kind)]
+    if get_origin(kind) is tuple:
+        return lambda numbers: tuple([make(numbers) for make in makers])
+    return lambda numbers: kind(*[make(numbers) for make in makers])
+
+
+def _flat(value: Iterable[Any]) -> Iterator[float]:
+    for part in value:
+        if isinstance(part, tuple):
+            yield from _flat(part)
+        else:
+            yield part
+
+
+def _check(kind: Any, declared: Any) -> None:
+    """Check that compiled code has the numbers that a tuple's type declares.
+
+    Raises:
+        TypingError: It has others.
+    """
+    if declared in {float, int}:
+        fits = kind == (types.float64 if declared is float else types.int64)
+    else:
+        parts = list(_parts(declared))
+        fits = isinstance(kind, types.BaseTuple) and len(kind) == len(parts)
+        for inner, part in zip(kind, parts, strict=True) if fits else ():
+            _check(inner, part)
+    if not fits:
+        raise TypingError(f"expected {declared}, got {kind}")
+
+
+@intrinsic
+def _call(_context: Any, address: Any, given: Any, preset: Any, records: Any) -> Any:
+    for one in (given, preset):
+        _check(one, one.instance_class)
+    result = types.Tuple([types.int64, preset])
+
+    def build(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        function, value, initial, pointers = arguments
+        out = _on_stack(builder, initial)
+        passed = [_on_stack(builder, value), out]
+        passed += [builder.extract_value(pointers, k) for k in range(len(records))]
+        status = _called(builder, function, passed)
+        return context.make_tuple(builder, result, [status, builder.load(out)])
+
+    return result(address, given, preset, records), build
+
+
+@intrinsic
+def _call_records(_context: Any, address: Any, records: Any) -> Any:
+    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        function, pointers = arguments
+        passed = [builder.extract_value(pointers, k) for k in range(len(records))]
+        return _called(builder, function, passed)
+
+    return types.int64(address, records), build
+
+
+@intrinsic
+def _load(_context: Any, pointer: Any, like: Any) -> Any:
+    def build(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        kind = context.get_value_type(like).as_pointer()
+        return builder.load(builder.bitcast(arguments[0], kind))
+
+    return like(pointer, like), build
+
+
+@intrinsic
+def _store(_context: Any, pointer: Any, value: Any) -> Any:
+    _check(value, value.instance_class)
+
+    def build(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        kind = context.get_value_type(value).as_pointer()
+        builder.store(arguments[1], builder.bitcast(arguments[0], kind))
+        return context.get_dummy_value()
+
+    return types.void(pointer, value), build
+
+
+def _on_stack(builder: Any, value: Any) -> Any:
+    """Return a pointer to a value on the stack of the function."""
+    with builder.goto_entry_block():
+        place = builder.alloca(value.type)
+    builder.store(value, place)
+    return place
+
+
+def _called(builder: Any, address: Any, pointers: Sequence[Any]) -> Any:
+    """Return the status of a C function as an int64."""
+    kind = ir.FunctionType(ir.IntType(32), [_BYTES] * len(pointers))
+    function = builder.inttoptr(address, kind.as_pointer())
+    status = builder.call(function, [builder.bitcast(pointer, _BYTES) for pointer in pointers])
+    return builder.sext(status, ir.IntType(64))
+
+
+def _plain_call(
+    address: int, given: tuple[Any, ...], preset: T, records: tuple[np.void, ...]
+) -> tuple[int, T]:
+    out = ctypes.create_string_buffer(bytes_of(preset))
+    value = ctypes.create_string_buffer(bytes_of(given))
+    status = _plainly_called(address, [value, out], records)
+    size = layout_of(type(preset)).itemsize
+    return status, tuple_at(type(preset), out.raw[:size])
+
+
+def _plain_call_records(address: int, records: tuple[np.void, ...]) -> int:
+    return _plainly_called(address, [], records)
+
+
+def _plainly_called(address: int, values: Sequence[Any], records: Sequence[np.void]) -> int:
+    """Call a C function with copies of records, which are copied back."""
+    copies = [np.array([record]) for record in records]
+    passed = [*values, *(copy.ctypes.data_as(ctypes.c_void_p) for copy in copies)]
+    status = c_function(len(passed))(int(address))(*passed)
+    for record, copy in zip(records, copies, strict=True):
+        for name in record.dtype.names or ():
+            record[name] = copy[0][name]
+    return int(status)
+
+
+@functools.cache
+def c_function(arguments: int) -> Any:
+    """Return the type of a C function of so many pointers that returns an int32."""
+    return ctypes.CFUNCTYPE(ctypes.c_int32, *[ctypes.c_void_p] * arguments)
+
+
+_plain = vars(numba.config)["DISABLE_JIT"]
+
+call: Any = _plain_call if _plain else _call
+"""Call a C function by its address (address, given, preset, records).
+
+Its arguments are pointers: to the tuple `given`, to the result, which is `preset` before, and to
+each of a tuple of records, which it may change. Returns its status and the result.
+"""
+
+call_records: Any = _plain_call_records if _plain else _call_records
+"""Call a C function by its address with pointers to records (address, records)."""
+
+load: Any = _load
+"""Return the tuple at a pointer (pointer, like); for compiled code."""
+
+store: Any = _store
+"""Write a tuple to a pointer (pointer, tuple); for compiled code."""
