@@ -48,7 +48,8 @@ struct ftc_motion {
     double V_dot;             /* from the accelerometer [m/s^2] */
     double specific_force[3]; /* [m/s^2] */
     double gravity[3];        /* [m/s^2] */
-    struct ftc_air air;
+    struct ftc_air air;       /* N has the propulsion's part */
+    double by_thrust[3];      /* the propulsion's part of air.N [N m] */
 };
 
 /* Errors against the reference and the neighbours, equations (31) and (32) of the paper. */
@@ -109,6 +110,11 @@ struct ftc_aircraft {
     double stall_sharpness;      /* [1/rad] */
     double thrust_limit;         /* [N] */
     double stops[3][2];          /* least and largest aileron, elevator, rudder [rad] */
+    int64_t thrust_rows;         /* of the table of the largest thrust; 0: it is thrust_limit */
+    double thrust_airspeeds[8];  /* [m/s], rising; thrust is linear in between, constant outside */
+    double thrust_most[8];       /* [N] */
+    double thrust_arms[3];       /* rolling, pitching, yawing moment by thrust [m] */
+    double thrust_lag;           /* [s] */
 };
 
 /* What a library exports. Functions return 0; anything else, or a command that is not finite, ends the

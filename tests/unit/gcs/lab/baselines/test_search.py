@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ftc_autopilot.control.laws.tube import Tube
+from ftc_autopilot.control.triggers.periodic import Periodic
 from gcs.errors import BadInput
 from gcs.fleet.in_process import fly_in_process
 from gcs.lab.baselines.baseline import Baseline, Search, find_baseline, find_robust
@@ -65,7 +66,7 @@ def with_iae(summary: FlightSummary, factor: float) -> FlightSummary:
 
 def periods_of(scenario: Scenario) -> dict[str, int]:
     trigger = scenario.trigger
-    assert trigger.mode == "periodic"
+    assert isinstance(trigger, Periodic)
     return {name: round(s * 1e6 / scenario.step_us) for name, s in trigger.by_channel().items()}
 
 
