@@ -38,6 +38,7 @@ COMMANDS = {
         "ardupilot",
         "Let ArduPilot SITLs fly a scenario's aircraft, with its faults, servos, wind and sensors.",
     ),
+    "runs": ("runs", "List what was flown, write a page of it, and add notes."),
     "export": (
         "export",
         "Convert the recording of a flight, light or full, to a format of other programs.",

@@ -110,10 +110,11 @@ class _Uncut(Table):
         least = natural
         for column in self.columns:
             cells, heading = list(map(str, column.cells)), str(column.header)
-            widest = _longest(line for text in (heading, *cells) for line in text.split("\n"))
+            lines = [line for cell in cells for line in cell.split("\n")]
+            widest = _longest((*lines, *heading.split("\n")))
             if column.no_wrap:
                 unbroken = re.findall(r"\[[^]]*\]|\S+", heading)  # a unit stays whole
-                column.min_width = max(_longest(cells), _longest(unbroken))
+                column.min_width = max(_longest(lines), _longest(unbroken))
                 column.max_width = column.min_width if natural > options.max_width else None
             else:
                 word = _longest(word for text in (heading, *cells) for word in text.split())
