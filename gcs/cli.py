@@ -47,7 +47,10 @@ COMMANDS = {
         "reproduce",
         "Fly the paper's scenarios and compare the results with its tables and figures.",
     ),
-    "compare": ("compare", "Test whether a campaign is worse than another one."),
+    "compare": (
+        "compare",
+        "Test whether a campaign is worse than another one, or show how two flights differ.",
+    ),
     "sweep": ("sweep", "Fly every combination of values, in process, on all cores."),
     "baseline": (
         "baseline",

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 _RUNS = Path("runs")
 _MANY = 100  # folders to read that are worth a bar
-_NARROW, _NARROW_NAME = 110, 17
+_NARROW, _NARROW_NAME = 110, 15
 """Terminals of fewer columns have names of at most so many in a line, broken at hyphens."""
 _GOOD, _BAD = "green", "bold red"
 _DONE = {"completed": _GOOD, "under_way": "yellow"}
@@ -189,7 +189,8 @@ def html(
     found = _listing(folder, False, quiet=quiet)
     runs = chosen(found.runs, conditions, sort)
     names = [_name_in(found, folder, run) for run in compare or ()]
-    runs.sort(key=lambda run: run.name not in names)  # those first, the others as they were
+    first = {name: place for place, name in enumerate(names)}
+    runs.sort(key=lambda run: first.get(run.name, len(first)))  # the others as they were
     path = out or folder / "index.html"
     with working(console_of(quiet=quiet), "drawing") as work:
         task = work.add("reading", min(figures, len(runs)), "runs")
