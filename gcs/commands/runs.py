@@ -268,15 +268,8 @@ def _table(runs: Sequence[Run], narrow: bool) -> "Table":
 def _name(run: Run, narrow: bool) -> Text:
     name = "\n".join(wrap(run.name, _NARROW_NAME)) if narrow else run.name
     kind = run.kind if run.flights in {None, 1} else f"{run.kind} of {run.flights}"
-    return Text.assemble((name, "bold"), f"\n{kind}\n{when(run.time)}")
-
-
-def when(time: str) -> str:
-    """Return a time of a run to the minute, in local time."""
-    try:
-        return datetime.fromisoformat(time).astimezone().strftime("%Y-%m-%d %H:%M")
-    except ValueError:
-        return time
+    begun = datetime.fromisoformat(run.time).astimezone()
+    return Text.assemble((name, "bold"), f"\n{kind}\n{begun:%Y-%m-%d %H:%M}")
 
 
 def _flown(run: Run) -> Text:

@@ -157,6 +157,7 @@ def read_mark(folder: Path) -> FlightMark | None:
         with open_file(path) as file:
             tree = parse(path, file.read().decode("utf-8"))
         if (schema := tree.pop("schema")) == SCHEMA:
+            datetime.fromisoformat(tree["started"])
             return FlightMark(**tree)
     except FileNotFoundError:
         return None

@@ -28,7 +28,7 @@ class Cell(NamedTuple):
 _COLUMNS: dict[str, Callable[[Run], Cell]] = {
     "run": lambda run: Cell(run.name),
     "kind": lambda run: Cell(run.kind),
-    "time": lambda run: Cell(_minute(run.time), _seconds(run.time)),
+    "time": lambda run: _moment(run.time),
     "scenario": lambda run: Cell(run.scenario),
     "changes": lambda run: Cell("\n".join(run.changes)),
     "law": lambda run: Cell(run.law),
@@ -166,15 +166,10 @@ def _number(value: float | None, shape: str) -> Cell:
     return Cell("") if value is None else Cell(shape.format(value), float(value))
 
 
-def _minute(time: str) -> str:
-    return time[:16].replace("T", " ")
-
-
-def _seconds(time: str) -> float | None:
-    try:
-        return datetime.fromisoformat(time).timestamp()
-    except ValueError:
-        return None
+def _moment(time: str) -> Cell:
+    """Return a time of a run to the minute, in local time."""
+    moment = datetime.fromisoformat(time).astimezone()
+    return Cell(moment.strftime("%Y-%m-%d %H:%M"), moment.timestamp())
 
 
 def _resource(name: str) -> str:

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterable, Mapping
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from gcs.results.flight_mark import DONE, INTERRUPTED, FlightMark, is_under_way,
 from gcs.results.quantities import QUANTITIES
 from gcs.results.run_folder import read_summary
 from gcs.results.store import EVENTS, TRAJECTORY, batches
-from gcs.runs.run import Kind, Outcome, Run
+from gcs.runs.run import Kind, Outcome, Run, utc
 from gcs.runs.scan import NOTE, SUMMARY, Found
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.config.user_files import open_file
@@ -77,7 +77,7 @@ def _of_mark(mark: FlightMark | None) -> dict[str, Any]:
     return {
         "kind": _KINDS.get(mark.command, "flight"),
         "planned": 1,
-        "time": mark.started,
+        "time": utc(datetime.fromisoformat(mark.started)),
         "scenario": mark.scenario,
         "title": mark.title,
         "changes": tuple(mark.changes),
@@ -205,4 +205,4 @@ def _reproduce(folder: Path) -> dict[str, Any]:
 
 def _time_of(path: Path) -> str:
     """Return when a file was written last."""
-    return datetime.fromtimestamp(path.stat().st_mtime).astimezone().isoformat(timespec="seconds")
+    return utc(datetime.fromtimestamp(path.stat().st_mtime, UTC))

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
 from typing import Any, Literal, Self, get_args
 
 from gcs.results.quantities import QUANTITIES
@@ -40,8 +41,8 @@ class Run:
     Attributes:
         name: Folder, relative to the one that is listed.
         kind: What made it.
-        time: When it began, ISO 8601 with the offset from UTC; for a flight of an earlier version
-            when its results were written.
+        time: When it began, as of `utc`; for a flight of an earlier version when its results were
+            written.
         scenario: As the user named it; for a flight of an earlier version the scenario's name.
         title: Name of the scenario, or of the campaign.
         changes: What was changed against the scenario, as on the command line.
@@ -117,3 +118,8 @@ class Run:
         rest["iae"] = {name: rest.pop(f"iae_{name}") for name in QUANTITIES}
         rest |= {name: tuple(rest[name]) for name in ("changes", "faults")}
         return cls(**rest)
+
+
+def utc(moment: datetime) -> str:
+    """Return a time as a text that sorts by time: ISO 8601 in UTC, to the second."""
+    return moment.astimezone(UTC).isoformat(timespec="seconds")

@@ -7,6 +7,7 @@ BY_ITSELF = {
     "baseline": f"paper/scenario1 {SHORT} --tolerance 1000 --aircraft 2 --out OUT",
     "campaign": "campaign.yaml --jobs 1 --until 'p(success) > 0.1 at 90 %' --out OUT",
     "compare": "old new --fail-if 'p(success) < 0.01 at 90 %'",
+    "compare ": "flights/one flights/two",
     "aircraft": "",
     "aircraft ": "aerosonde",
     "config": "paper/scenario1 --out OUT",
@@ -18,6 +19,8 @@ BY_ITSELF = {
     "identify": "own:aerosonde --cruise 24",
     "mission show": "missions/race_track",
     "profile check": "paper/scenario1",
+    "runs list": ".",
+    "runs list ": "flights --sort iae_yaw",
     "scenarios": "",
     "sweep": f"paper/scenario1 {SHORT} --set trigger.mode=per_channel,joint "
     "--set uncertainty.coefficients=0.8,1.2 --jobs 1 --out OUT",
@@ -51,7 +54,10 @@ NO_TABLE = {
         ),
         "a line for each vehicle",
     ),
-    **dict.fromkeys(("export", "key", "new", "record"), "names the file it has written"),
+    **dict.fromkeys(
+        ("export", "key", "new", "record", "runs html", "runs note"),
+        "names the file it has written",
+    ),
     "ardupilot": "waits for an ArduPilot; its tables are as of fly",
     "log": "the dashboard",
     "reproduce": "one sentence; its tables are in report.html",
@@ -61,7 +67,7 @@ NO_TABLE = {
 """Why each of the other commands has nothing that a narrow terminal could cut."""
 
 FOLDED = {"baseline", "campaign", "fly", "mission show", "profile check", "status", "sweep", "trim"}
-FOLDED |= {"wire"}
+FOLDED |= {"runs list", "wire"}
 """Commands of which no line is longer than the terminal; others leave long lines to it."""
 
 _OF_ITS_OWN_TIME = r"in \d+\.\d+ s( \([^)]*\))?|OUT\S*"

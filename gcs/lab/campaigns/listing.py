@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from gcs.lab.campaigns.store import planned_rows, read_results
 from gcs.lab.campaigns.until import noted_conditions
 from gcs.results.flight_mark import is_locked
 from gcs.results.quantities import QUANTITIES
+from gcs.runs.run import utc
 from gcs.scenario.model import Scenario
 from gcs.scenario.settings import label
 
@@ -45,10 +46,10 @@ def facts_of(folder: Path) -> dict[str, Any]:
     else:
         outcome = "completed" if settled else "unfinished"
         text += "" if settled else f", {planned - flights} to fly"
-    written = datetime.fromtimestamp((folder / MARK).stat().st_mtime)
+    written = datetime.fromtimestamp((folder / MARK).stat().st_mtime, UTC)
     return {
         "kind": "sweep" if mark.campaign.design == "grid" else "campaign",
-        "time": written.astimezone().isoformat(timespec="seconds"),
+        "time": utc(written),
         "title": mark.campaign.name,
         "scenario": mark.campaign.scenario,
         "changes": _changes(mark),
