@@ -274,7 +274,10 @@ def _name(run: Run, narrow: bool) -> Text:
 
 def _flown(run: Run) -> Text:
     law = ", ".join(filter(None, (run.law, run.trigger)))
-    lines = [run.scenario, *run.changes, law, *run.faults]
+    path = Path(run.scenario)
+    here = Path.cwd()
+    scenario = str(path.relative_to(here)) if path.is_relative_to(here) else run.scenario
+    lines = [scenario, *run.changes, law, *run.faults]
     text = Text("\n".join(filter(None, lines)))
     return text.append(f"\nnote: {run.note}", "italic") if run.note else text
 

@@ -146,8 +146,8 @@ def _decisions(uav: UavSummary | None) -> str:
     return "; ".join(parts) or "nothing declared"
 
 
-def _keys(old: Flight, new: Flight) -> Iterator[Table | str]:
-    """Yield the keys of the scenarios that differ."""
+def _keys(old: Flight, new: Flight) -> Iterator[str]:
+    """Yield the keys of the scenarios that differ, each in a line."""
     without = [str(flight.folder) for flight in (old, new) if not flight.keys]
     if without:
         yield (
@@ -160,8 +160,6 @@ def _keys(old: Flight, new: Flight) -> Iterator[Table | str]:
     if not differing:
         yield "their scenarios are the same"
         return
-    yield f"{len(differing)} of {len(names)} keys of their scenarios differ:"
-    table = table_of(texts("key"), texts("old"), texts("new"), box=box.SIMPLE_HEAD)
+    yield f"{len(differing)} of {len(names)} keys of their scenarios differ, old → new:"
     for name in differing:
-        table.add_row(name, old.keys.get(name, "-"), new.keys.get(name, "-"))
-    yield table
+        yield f"  {name}: {old.keys.get(name, '-')} → {new.keys.get(name, '-')}"

@@ -82,6 +82,6 @@ def assert_same_numbers(command: str, narrow: str, pipe: str) -> None:
     """Assert that a terminal of 80 columns shows what a pipe gets, with nothing cut or split."""
     assert pipe
     assert "…" not in narrow + pipe
-    assert numbers_in(narrow) == numbers_in(pipe)
+    assert numbers_in(narrow) == numbers_in(pipe), narrow + pipe
     if command in FOLDED:
         assert max(map(len, narrow.splitlines())) <= 80
