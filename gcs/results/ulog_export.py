@@ -76,7 +76,7 @@ class _Logs:
         self._run = run
         self._scenario = _scenario_of(run)
         self._writers: dict[int, UlogWriter] = {}
-        self._waiting: dict[int, list[_Timed]] = {}
+        self._waiting: dict[int, list[_Timed]] = {}  # the next one last
 
     @property
     def systems(self) -> list[int]:
@@ -103,7 +103,7 @@ class _Logs:
                 for message in _split(times, messages)
             ]
             timed += _texts(self._run, self._scenario, system)
-            self._waiting[system] = sorted(timed, key=lambda message: message[0], reverse=True)
+            self._waiting[system] = sorted(timed, key=lambda message: message[0])[::-1]
 
     def add(self, batch: "pa.RecordBatch") -> None:
         """Write recorded steps, with everything that happened until the last one."""
@@ -125,7 +125,7 @@ class _Logs:
     def end(self) -> None:
         """Write what happened after the last step that was recorded."""
         for system, waiting in self._waiting.items():
-            self._write(system, waiting)
+            self._write(system, waiting[::-1])
 
     def _write(self, system: int, messages: list[_Timed]) -> None:
         messages.sort(key=lambda message: message[0])
