@@ -38,6 +38,7 @@ COMMANDS = {
         "ardupilot",
         "Let ArduPilot SITLs fly a scenario's aircraft, with its faults, servos, wind and sensors.",
     ),
+    "runs": ("runs", "List what was flown, write a page of it, and add notes."),
     "export": (
         "export",
         "Convert the recording of a flight, light or full, to a format of other programs.",
@@ -46,7 +47,10 @@ COMMANDS = {
         "reproduce",
         "Fly the paper's scenarios and compare the results with its tables and figures.",
     ),
-    "compare": ("compare", "Test whether a campaign is worse than another one."),
+    "compare": (
+        "compare",
+        "Test whether a campaign is worse than another one, or show how two flights differ.",
+    ),
     "sweep": ("sweep", "Fly every combination of values, in process, on all cores."),
     "baseline": (
         "baseline",

@@ -106,21 +106,33 @@ class _Uncut(Table):
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """Yield its segments, with columns as wide as they need be."""
-        natural = Measurement.get(console, options.update_width(_PIPE_WIDTH), self).maximum
-        least = natural
         for column in self.columns:
+            column.min_width = column.max_width = None
+        natural = Measurement.get(console, options.update_width(_PIPE_WIDTH), self).maximum
+        room = {}  # of each column of texts: how far it can be folded
+        surplus = natural - options.max_width
+        for index, column in enumerate(self.columns):
             cells, heading = list(map(str, column.cells)), str(column.header)
-            widest = _longest(line for text in (heading, *cells) for line in text.split("\n"))
+            lines = [line for cell in cells for line in cell.split("\n")]
+            widest = _longest((*lines, *heading.split("\n")))
             if column.no_wrap:
                 unbroken = re.findall(r"\[[^]]*\]|\S+", heading)  # a unit stays whole
-                column.min_width = max(_longest(cells), _longest(unbroken))
-                column.max_width = column.min_width if natural > options.max_width else None
+                column.min_width = max(_longest(lines), _longest(unbroken))
+                if natural > options.max_width:
+                    column.max_width = column.min_width
+                surplus -= widest - column.min_width
             else:
                 word = _longest(word for text in (heading, *cells) for word in text.split())
                 column.min_width = min(widest, max(_NARROWEST_TEXT, min(word, _LONGEST_WORD)))
-            least -= widest - column.min_width
-        wide = options.update_width(max(options.max_width, least))
-        yield from super().__rich_console__(console, wide)
+                room[index] = range(column.min_width, widest)
+        while surplus > 0 and any(room.values()):  # rich's own way forgets what the least is
+            widest = max(room, key=lambda one: (bool(room[one]), room[one].stop))
+            room[widest] = room[widest][:-1]
+            self.columns[widest].max_width = room[widest].stop
+            surplus -= 1
+        yield from super().__rich_console__(
+            console, options.update_width(options.max_width + max(surplus, 0))
+        )
 
 
 def _longest(texts: Iterable[str]) -> int:

@@ -2,6 +2,7 @@
 
 import contextlib
 import socket
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -112,8 +113,11 @@ def ardupilot(
     check_simulators(loaded)
     from gcs.fleet.ardupilot_sockets import bound
     from gcs.results.disk_space import check_space
+    from gcs.results.flight_mark import FlightMark, marked
     from gcs.results.run_folder import make_run_folder
 
+    mark = FlightMark.of("ardupilot", str(scenario), loaded, additions, settings)
+    mark = replace(mark, law="ArduPilot", trigger="")
     addresses = [
         UdpAddress(loaded.links.host, port + PORTS_APART * k) for k in range(len(loaded.uavs))
     ]
@@ -131,7 +135,7 @@ def ardupilot(
         try:
             warm_up(whole, console)
             flown = _Flown(loaded, folder, record, console)
-            with contextlib.closing(flown):
+            with marked(folder, loaded, mark), contextlib.closing(flown):
                 flown.fly(sockets, addresses, patience, next(iter(station), None))
                 _report(flown, addresses, no_figures=no_figures, as_json=as_json)
         except NoAnswer:

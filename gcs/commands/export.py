@@ -14,9 +14,11 @@ Examples:
 
 - gcs export runs/first --to csv
 - gcs export runs/first --to kml --out /tmp
+- gcs export runs/first --to ulg && ulog_info runs/first/uav3.ulg
 
 npz (NumPy), csv and parquet: trajectory and events, as in the recording. kml: tracks, home and the
 path of a mission for Google Earth. mcap: states, places and events for Foxglove and PlotJuggler.
+ulg: a ULog file for each UAV, with PX4's topics, for PlotJuggler, Flight Review and pyulog.
 
 Exit status: 0 written, 1 the recording is torn and was written up to there, or a file cannot be
 written, 2 bad input.

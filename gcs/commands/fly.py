@@ -156,10 +156,13 @@ def fly(
     options.check()
     from gcs.fleet.processes import check_ports
     from gcs.results.disk_space import check_space
+    from gcs.results.flight_mark import FlightMark, marked
     from gcs.results.recorder import FlightRecorder, trajectory_bytes
     from gcs.results.run_folder import make_run_folder
 
     loaded = signed(_scenario(scenario, options), options.signing_key)
+    named = f"{options.campaign} row {options.row}" if scenario is None else str(scenario)
+    mark = FlightMark.of("fly", named, loaded, options.additions, options.settings)
     if options.in_process and loaded.links.impairments is not None:
         text = "links.impairments apply to the wire; --in-process has none"
         raise BadInput(text, "leave one of them out")
@@ -174,7 +177,7 @@ def fly(
         recorder = FlightRecorder(loaded, folder, record)
         if (size := trajectory_bytes(loaded, record)) > _LARGE:
             console.print(f"recording the trajectory needs up to {size / 1e6:.0f} MB")
-        with contextlib.closing(recorder):
+        with marked(folder, loaded, mark), contextlib.closing(recorder):
             warn_of_one_path(loaded, console)
             tell_heading(loaded, console)
             warm_up(loaded, console)

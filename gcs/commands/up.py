@@ -118,6 +118,7 @@ def up(scenario: ScenarioArgument, options: UpOptions) -> None:
     """
     options.check()
     from gcs.fleet.processes import check_ports, on_free_ports
+    from gcs.results.flight_mark import FlightMark, marked
     from gcs.results.run_folder import make_run_folder
 
     changed = changed_scenario(scenario, options.additions, options.settings)
@@ -128,6 +129,7 @@ def up(scenario: ScenarioArgument, options: UpOptions) -> None:
     if not options.free_ports:
         check_ports(loaded, hub)
     check_simulators(loaded)
+    mark = FlightMark.of("up", str(scenario), loaded, options.additions, options.settings)
     folder = make_run_folder(options.out, loaded.name)
     console = console_of(quiet=options.quiet or options.as_json)
 
@@ -135,13 +137,14 @@ def up(scenario: ScenarioArgument, options: UpOptions) -> None:
         _up(scenario, folder, hub, console, options)
 
     try:
-        warn_of_one_path(loaded, console)
-        tell_heading(loaded, console)
-        warm_up(loaded, console)
-        if options.free_ports:
-            on_free_ports(loaded, fly)
-        else:
-            fly(loaded, hub)
+        with marked(folder, loaded, mark):
+            warn_of_one_path(loaded, console)
+            tell_heading(loaded, console)
+            warm_up(loaded, console)
+            if options.free_ports:
+                on_free_ports(loaded, fly)
+            else:
+                fly(loaded, hub)
         console.print("stopped")
     except KeyboardInterrupt:
         raise Interrupted(f"interrupted before the fleet was up; {folder} can be removed") from None

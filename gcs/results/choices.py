@@ -20,3 +20,4 @@ class Format(StrEnum):
     PARQUET = "parquet"
     KML = "kml"
     MCAP = "mcap"
+    ULG = "ulg"

@@ -21,6 +21,7 @@ from gcs.results.choices import Format
 from gcs.results.columns import COLUMNS
 from gcs.results.recording import Recording, event_table
 from gcs.results.store import EVENTS, TRAJECTORY, batches
+from gcs.results.ulog_export import to_ulg
 from mavlink_defs.config.output_files import complete_file, naming, save_arrays
 from mavlink_defs.constants import ACTUATORS
 
@@ -51,6 +52,8 @@ def convert(run: Path, to: Format, folder: Path) -> list[Path]:
         return [_to_kml(run, folder / "track.kml")]
     if to is Format.MCAP:
         return [_to_mcap(run, folder / "flight.mcap")]
+    if to is Format.ULG:
+        return to_ulg(run, folder)
     write = _to_csv if to is Format.CSV else _to_parquet
     return [
         write(run / name, folder / f"{Path(name).stem}.{to.value}") for name in (TRAJECTORY, EVENTS)

@@ -1,5 +1,6 @@
 """Figures of a flight: its summary, and the one table of what is known of each UAV."""
 
+import functools
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Generic, Literal, Self, TypeVar
@@ -221,9 +222,17 @@ class FlightSummary:
         Raises:
             ValueError: It is something else.
         """
-        from pydantic import TypeAdapter
+        reader: Any = _adapter
+        read: Self = reader(cls).validate_python(tree)
+        return read
 
-        return TypeAdapter(cls).validate_python(tree)
+
+@functools.cache
+def _adapter(cls: type) -> Any:
+    """Return what reads a class from plain data; to make it takes longer than a hundred reads."""
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(cls)
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """What is kept of a flight, while it is flown: figures always, and what `--record` says."""
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 from gcs.results.choices import Record
@@ -58,6 +59,9 @@ def streams_of(
             "origin": scenario.origin.model_dump_json(),
             "names": json.dumps({str(uav.id): uav.name for uav in scenario.uavs}),
             "paths": json.dumps(_outlines(scenario)),
+            "limits": json.dumps(
+                {str(u.id): asdict(scenario.aircraft_of(u.id).fault_limits) for u in scenario.uavs}
+            ),
         },
     )
     return events, trajectory

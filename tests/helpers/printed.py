@@ -7,6 +7,7 @@ BY_ITSELF = {
     "baseline": f"paper/scenario1 {SHORT} --tolerance 1000 --aircraft 2 --out OUT",
     "campaign": "campaign.yaml --jobs 1 --until 'p(success) > 0.1 at 90 %' --out OUT",
     "compare": "old new --fail-if 'p(success) < 0.01 at 90 %'",
+    "compare ": "flights/one flights/two",
     "aircraft": "",
     "aircraft ": "aerosonde",
     "config": "paper/scenario1 --out OUT",
@@ -20,6 +21,8 @@ BY_ITSELF = {
     "laws show": "surviving",
     "mission show": "missions/race_track",
     "profile check": "paper/scenario1",
+    "runs list": ".",
+    "runs list ": "flights --sort iae_yaw",
     "scenarios": "",
     "sweep": f"paper/scenario1 {SHORT} --set trigger.mode=per_channel,joint "
     "--set uncertainty.coefficients=0.8,1.2 --jobs 1 --out OUT",
@@ -54,7 +57,10 @@ NO_TABLE = {
         ),
         "a line for each vehicle",
     ),
-    **dict.fromkeys(("export", "key", "new", "record"), "names the file it has written"),
+    **dict.fromkeys(
+        ("export", "key", "new", "record", "runs html", "runs note"),
+        "names the file it has written",
+    ),
     **dict.fromkeys(("guidance header", "laws header", "triggers header"), "a program in C"),
     "ardupilot": "waits for an ArduPilot; its tables are as of fly",
     "log": "the dashboard",
@@ -65,7 +71,7 @@ NO_TABLE = {
 """Why each of the other commands has nothing that a narrow terminal could cut."""
 
 FOLDED = {"baseline", "campaign", "fly", "mission show", "profile check", "status", "sweep", "trim"}
-FOLDED |= {"wire"}
+FOLDED |= {"runs list", "wire"}
 """Commands of which no line is longer than the terminal; others leave long lines to it."""
 
 _OF_ITS_OWN_TIME = r"in \d+\.\d+ s( \([^)]*\))?|OUT\S*"
@@ -80,6 +86,6 @@ def assert_same_numbers(command: str, narrow: str, pipe: str) -> None:
     """Assert that a terminal of 80 columns shows what a pipe gets, with nothing cut or split."""
     assert pipe
     assert "…" not in narrow + pipe
-    assert numbers_in(narrow) == numbers_in(pipe)
+    assert numbers_in(narrow) == numbers_in(pipe), narrow + pipe
     if command in FOLDED:
         assert max(map(len, narrow.splitlines())) <= 80

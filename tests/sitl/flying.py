@@ -30,6 +30,7 @@ TIMEOUT_S = 300.0  # only a defect takes so long, on whatever machine
 CHANNELS = ("throttle", "aileron", "elevator", "rudder")
 _PORT_BLOCKS = itertools.count(random.randrange(60))
 RESULTS = {"summary.json", "flight.tlog", "events.arrows", "trajectory.arrows"}
+RESULTS |= {"flight.yaml", "scenario.yaml"}
 FIGURES = {"flight.png", "flight.svg"}
 
 

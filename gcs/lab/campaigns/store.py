@@ -23,7 +23,7 @@ import fcntl
 import functools
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, BinaryIO, Literal, get_args
 
 from gcs.errors import BadInput
 from gcs.lab.campaigns.mark import MARK, mark_of
@@ -135,14 +135,23 @@ def alone_in(folder: Path) -> Iterator[None]:
         BadInput: Another command writes there.
     """
     with (folder / MARK).open("rb") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise BadInput(
-                f"another command flies the campaign in {folder}",
-                "wait for its end, or choose another folder with --out",
-            ) from None
+        while not _locked(file, fcntl.LOCK_EX):
+            if not _locked(file, fcntl.LOCK_SH):
+                raise BadInput(
+                    f"another command flies the campaign in {folder}",
+                    "wait for its end, or choose another folder with --out",
+                )
+            # nobody flies it: `gcs runs` looks at the lock, which takes it for a moment
         yield
+
+
+def _locked(file: BinaryIO, kind: int) -> bool:
+    """Take a lock on a file if nobody holds another one; return whether it is taken."""
+    try:
+        fcntl.flock(file, kind | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
 
 
 def append_results(folder: Path, rows: "pa.Table") -> None:

@@ -1,4 +1,4 @@
-"""``gcs compare``: whether a campaign is worse than another one, for CI."""
+"""``gcs compare``: whether a campaign is worse than another one, for CI; and two flights."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,6 +16,7 @@ Examples:
 - gcs compare runs/yesterday runs/today
 - gcs compare old new --fail-if 'worse p(success) at 99 %' --fail-if 'worse iae_roll at 99 %'
 - gcs compare old new --fail-if 'p(attitude_lost) > 0.02 at 95 %' --junit gate.xml
+- gcs compare runs/first runs/second    (two flights)
 
 Exit status: 0 no check failed, 1 one failed or a file cannot be written, 2 bad input.
 """
@@ -23,9 +24,15 @@ Exit status: 0 no check failed, 1 one failed or a file cannot be written, 2 bad 
 
 def compare(
     old: Annotated[
-        Path, typer.Argument(help="Folder of the campaign to compare with.", metavar="OLD")
+        Path,
+        typer.Argument(
+            help="Folder of the campaign, or the flight, to compare with.", metavar="OLD"
+        ),
     ],
-    new: Annotated[Path, typer.Argument(help="Folder of the campaign in question.", metavar="NEW")],
+    new: Annotated[
+        Path,
+        typer.Argument(help="Folder of the campaign, or the flight, in question.", metavar="NEW"),
+    ],
     fail_if: Annotated[
         list[str] | None,
         typer.Option(
@@ -42,13 +49,22 @@ def compare(
         Path | None, typer.Option(help="Write a summary for the page of a CI job.", metavar="FILE")
     ] = None,
 ) -> None:
-    """Test whether a campaign is worse than another one.
+    """Test whether a campaign is worse than another one, or show how two flights differ.
 
     If both flew the same draws, flights are compared in pairs (McNemar's exact test, the sign
     test), else as two samples (Fisher's exact test, the Mann-Whitney test). A test that finds
     nothing does not prove that both are equal; the interval beside it, at the level of the
     condition, shows what could have escaped it.
+
+    Of two flights: figures of every UAV, decisions of the diagnosis, and the keys in which their
+    scenarios differ. Nothing is tested, so the options do not apply.
     """
+    from gcs.runs.difference import is_flight
+
+    kinds = [is_flight(old), is_flight(new)]
+    if any(kinds):
+        _compare_flights(old, new, kinds, [*(fail_if or ()), junit, markdown])
+        return
     from gcs.lab.campaigns.findings import findings_of
     from gcs.lab.campaigns.gate import DEFAULT, gate, parse_rules
     from gcs.lab.reports import gate as reports
@@ -69,6 +85,28 @@ def compare(
         console.print(line, soft_wrap=True)
     if any(check.violated for check in checks):
         raise typer.Exit(1)
+
+
+def _compare_flights(old: Path, new: Path, kinds: list[bool], options: list[object]) -> None:
+    """Show how two flights differ.
+
+    Raises:
+        BadInput: One of them is none, or has not ended; or an option is for campaigns.
+    """
+    from gcs.errors import BadInput
+    from gcs.runs.difference import Flight, difference
+
+    if not all(kinds):
+        folder, other = (old, new) if kinds[0] else (new, old)
+        raise BadInput(
+            f"{folder} is a flight, and {other} is none", "compare two flights, or two campaigns"
+        )
+    if any(option is not None for option in options):
+        text = "--fail-if, --junit and --markdown test campaigns; a flight is a single draw"
+        raise BadInput(text, "leave them out, or fly a campaign")
+    console = console_of(stderr=False)
+    for part in difference(Flight(old), Flight(new)):
+        console.print(part, soft_wrap=isinstance(part, str))
 
 
 def _checked(old: "Findings", new: "Findings") -> list[str]:

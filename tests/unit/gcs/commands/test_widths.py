@@ -50,7 +50,7 @@ def shown(arguments: list[str], monkeypatch: pytest.MonkeyPatch, columns: str) -
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two small campaigns that were flown, one that was not, and a capture."""
+    """Two small campaigns that were flown, one that was not, two flights, and a capture."""
     folder = tmp_path_factory.mktemp("inputs")
     base = {"extends": "paper/scenario1", "duration_s": 0.05, "faults": []}
     (folder / "base.yaml").write_text(yaml_of(base))
@@ -60,6 +60,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         if name != "campaign":
             arguments = ["campaign", str(file), "--jobs", "1", "--out", str(folder / name)]
             assert CliRunner().invoke(app, arguments).exit_code == 0
+    for name, law in (("one", "proposed"), ("two", "surviving")):
+        options = f"--set controller.kind={law} --in-process --no-figures --out"
+        arguments = ["fly", str(folder / "base.yaml"), *options.split()]
+        assert CliRunner().invoke(app, [*arguments, str(folder / "flights" / name)]).exit_code == 0
     packer = FramePacker(7, 1)
     commanded = [
         packer.pack(dialect.MAVLink_hil_actuator_controls_message(k, [0.1 * k] * 16, 0, 0))

@@ -1,0 +1,165 @@
+"""Two flights compared: what differs in their scenarios, and in what they did."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from rich import box
+from rich.table import Table
+
+from gcs.errors import BadInput
+from gcs.results.figures import UAV_FIGURES, Figure, FlightSummary, UavSummary
+from gcs.results.flight_mark import FLIGHT, is_under_way, read_mark
+from gcs.results.quantities import QUANTITIES
+from gcs.results.run_folder import read_summary
+from gcs.runs.details import scenario_keys
+from gcs.runs.read import outcome_of
+from gcs.runs.scan import SUMMARY
+from gcs.terminal import numbers, table_of, texts
+
+_NAMES = ("messages", "events", "saving", "neighbour_messages")
+_BY_QUANTITY = ("iae", "max_error")
+_COMPARED = (
+    *_NAMES,
+    *(f"{figure}_{quantity}" for figure in _BY_QUANTITY for quantity in QUANTITIES),
+    *("attitude_lost_at_s", "heading_lost_at_s", "control_failed_at_s", "lowest_altitude_m"),
+)
+_TITLES = {"iae": "IAE of", "max_error": "largest error of"}
+
+
+def is_flight(folder: Path) -> bool:
+    """Return whether a folder is a flight's."""
+    return any((folder / name).exists() for name in (SUMMARY, FLIGHT))
+
+
+class Flight:
+    """A flight that ended.
+
+    Attributes:
+        folder: Its run folder.
+        summary: Its figures.
+        keys: Every key of its scenario; none of an earlier version, which did not store it.
+        digest: Digest of the code that flew it; "" if it is unknown.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        """Read a run folder.
+
+        Raises:
+            BadInput: It is of no flight, or of one that has not ended or has no figures.
+        """
+        if is_under_way(folder):
+            raise BadInput(f"the flight in {folder} is under way", "wait for its end")
+        if not (folder / SUMMARY).exists():
+            raise BadInput(
+                f"{folder} has no {SUMMARY}: its flight was interrupted, or never ended",
+                "gcs runs says what is known of it",
+            )
+        self.folder = folder
+        self.summary: FlightSummary = read_summary(folder)
+        self.keys = scenario_keys(folder)
+        mark = read_mark(folder)
+        self.digest = "" if mark is None else mark.digest
+
+    @property
+    def ending(self) -> str:
+        """How it ended, and how long it was."""
+        outcome, reason = outcome_of(self.summary)
+        text = f"{outcome.replace('_', ' ')}, {self.summary.duration_s:g} s"
+        return f"{text}: {reason}" if reason else text
+
+
+def difference(old: Flight, new: Flight) -> Iterator[Table | str]:
+    """Yield what two flights have not in common, as tables and lines for the terminal."""
+    yield f"{old.folder}: {old.ending}"
+    yield f"{new.folder}: {new.ending}"
+    yield _figures(old.summary, new.summary)
+    yield from _diagnoses(old, new)
+    yield from _keys(old, new)
+    if old.digest and new.digest:
+        same = old.digest == new.digest
+        yield "both were flown by the same code" if same else "they were flown by different codes"
+
+
+def _figures(old: FlightSummary, new: FlightSummary) -> Table:
+    """Return the figures of every UAV, with the change of each."""
+    columns = (texts("UAV"), texts("figure"), *map(numbers, ("old", "new", "change", "in %")))
+    table = table_of(*columns, title="Figures", box=box.SIMPLE_HEAD)
+    ids = sorted({uav.id for summary in (old, new) for uav in summary.uavs})
+    by_name = {figure.name: figure for figure in UAV_FIGURES}
+    for system in ids:
+        before, after = old.uav(system), new.uav(system)
+        label = str(system)
+        for name in _COMPARED:
+            row = _row(by_name[name], before, after)
+            if row is not None:
+                table.add_row(label, *row)
+                label = ""
+        table.add_section()
+    return table
+
+
+def _row(
+    figure: Figure[UavSummary], old: UavSummary | None, new: UavSummary | None
+) -> tuple[str, ...] | None:
+    """Return a row of the table; None if neither flight has the figure."""
+    values = [None if uav is None else figure.of(uav) for uav in (old, new)]
+    if values == [None, None]:
+        return None
+    shown = ["-" if value is None else figure.text(value) for value in values]
+    before, after = values
+    if before is None or after is None:
+        return (_title(figure), *shown, "", "")
+    change = after - before
+    share = f"{100.0 * change / abs(before):+.1f}" if before else ""
+    if figure.name == "saving":
+        return (_title(figure), *shown, f"{100.0 * change:+.2f} points", "")
+    text = f"{change:+d}" if figure.whole else f"{change:+.3g}"
+    return (_title(figure), *shown, text if change else "0", share if change else "")
+
+
+def _title(figure: Figure[UavSummary]) -> str:
+    for name, title in _TITLES.items():
+        if figure.name.startswith(f"{name}_"):
+            return f"{title} {figure.name.removeprefix(f'{name}_')} [{figure.unit}]"
+    name = figure.name.removesuffix("_s").removesuffix("_m").replace("_", " ")
+    return f"{name} [{figure.unit}]" if figure.unit else name.replace("saving", "saved")
+
+
+def _diagnoses(old: Flight, new: Flight) -> Iterator[str]:
+    """Yield the decisions of every UAV's diagnosis, where the flights differ."""
+    ids = sorted({uav.id for flight in (old, new) for uav in flight.summary.uavs})
+    for system in ids:
+        told = [_decisions(flight.summary.uav(system)) for flight in (old, new)]
+        if told[0] != told[1]:
+            for name, text in zip(("old", "new"), told, strict=True):
+                yield f"diagnosis of UAV {system}, {name}: {text}"
+
+
+def _decisions(uav: UavSummary | None) -> str:
+    if uav is None:
+        return "no such UAV"
+    parts = [
+        f"{one.actuator} {one.phase} at {one.time_s:.3f} s"
+        + ("" if one.delay_s is None else f", {1e3 * one.delay_s:g} ms after its cause")
+        for one in uav.diagnosis
+    ]
+    return "; ".join(parts) or "nothing declared"
+
+
+def _keys(old: Flight, new: Flight) -> Iterator[str]:
+    """Yield the keys of the scenarios that differ, each in a line."""
+    without = [str(flight.folder) for flight in (old, new) if not flight.keys]
+    if without:
+        yield (
+            f"{' and '.join(without)} {'has' if len(without) == 1 else 'have'} no scenario.yaml: "
+            "what differs in the scenarios is unknown"
+        )
+        return
+    names = [name for name in dict.fromkeys((*old.keys, *new.keys)) if name != "name"]
+    differing = [name for name in names if old.keys.get(name) != new.keys.get(name)]
+    if not differing:
+        yield "their scenarios are the same"
+        return
+    yield f"{len(differing)} of {len(names)} keys of their scenarios differ, old → new:"
+    for name in differing:
+        yield f"  {name}: {old.keys.get(name, '-')} → {new.keys.get(name, '-')}"
