@@ -26,6 +26,9 @@ READ = {
     ("baseline", "campaign"): ["baseline", PAPER, "--aircraft", "1", "--campaign", "@"],
     ("campaign", "file"): ["campaign", "@", "--out", "none"],
     ("trim", "scenario"): ["trim", "@"],
+    ("runs list", "folder"): ["runs", "list", "@"],
+    ("runs html", "folder"): ["runs", "html", "@", "--out", "none"],
+    ("runs note", "run"): ["runs", "note", "@", "text"],
     ("ardupilot", "scenario"): ["ardupilot", "@", "--out", "none"],
     ("identify", "source"): ["identify", "--from", "@", "--aircraft", "aerosonde"],
     ("up", "scenario"): ["up", "@", "--free-ports"],
@@ -112,7 +115,7 @@ def test_every_argument_that_is_a_file_is_read_here_or_written() -> None:
         if not hasattr(command, "commands"):
             yield from ((" ".join(names), parameter) for parameter in command.params)
 
-    known = set(READ) | {("compare", "new"), ("new", "project")}
+    known = set(READ) | {("compare", "new"), ("new", "project"), ("runs html", "compare")}
     for command, parameter in walk(whole_command()):
         descriptor = getattr(parameter, "type_descriptor", None)
         if "Path" not in str(getattr(descriptor, "annotation", "")):
