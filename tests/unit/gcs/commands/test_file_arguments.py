@@ -26,8 +26,6 @@ READ = {
     ("baseline", "campaign"): ["baseline", PAPER, "--aircraft", "1", "--campaign", "@"],
     ("campaign", "file"): ["campaign", "@", "--out", "none"],
     ("trim", "scenario"): ["trim", "@"],
-    ("runs list", "folder"): ["runs", "list", "@"],
-    ("runs html", "folder"): ["runs", "html", "@", "--out", "none"],
     ("runs note", "run"): ["runs", "note", "@", "text"],
     ("ardupilot", "scenario"): ["ardupilot", "@", "--out", "none"],
     ("identify", "source"): ["identify", "--from", "@", "--aircraft", "aerosonde"],
@@ -115,7 +113,8 @@ def test_every_argument_that_is_a_file_is_read_here_or_written() -> None:
         if not hasattr(command, "commands"):
             yield from ((" ".join(names), parameter) for parameter in command.params)
 
-    known = set(READ) | {("compare", "new"), ("new", "project"), ("runs html", "compare")}
+    of_folders = {("runs list", "folder"), ("runs html", "folder"), ("runs html", "compare")}
+    known = set(READ) | {("compare", "new"), ("new", "project")} | of_folders
     for command, parameter in walk(whole_command()):
         descriptor = getattr(parameter, "type_descriptor", None)
         if "Path" not in str(getattr(descriptor, "annotation", "")):
