@@ -201,16 +201,7 @@ def html(
 
 
 def _listing(folder: Path, rebuild: bool, *, quiet: bool) -> "Listing":
-    """List a folder; reading many shows how far it is.
-
-    Raises:
-        BadInput: It is no folder.
-    """
-    if not folder.is_dir():
-        what = "is a file" if folder.exists() else "does not exist"
-        raise BadInput(
-            f"{folder} {what}, expected a folder with runs", "gcs fly makes some in runs/"
-        )
+    """List a folder; reading many shows how far it is."""
     console = console_of(quiet=quiet)
     with working(console) as work:
         task = None
