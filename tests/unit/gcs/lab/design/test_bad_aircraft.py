@@ -61,7 +61,10 @@ def write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[Any], No
         (without_aileron, "moment by aileron: 0: it does nothing"),
         (of("coefficients", cm_de=0.0), "moment by elevator: 0: it does nothing"),
         (of("coefficients", cn_dr=0.0), "the rudder does nothing: check cn_dr"),
-        (lambda tree: tree.update(thrust_limit_n=8.0), "it can neither climb nor speed up"),
+        (
+            lambda tree: tree.update(thrust_limit_n=8.0),
+            "its thrust at this airspeed does not hold level flight",
+        ),
     ],
 )
 def test_design_refuses(

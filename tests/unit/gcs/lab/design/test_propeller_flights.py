@@ -98,7 +98,7 @@ def test_a_lost_aileron_is_found_and_survived(
     assert flight.loss is None
     assert lost(flight) == ["aileron"]
     found = flight.time_s[flight.signals["phase"][:, 0, 0] == LOST][0]
-    assert found < 10.5
+    assert found < (11.0 if stuck_deg == 0.0 else 10.25)  # near its command it shows little
     roll = np.degrees(np.abs(flight.error("reference")[1000:, 0, 1]).max())
     assert roll < 6.0
 
