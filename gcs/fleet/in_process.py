@@ -19,8 +19,11 @@ from ftc_autopilot.control.stepping import (
     publish_own_state,
 )
 from gcs.errors import BadInput
+from gcs.results.figures import FlightSummary
 from gcs.results.path_following import paths_of
 from gcs.results.recording import Ending, Recording, Steps
+from gcs.results.summary import summary_of
+from gcs.results.tally import Tally
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.faults import fault_from_params
@@ -77,6 +80,16 @@ def fly_in_steps(
         return room.part(0, end - begin)._replace(first=begin)
 
     return fly_on(scenario, begin(scenario), reused, on_steps=on_steps, on_progress=on_progress)
+
+
+def fly_and_summarise(scenario: Scenario) -> FlightSummary:
+    """Fly a scenario to its end, or until it is lost; return its figures and keep no step.
+
+    The figures are those of `gcs.results.summary.summarise`, bit for bit. They take about a
+    seventh of the processor time of the flight.
+    """
+    tally = Tally(scenario)
+    return summary_of(tally, fly_in_steps(scenario, tally.add), scenario)
 
 
 class Flight(NamedTuple):
