@@ -144,9 +144,9 @@ def fly(
     """Fly a scenario to its end and record it.
 
     Starts one plant and an autopilot process for each UAV, uploads profile or mission, sets the
-    faults, starts the missions and arms, all by MAVLink over UDP. The run folder gets summary.json,
-    flight.tlog (the GCS link), events.arrows, trajectory.arrows, flight.png and flight.svg;
-    with a mission mission.png and mission.svg, too.
+    faults, starts the missions and arms, all by MAVLink over UDP. The run folder gets
+    scenario.yaml, summary.json, flight.tlog (the GCS link), events.arrows, trajectory.arrows,
+    flight.png and flight.svg; with a mission mission.png and mission.svg, too.
 
     The figures of summary.json count every step, whatever is recorded.
 
@@ -157,7 +157,7 @@ def fly(
     from gcs.fleet.processes import check_ports
     from gcs.results.disk_space import check_space
     from gcs.results.recorder import FlightRecorder, trajectory_bytes
-    from gcs.results.run_folder import make_run_folder
+    from gcs.results.run_folder import make_run_folder, save_scenario
 
     loaded = signed(_scenario(scenario, options), options.signing_key)
     if options.in_process and loaded.links.impairments is not None:
@@ -171,6 +171,7 @@ def fly(
     record, over_udp = options.record, not options.in_process
     try:
         check_space(folder, loaded, record, over_udp=over_udp, restart=options.restarts)
+        save_scenario(loaded, folder)
         recorder = FlightRecorder(loaded, folder, record)
         if (size := trajectory_bytes(loaded, record)) > _LARGE:
             console.print(f"recording the trajectory needs up to {size / 1e6:.0f} MB")

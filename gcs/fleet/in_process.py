@@ -82,14 +82,14 @@ def fly_in_steps(
     return fly_on(scenario, begin(scenario), reused, on_steps=on_steps, on_progress=on_progress)
 
 
-def fly_and_summarise(scenario: Scenario) -> FlightSummary:
+def fly_and_summarise(scenario: Scenario, on_progress: OnProgress | None = None) -> FlightSummary:
     """Fly a scenario to its end, or until it is lost; return its figures and keep no step.
 
     The figures are those of `gcs.results.summary.summarise`, bit for bit. They take about a
-    seventh of the processor time of the flight.
+    seventh of the processor time of the flight. `on_progress` is as of `fly_in_process`.
     """
     tally = Tally(scenario)
-    return summary_of(tally, fly_in_steps(scenario, tally.add), scenario)
+    return summary_of(tally, fly_in_steps(scenario, tally.add, on_progress), scenario)
 
 
 class Flight(NamedTuple):

@@ -9,8 +9,12 @@ from pathlib import Path
 
 from gcs.errors import BadInput
 from gcs.results.figures import FlightSummary
+from gcs.scenario.model import Scenario
+from mavlink_defs.config.files import dump
 from mavlink_defs.config.output_files import write_text
 from mavlink_defs.config.user_files import open_file
+
+SCENARIO = "scenario.yaml"
 
 
 def make_run_folder(chosen: Path | None, scenario_name: str) -> Path:
@@ -40,6 +44,15 @@ def make_run_folder(chosen: Path | None, scenario_name: str) -> Path:
             f"the run folder {folder} is not empty", "choose another with --out, or remove it"
         )
     return folder
+
+
+def save_scenario(scenario: Scenario, folder: Path) -> None:
+    """Write `scenario.yaml`: what was flown, with every default.
+
+    Raises:
+        OSError: It cannot be written; it is named.
+    """
+    dump(scenario, folder / SCENARIO)
 
 
 def save_summary(summary: FlightSummary, folder: Path) -> None:

@@ -29,7 +29,9 @@ SCENARIO_1 = Path(__file__).parents[2] / "scenarios" / "paper" / "scenario1.yaml
 TIMEOUT_S = 300.0  # only a defect takes so long, on whatever machine
 CHANNELS = ("throttle", "aileron", "elevator", "rudder")
 _PORT_BLOCKS = itertools.count(random.randrange(60))
-RESULTS = {"summary.json", "flight.tlog", "events.arrows", "trajectory.arrows"}
+RESULTS = {
+    *("scenario.yaml", "summary.json", "flight.tlog", "events.arrows", "trajectory.arrows"),
+}
 FIGURES = {"flight.png", "flight.svg"}
 
 
