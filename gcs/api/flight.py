@@ -193,11 +193,13 @@ class Flight:
         """
         with python_errors():
             pandas = load_package("pandas", "a frame")
-        rows = [
-            {figure.name: figure.of(uav) for figure in UAV_FIGURES} for uav in self.summary.uavs
-        ]
-        index = pandas.Index([uav.id for uav in self.summary.uavs], name="uav")
-        frame: pd.DataFrame = pandas.DataFrame(rows, index=index)
+        uavs = self.summary.uavs
+        columns = {
+            figure.name: np.array([figure.of(uav) for uav in uavs], "i8" if figure.whole else "f8")
+            for figure in UAV_FIGURES
+        }
+        index = pandas.Index([uav.id for uav in uavs], name="uav")
+        frame: pd.DataFrame = pandas.DataFrame(columns, index=index)
         units = {figure.name: figure.unit for figure in UAV_FIGURES if figure.unit}
         frame.attrs = {**self._attributes, "units": units}
         return frame
@@ -249,6 +251,8 @@ class Flight:
         from gcs.results.preview import recorded_steps
 
         ids = tuple(uav.id for uav in self.scenario.uavs)
+        if not len(self.table):
+            raise BadInput("the recording has no complete step")
         steps, every = recorded_steps(self.table, len(ids))
         loss, mode = self._ended
         ending = Ending(mode, steps.length, np.zeros((len(ids), 4), np.int64), 0.0, loss)

@@ -97,7 +97,7 @@ def fly(
     with python_errors():
         loaded = _scenario(scenario, changes, overlays)
         loaded = signed(loaded, None if signing_key is None else str(signing_key))
-        kept = _record(record)
+        recording = _record(record)
         if over_udp:
             _check_udp(loaded, speed, free_ports, autopilot_processes)
         else:
@@ -105,14 +105,14 @@ def fly(
         check_simulators(loaded)
         warm_up(loaded, console_of())
         if not over_udp:
-            if out is None and kept is Record.NONE:
+            if out is None and recording is Record.NONE:
                 summary = fly_and_summarise(loaded, on_progress)
                 return _in_memory(loaded, summary, None, None)
             folder = None if out is None else make_run_folder(Path(out), loaded.name)
             return _fly(
                 loaded,
                 folder,
-                kept,
+                recording,
                 lambda recorder: fly_in_steps(loaded, recorder.add, on_progress),
             )
         with contextlib.ExitStack() as stack:
@@ -137,7 +137,7 @@ def fly(
 
                 return on_free_ports(loaded, flown) if free_ports else flown(loaded)
 
-            return _fly(loaded, folder, kept, over_the_wire, over_udp=True)
+            return _fly(loaded, folder, recording, over_the_wire, over_udp=True)
 
 
 class Job(NamedTuple):
@@ -181,7 +181,7 @@ def fly_many(
         GcsError: A flight killed its process.
     """
     with python_errors():
-        kept = _record(record)
+        recording = _record(record)
         if jobs is not None and jobs < 1:
             raise BadInput(f"jobs is {jobs}, expected at least 1")
         scenarios = [_one_of_many(k, one, overlays) for k, one in enumerate(flights)]
@@ -196,7 +196,7 @@ def fly_many(
             working(console) as work,
         ):
             task = work.add("flying", len(scenarios), "flights")
-            rest = (Job(k, one.model_dump(), kept) for k, one in enumerate(scenarios))
+            rest = (Job(k, one.model_dump(), recording) for k, one in enumerate(scenarios))
             for job in itertools.islice(rest, count):
                 workers.submit(job)
             while len(done) < len(scenarios):

@@ -179,10 +179,10 @@ class Station(Mapping[int, Uav]):
             uav: System id of the sender; None for all.
         """
 
-        def wanted(message: MAVLink_message) -> bool:
+        def is_of_interest(message: MAVLink_message) -> bool:
             return name in {None, message.get_type()} and uav in {None, message.get_srcSystem()}
 
-        return self._feeds.messages.subscribe(wanted)
+        return self._feeds.messages.subscribe(is_of_interest)
 
     def notifications(self) -> "Subscription[Notification]":
         """Subscribe to the event log: changes of mode, texts, answers, faults, lost links."""

@@ -4,6 +4,7 @@ Of the formats that many programs read, it is the one that needs no end: a file 
 crash has everything up to its last complete batch. Parquet and HDF5 lose all of it.
 """
 
+import contextlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -207,6 +208,24 @@ def batches(source: "Path | str | pa.Buffer") -> Iterator["pa.RecordBatch"]:
     Raises:
         BadInput: There is no such file, or it is no recording.
     """
+    with _reader(source) as reader:
+        yield from _complete(reader)
+
+
+def read_table(source: "Path | str | pa.Buffer") -> "pa.Table":
+    """Return what was recorded as one table, up to the last complete batch.
+
+    Raises:
+        BadInput: As of `batches`.
+    """
+    import pyarrow as pa
+
+    with _reader(source) as reader:
+        return pa.Table.from_batches(_complete(reader), reader.schema)
+
+
+@contextlib.contextmanager
+def _reader(source: "Path | str | pa.Buffer") -> Iterator["pa.ipc.RecordBatchStreamReader"]:
     import pyarrow as pa
 
     path = source if isinstance(source, pa.Buffer) else Path(source)
@@ -222,25 +241,17 @@ def batches(source: "Path | str | pa.Buffer") -> Iterator["pa.RecordBatch"]:
             reader = pa.ipc.open_stream(file)
         except (pa.ArrowInvalid, OSError) as problem:
             raise BadInput(f"{path} is no recording: {problem}") from None
-        while True:
-            try:
-                yield reader.read_next_batch()
-            except (StopIteration, pa.ArrowInvalid, OSError):  # its end, or where it was torn
-                return
+        yield reader
 
 
-def read_table(source: "Path | str | pa.Buffer") -> "pa.Table":
-    """Return what was recorded as one table, up to the last complete batch.
-
-    Raises:
-        BadInput: As of `batches`, or not one batch is complete.
-    """
+def _complete(reader: "pa.ipc.RecordBatchStreamReader") -> Iterator["pa.RecordBatch"]:
     import pyarrow as pa
 
-    parts = list(batches(source))
-    if not parts:
-        raise BadInput(f"{source} has no rows")
-    return pa.Table.from_batches(parts)
+    while True:
+        try:
+            yield reader.read_next_batch()
+        except (StopIteration, pa.ArrowInvalid, OSError):  # its end, or where it was torn
+            return
 
 
 def read_recording(folder: Path | str) -> Recording:
