@@ -39,7 +39,7 @@ _COLUMNS: dict[str, Callable[[Run], Cell]] = {
     "events": lambda run: _number(run.events, "{:.0f}"),
     "saved [%]": lambda run: _number(None if run.saving is None else 100.0 * run.saving, "{:.2f}"),
     **{
-        f"IAE {name} [{IAE_UNITS[name]}]": lambda run, name=name: _number(  # type: ignore[misc] # a default binds the name
+        f"IAE {name} [{IAE_UNITS[name]}]": lambda run, name=name: _number(  # type: ignore[misc]  # a default binds the name
             run.iae.get(name), "{:.2f}"
         )
         for name in QUANTITIES

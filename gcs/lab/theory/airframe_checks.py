@@ -132,12 +132,12 @@ def _surfaces_that_do_nothing(aircraft: Aircraft, flight: LevelFlight) -> Iterat
     V = flight.airspeed_m_s
     by_aileron = lateral(V, aircraft_record(aircraft)).rolling.aileron
     by_elevator = authority(aircraft, V).get("elevator", 0.0)
-    for surface, moment, coefficient in (
-        ("aileron", by_aileron, "cl_da"),
-        ("elevator", by_elevator, "cm_de"),
+    for surface, moment, checked in (
+        ("aileron", by_aileron, "check cl_da"),
+        ("elevator", by_elevator, "check cm_de"),
     ):
         if moment == 0.0 or not aircraft.has(surface):
-            text = f"it does nothing, and every law needs it: check {coefficient} and its stops"
+            text = f"it does nothing, and every law needs it: {checked} and its stops"
             yield Check(f"moment by {surface}", "0", False, text)
 
 
