@@ -24,8 +24,14 @@ pytestmark = pytest.mark.sitl
 ROOT = Path(__file__).parents[2]
 TIMEOUT_S = 300.0
 NOT_SOURCES = shutil.ignore_patterns(
-    ".git", ".venv", ".*_cache", ".hypothesis", "__pycache__", "build", "dist", "runs"
+    ".git", ".venv", ".*_cache", ".hypothesis", "__pycache__", "build", "dist"
 )
+
+
+def not_sources(folder: str, names: list[str]) -> set[str]:
+    """Return what a copy leaves out: results of builds and, at the top, of flights."""
+    results = {"runs"} & set(names) if Path(folder) == ROOT else set()
+    return NOT_SOURCES(folder, names) | results
 
 
 def build(source: Path, dist: Path, *targets: str) -> None:
@@ -48,7 +54,7 @@ def content(wheel: Path) -> dict[str, bytes]:
 def dist(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Wheel and sdist, built from a copy: a build writes the dialect that other tests read."""
     source, dist = tmp_path_factory.mktemp("source") / "copy", tmp_path_factory.mktemp("dist")
-    shutil.copytree(ROOT, source, ignore=NOT_SOURCES)
+    shutil.copytree(ROOT, source, ignore=not_sources)
     (source / "mavlink_defs" / "dialect.py").unlink()
     build(source, dist, "sdist", "wheel")
     return dist
