@@ -49,18 +49,18 @@ class _ListByDefault(TyperGroup):
 
 app = typer.Typer(
     cls=_ListByDefault,
-    help="List what was flown, write a page of it, and add notes. Without a command: the list.",
+    help="List what was flown, write a page of it, and add notes.\n\nWithout a command: the list.",
 )
 
 _LIST_EPILOG = """
 Examples:
 
 - gcs runs
-- gcs runs --where law=surviving --where 'saving<0.9' --sort iae_roll
+- gcs runs --where law=surviving --where 'saving>0.9' --sort iae_roll
 - gcs runs --where kind=campaign --where outcome!=completed
 - gcs runs results --json | jq '.runs[].name'
 
-Keys of --where and --sort are those of --json. Signs: =, !=, <, <=, >, >=, and ~ for "contains".
+--where and --sort take the keys of --json. Signs: =, !=, <, <=, >, >=, and ~ for "contains".
 
 Exit status: 0 listed, 2 bad input.
 """
@@ -96,7 +96,7 @@ _SortOption = Annotated[
     typer.Option("--sort", help="Key to sort by; with a minus sign downwards.", metavar="KEY"),
 ]
 _RebuildOption = Annotated[
-    bool, typer.Option("--rebuild", help="Read every folder again, and make the index anew.")
+    bool, typer.Option("--rebuild", help="Read every folder again, and make a new index.")
 ]
 
 

@@ -175,7 +175,7 @@ def _write(folder: Path, mark: FlightMark) -> None:
 
 
 def _reason(problem: BaseException) -> str:
-    """Return what ended a flight, in a few words."""
+    """Return what ended a flight."""
     if isinstance(problem, KeyboardInterrupt | Interrupted):
         return INTERRUPTED
     if isinstance(problem, GcsError | OSError):

@@ -86,7 +86,7 @@ class Topic:
             timestamps_us: Shape (messages,).
 
         Returns:
-            Shape (messages,); its fields are the topic's, after those of the header.
+            Shape (messages,); its fields are the header's and then the topic's.
         """
         made = np.zeros(len(timestamps_us), self._message)
         made["size"] = self._message.itemsize - _HEADER_SIZE

@@ -1,6 +1,6 @@
 """Recorded steps and events as messages of PX4's topics.
 
-Topics and fields are those of PX4 1.16 (PX4/px4_msgs, branch release/1.16). What a recording does
+Topics and fields are as PX4 1.16 has them (PX4/px4_msgs, branch release/1.16). What a recording does
 not have is NaN.
 """
 
@@ -107,7 +107,7 @@ def step_messages(
         limits: Ranges of the actuators.
 
     Returns:
-        Timestamps [µs], shape (steps,), and the messages of each topic, likewise.
+        Timestamps [µs], shape (steps,), and the messages of each topic, shape (steps,).
     """
     at = np.round(columns["time_s"] * 1e6).astype(np.int64)
     attitude = _quaternion(columns["roll"], columns["pitch"], columns["yaw"])
@@ -166,8 +166,8 @@ def event_messages(
         limits: Ranges of the actuators.
 
     Returns:
-        For each topic timestamps [µs] and messages; those of the servos and the motor have one for
-        each time at which a command was sent, with the ones that still hold.
+        For each topic timestamps [µs] and messages; servos and motor have one for each time at
+        which a command was sent, with the ones that still hold.
     """
     at = np.round(time_s * 1e6).astype(np.int64)
     times, place = np.unique(at, return_inverse=True)
@@ -233,8 +233,8 @@ def _quaternion(roll: np.ndarray, pitch: np.ndarray, yaw: np.ndarray) -> np.ndar
 
     Args:
         roll: Of the sequence yaw, pitch, roll [rad], shape (steps,).
-        pitch: Likewise.
-        yaw: Likewise.
+        pitch: Shape (steps,) [rad].
+        yaw: Shape (steps,) [rad].
 
     Returns:
         Shape (steps, 4), of Hamilton's convention.

@@ -26,7 +26,7 @@ _FIGURES = ("flight.png", "sweep.png", "polar.png", "figures/*.png")
 def scenario_keys(folder: Path) -> dict[str, str]:
     """Return every key of a run's scenario with its value as a text; none if it has no scenario.
 
-    Keys are those of ``--set``, such as ``faults[0].uav``.
+    Keys are written as after ``--set``, such as ``faults[0].uav``.
     """
     try:
         tree = read(folder / SCENARIO)

@@ -129,9 +129,9 @@ def _diagnoses(old: Flight, new: Flight) -> Iterator[str]:
     """Yield the decisions of every UAV's diagnosis, where the flights differ."""
     ids = sorted({uav.id for flight in (old, new) for uav in flight.summary.uavs})
     for system in ids:
-        told = [_decisions(flight.summary.uav(system)) for flight in (old, new)]
-        if told[0] != told[1]:
-            for name, text in zip(("old", "new"), told, strict=True):
+        decisions = [_decisions(flight.summary.uav(system)) for flight in (old, new)]
+        if decisions[0] != decisions[1]:
+            for name, text in zip(("old", "new"), decisions, strict=True):
                 yield f"diagnosis of UAV {system}, {name}: {text}"
 
 

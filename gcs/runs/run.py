@@ -35,8 +35,8 @@ _UNSETTLED = {"killed", "unfinished", "under_way"}
 class Run:
     """One folder of results.
 
-    Figures are None where a run has none. Those of a campaign or a sweep are medians over the
-    flights that completed, its IAEs the worst of them.
+    Figures are None where a run has none. A campaign or a sweep has medians over the
+    flights that completed, and as IAEs the worst of them.
 
     Attributes:
         name: Folder, relative to the one that is listed.
@@ -47,7 +47,7 @@ class Run:
         title: Name of the scenario, or of the campaign.
         changes: What was changed against the scenario, as on the command line.
         law: Kind of the control law; several of a campaign with commas.
-        trigger: Mode of the trigger, likewise.
+        trigger: Mode of the trigger; several of a campaign with commas.
         faults: Faults of the scenario, each as a text.
         uavs: Number of UAVs.
         flights: Flights that ended; 1 of a flight.

@@ -121,9 +121,9 @@ def test_positions_and_speeds_agree_with_each_other(full: Path, log: Any) -> Non
 
 def test_an_actuator_message_is_a_transmission(full: Path, log: Any, scenario1: Scenario) -> None:
     events = columns(full, "events")
-    told = topic(log, "ftc_event")
-    assert [ACTUATORS[k] for k in told["actuator"]] == events["actuator"].tolist()
-    assert told["timestamp"] == pytest.approx(events["time_s"] * 1e6)
+    found = topic(log, "ftc_event")
+    assert [ACTUATORS[k] for k in found["actuator"]] == events["actuator"].tolist()
+    assert found["timestamp"] == pytest.approx(events["time_s"] * 1e6)
     is_thrust = events["actuator"] == "throttle"
     servos, motors = topic(log, "actuator_servos"), topic(log, "actuator_motors")
     assert len(servos["timestamp"]) == len(set(events["time_s"][~is_thrust]))
@@ -156,8 +156,8 @@ def test_what_actuators_did_is_in_natural_units(full: Path, log: Any) -> None:
 
 
 def test_what_happened_is_logged(log: Any) -> None:
-    told = [(one.timestamp, one.log_level_str(), one.message) for one in log.logged_messages]
-    assert told == [
+    found = [(one.timestamp, one.log_level_str(), one.message) for one in log.logged_messages]
+    assert found == [
         (200_000, "WARNING", "fault: rudder at 50 % in (0.2, 0.4] s"),
         (400_000, "INFO", "fault of rudder over"),
     ]  # the other one would have begun after the end

@@ -36,7 +36,7 @@ def without_index(root: Path, copy: Path) -> Listing:
         shutil.rmtree(copy)
 
 
-def told(listing: Listing) -> tuple[list[dict[str, object]], list[tuple[str, str]]]:
+def shown(listing: Listing) -> tuple[list[dict[str, object]], list[tuple[str, str]]]:
     """What a list says, in an order of its own; folders' paths are not its business."""
     runs = sorted((run.to_json() for run in listing.runs), key=lambda run: str(run["name"]))
     return runs, [(one.name, one.reason.rpartition("summary.json")[2]) for one in listing.foreign]
@@ -46,7 +46,7 @@ def told(listing: Listing) -> tuple[list[dict[str, object]], list[tuple[str, str
 @settings(
     max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
-def test_an_index_that_is_updated_equals_one_that_is_made_anew(
+def test_an_index_that_is_updated_equals_one_that_is_made_again(
     cache: Path, tmp_path: Path, steps: list[tuple[str, str, int]]
 ) -> None:
     root = tmp_path / "runs"
@@ -54,9 +54,9 @@ def test_an_index_that_is_updated_equals_one_that_is_made_anew(
     root.mkdir()
     for action, name, number in steps:
         act(cache, root, action, name, number)
-    updated = told(list_runs(root))
-    assert updated == told(without_index(root, tmp_path / "copy"))
-    assert updated == told(list_runs(root, rebuild=True))
+    updated = shown(list_runs(root))
+    assert updated == shown(without_index(root, tmp_path / "copy"))
+    assert updated == shown(list_runs(root, rebuild=True))
     assert list_runs(root).read == len(list_runs(root).foreign)  # damaged ones only
 
 
@@ -123,15 +123,15 @@ def test_a_summary_written_again_with_the_same_size_is_read_again(
         "UPDATE runs SET name = 'elsewhere'",
     ],
 )
-def test_an_index_that_makes_no_sense_is_made_anew(
+def test_an_index_that_makes_no_sense_is_made_again(
     cache: Path, tmp_path: Path, change: str
 ) -> None:
     make_run(cache, tmp_path / "a")
-    expected = told(list_runs(tmp_path))
+    expected = shown(list_runs(tmp_path))
     with contextlib.closing(sqlite3.connect(tmp_path / INDEX)) as database, database:
         database.execute(change)
     again = list_runs(tmp_path)
-    assert told(again) == expected
+    assert shown(again) == expected
     assert again.read == 1
     assert list_runs(tmp_path).read == 0
 

@@ -156,7 +156,7 @@ def test_a_lost_flight_and_one_that_lost_its_heading_say_so(cache: Path, tmp_pat
     assert "UAV 2" in runs["heading"].reason
 
 
-def test_flights_of_others_are_told_apart(cache: Path, tmp_path: Path) -> None:
+def test_flights_of_others_are_recognised(cache: Path, tmp_path: Path) -> None:
     folder = make_run(cache, tmp_path / "a")
     tree = json.loads((folder / "summary.json").read_text())
     (folder / "summary.json").write_text(json.dumps({**tree, "ardupilot": []}))
