@@ -1,7 +1,7 @@
 """Recorded steps and events as messages of PX4's topics.
 
-Topics and fields are as PX4 1.16 has them (PX4/px4_msgs, branch release/1.16). What a recording does
-not have is NaN.
+Topics and fields are as PX4 1.16 has them (PX4/px4_msgs, branch release/1.16). What a recording
+does not have is NaN.
 """
 
 from collections.abc import Mapping

@@ -57,7 +57,7 @@ class Page(HTMLParser):
 def page_of(root: Path, **options: Any) -> Page:
     listing = list_runs(root)
     path = root / "index.html"
-    options = {"compared": [], "figures": 100} | options
+    options = {"compared": [], "figures": 100, **options}
     save_page(path, root, listing.runs, listing.foreign, **options)
     return Page(path.read_text())
 
