@@ -320,7 +320,8 @@ class Flight:
             summary = self.summary
         except BadInput:
             return {}
-        known = {figure.name: figure.of(summary) for figure in FLIGHT_FIGURES}
+        figures = (figure for figure in FLIGHT_FIGURES if figure.name != "wall_s")
+        known = {figure.name: figure.of(summary) for figure in figures}
         about = {"scenario": summary.scenario, "mode": summary.mode, "loss": summary.loss or ""}
         return about | {name: value for name, value in known.items() if value is not None}
 

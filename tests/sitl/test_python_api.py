@@ -209,9 +209,9 @@ def test_a_station_commands_a_fleet(fleet: Up) -> None:
             await station[3].clear_faults("rudder")
             assert not [f for f in await station[3].faults() if f.end_s == 1e6]
 
-            before = (await station[2].get_param("B1")).value
-            assert (await station[2].set_param("B1", 2.0 * before)).value == 2.0 * before
-            await station[2].set_param("B1", before)
+            before = (await station[2].get_param("TRIG_B2_DEG")).value
+            assert (await station[2].set_param("TRIG_B2_DEG", 2.0 * before)).value == 2.0 * before
+            await station[2].set_param("TRIG_B2_DEG", before)
             await station[2].set_mode("LOITER")
             with pytest.raises(CommandRefused):
                 await station[2].disarm()
