@@ -284,7 +284,7 @@ class Flight:
         from gcs.terminal import Terminal
 
         console = Terminal()
-        console.file, console.width = StringIO(), _WIDTH
+        console.file, console.width, console.is_jupyter = StringIO(), _WIDTH, False
         console.print(self.__rich__())
         return console.file.getvalue().rstrip("\n")
 
@@ -300,7 +300,14 @@ class Flight:
         """Return the tables as HTML, for notebooks."""
         from rich.console import Console
 
-        console = Console(record=True, file=StringIO(), width=_WIDTH, markup=False, highlight=False)
+        console = Console(
+            record=True,
+            file=StringIO(),
+            width=_WIDTH,
+            markup=False,
+            highlight=False,
+            force_jupyter=False,  # it would show the tables, besides
+        )
         console.print(self.__rich__())
         style = "font-family: monospace; line-height: 1.2; white-space: pre"
         return console.export_html(
