@@ -6,7 +6,7 @@ Method: scenario 1 is flown in turn without figures and recording (`fly_in_steps
 campaigns and `gcs.fly_many` take them, as a row of a campaign with everything around it, and by
 `gcs.fly` with a light recording. The ratios are of the least times of a thread, so that other
 programs on the machine disturb them little. Of a whole campaign it is the processor time of its
-workers, two at a time, by that of as many processes that fly without figures.
+workers, two at a time, relative to as many processes that fly without figures.
 """
 
 import sys
@@ -38,9 +38,7 @@ CAMPAIGN = {
 def main() -> None:
     scenario = load_scenario("paper/scenario1")
     flights = int(sys.argv[1]) if len(sys.argv) > 1 else 100
-    print(
-        f"processor time of a flight of scenario 1, by that of one without figures, {ROUNDS} rounds"
-    )
+    print(f"processor time of a flight, relative to one without figures, {ROUNDS} rounds")
     bare, *others = least_times(scenario)
     print(f"  {'without figures':45s} {1e3 * bare:6.1f} ms")
     for name, seconds in others_of(others):

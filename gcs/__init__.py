@@ -9,8 +9,7 @@ What programs use is here; each name is imported when it is first used::
     flight.plot()
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+TYPE_CHECKING = False  # as of `typing`, whose import the command line cannot wait for
 
 if TYPE_CHECKING:
     from gcs.api.campaigns import campaign
@@ -47,13 +46,16 @@ _HOMES = {
     "gcs.scenario.model": ("Scenario", "load_scenario"),
 }
 
+if not TYPE_CHECKING:  # a type checker knows all names, and no others
 
-def __getattr__(name: str) -> Any:
-    for home, names in _HOMES.items():
-        if name in names:
-            found = globals()[name] = getattr(import_module(home), name)
-            return found
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    def __getattr__(name: str) -> object:
+        from importlib import import_module
+
+        for home, names in _HOMES.items():
+            if name in names:
+                found = globals()[name] = getattr(import_module(home), name)
+                return found
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

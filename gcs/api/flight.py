@@ -3,7 +3,6 @@
 import functools
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
 
@@ -20,6 +19,7 @@ from gcs.results.recording import Ending, Recording
 from gcs.results.run_folder import SCENARIO, read_summary
 from gcs.results.store import EVENTS, TRAJECTORY, is_complete, read_table
 from gcs.scenario.model import Scenario, load_scenario
+from gcs.terminal import as_html, as_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -123,7 +123,7 @@ class Flight:
     def table(self) -> "pa.Table":
         """Its trajectory as an Arrow table: one row per recorded step and UAV.
 
-        Its columns are `gcs.results.columns.COLUMNS`, or those of them that were recorded.
+        Its columns are `gcs.results.columns.COLUMNS`, or the part of them that was recorded.
 
         Raises:
             BadInput: It was not recorded.
@@ -281,12 +281,7 @@ class Flight:
         )
 
     def __str__(self) -> str:
-        from gcs.terminal import Terminal
-
-        console = Terminal()
-        console.file, console.width, console.is_jupyter = StringIO(), _WIDTH, False
-        console.print(self.__rich__())
-        return console.file.getvalue().rstrip("\n")
+        return as_text(self.__rich__(), width=_WIDTH)
 
     def __rich__(self) -> "Group":
         """Return the tables that `gcs fly` prints."""
@@ -298,21 +293,7 @@ class Flight:
 
     def _repr_html_(self) -> str:
         """Return the tables as HTML, for notebooks."""
-        from rich.console import Console
-
-        console = Console(
-            record=True,
-            file=StringIO(),
-            width=_WIDTH,
-            markup=False,
-            highlight=False,
-            force_jupyter=False,  # it would show the tables, besides
-        )
-        console.print(self.__rich__())
-        style = "font-family: monospace; line-height: 1.2; white-space: pre"
-        return console.export_html(
-            inline_styles=True, code_format=f'<pre style="{style}">{{code}}</pre>'
-        )
+        return as_html(self.__rich__(), width=_WIDTH)
 
     # inside
 

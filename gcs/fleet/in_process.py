@@ -85,7 +85,7 @@ def fly_in_steps(
 def fly_and_summarise(scenario: Scenario, on_progress: OnProgress | None = None) -> FlightSummary:
     """Fly a scenario to its end, or until it is lost; return its figures and keep no step.
 
-    The figures are those of `gcs.results.summary.summarise`, bit for bit. They take about a
+    The figures equal what `gcs.results.summary.summarise` computes, bit for bit. They take about a
     seventh of the processor time of the flight. `on_progress` is as of `fly_in_process`.
     """
     tally = Tally(scenario)

@@ -81,7 +81,7 @@ def values_of(settings: Sequence[str], option: str = "--set") -> dict[str, Any]:
 
 
 def plain(value: Any) -> Any:
-    """Return a tree as a file has it: lists for tuples and arrays, numbers for those of NumPy."""
+    """Return a tree as a file has it: lists for tuples and arrays, numbers for NumPy's."""
     if isinstance(value, np.ndarray | np.generic):
         return plain(value.tolist())
     if isinstance(value, Mapping):

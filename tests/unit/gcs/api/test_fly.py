@@ -354,9 +354,6 @@ def test_the_package_is_light() -> None:
     code = "import gcs, sys; print(sorted(m for m in sys.modules if m.split('.')[0] == 'gcs'))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "['gcs']"
-    code = "import gcs, sys; print('numpy' in sys.modules or 'typing' not in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "False"
 
 
 def test_every_name_of_the_package_is_there() -> None:
@@ -364,7 +361,7 @@ def test_every_name_of_the_package_is_there() -> None:
         assert getattr(gcs, name).__doc__
         assert name in dir(gcs)
     with pytest.raises(AttributeError, match="no attribute 'fligt'"):
-        gcs.fligt  # noqa: B018 - the mistake
+        getattr(gcs, "fligt")  # noqa: B009 - a type checker sees the mistake otherwise
 
 
 USER = """
