@@ -38,7 +38,7 @@ def cannot_write(done: subprocess.CompletedProcess[str], path: Path, status: int
     assert f"cannot write {path}: {NO_SPACE}" in error
 
 
-@pytest.mark.parametrize(("size", "name"), [(0, "events.arrows"), (12_000, "flight.tlog")])
+@pytest.mark.parametrize(("size", "name"), [(0, "scenario.yaml"), (12_000, "flight.tlog")])
 def test_a_flight_that_cannot_be_recorded_ends(tmp_path: Path, size: int, name: str) -> None:
     folder = tmp_path / "run"
     scenario = write_scenario(tmp_path, duration_s=60.0)
@@ -68,7 +68,7 @@ def test_a_process_that_cannot_keep_its_recording_says_so(tmp_path: Path) -> Non
     assert not list(folder.rglob("*.part"))
 
 
-@pytest.mark.parametrize(("size", "name"), [(0, "events.arrows"), (20_000, "events.arrows")])
+@pytest.mark.parametrize(("size", "name"), [(0, "scenario.yaml"), (20_000, "events.arrows")])
 def test_results_that_cannot_be_written(tmp_path: Path, size: int, name: str) -> None:
     scenario = write_scenario(tmp_path, duration_s=2.0)
     options = ("--in-process", "--quiet", "--out", tmp_path / "run")
