@@ -7,8 +7,10 @@ import os
 import tempfile
 import threading
 from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
+from concurrent.futures import Future
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Literal, NamedTuple, TypeAlias, TypeVar
 
 from gcs.api.errors import python_errors
 from gcs.api.flight import Flight, Source, open_run
@@ -331,23 +333,49 @@ def _beside_any_loop(work: Callable[[], Coroutine[Any, Any, T]]) -> T:
         asyncio.get_running_loop()
     except RuntimeError:
         return asyncio.run(work())
-    loop = asyncio.new_event_loop()
-    thread = threading.Thread(target=loop.run_forever, name="flight", daemon=True)
-    thread.start()
+    flight = _FlightThread(work)
     try:
-        future = asyncio.run_coroutine_threadsafe(work(), loop)
+        return flight.done.result()
+    finally:  # after Ctrl-C, too: the processes of the fleet end before we do
+        flight.end()
+
+
+class _FlightThread(Generic[T]):
+    """A thread with an event loop, on which a coroutine runs.
+
+    Attributes:
+        done: Its result.
+    """
+
+    def __init__(self, work: Callable[[], Coroutine[Any, Any, T]]) -> None:
+        self.done: Future[T] = Future()
+        self._work = work
+        self._began = threading.Event()
+        self._cancel: Callable[[], object] = lambda: None
+        self._thread = threading.Thread(target=self._run, name="flight")
+        self._thread.start()
+
+    def end(self) -> None:
+        """Cancel the coroutine, unless it is over, and wait; Ctrl-C does not hasten its end."""
+        cancelled = False
+        while self._thread.is_alive():
+            with contextlib.suppress(KeyboardInterrupt):
+                if not cancelled and not self.done.done():
+                    self._began.wait()
+                    with contextlib.suppress(RuntimeError):  # it has just ended
+                        self._cancel()
+                    cancelled = True
+                self._thread.join()
+
+    def _run(self) -> None:
         try:
-            return future.result()
-        except BaseException:  # such as Ctrl-C: the processes of the fleet end before we do
-            future.cancel()
-            asyncio.run_coroutine_threadsafe(_others_done(), loop).result()
-            raise
-    finally:
-        loop.call_soon_threadsafe(loop.stop)
-        thread.join()
-        loop.close()
+            self.done.set_result(asyncio.run(self._main()))
+        except BaseException as problem:  # which the other thread raises
+            self.done.set_exception(problem)
 
-
-async def _others_done() -> None:
-    others = asyncio.all_tasks() - {asyncio.current_task()}
-    await asyncio.gather(*others, return_exceptions=True)
+    async def _main(self) -> T:
+        task, loop = asyncio.current_task(), asyncio.get_running_loop()
+        assert task is not None
+        self._cancel = partial(loop.call_soon_threadsafe, task.cancel)
+        self._began.set()
+        return await self._work()
