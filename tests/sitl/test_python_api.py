@@ -20,6 +20,8 @@ from station import Up, up
 from gcs import BadInput, CommandRefused, Flight, NoAnswer, connect, fly, fly_many
 from gcs.fleet import local_workers
 
+pytestmark = pytest.mark.sitl
+
 SHORT = {"duration_s": 1.5}
 
 
