@@ -15,7 +15,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from benchmarks import codec, dashboard, fleet, ground_station, recording
+from benchmarks import codec, dashboard, figures, fleet, ground_station, recording
 from benchmarks.fleet import gcs
 
 SCENARIO = Path(__file__).parent.parent / "scenarios" / "paper" / "scenario1.yaml"
@@ -61,6 +61,8 @@ def main() -> None:
     fleet.print_table([one for uavs in (3, 30, 100) for one in fleet.measure(uavs)])
     print()
     recording.main()
+    print()
+    figures.main()
     print()
     codec.main()
 

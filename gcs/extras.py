@@ -1,4 +1,4 @@
-"""Loading of `gcs.lab`, whose packages are an extra: operators and vehicles do without."""
+"""Loading of what is an extra: operators and vehicles do without `gcs.lab`, pandas and xarray."""
 
 from importlib import import_module
 from importlib.util import find_spec
@@ -8,6 +8,23 @@ from gcs.errors import BadInput
 
 LAB_PACKAGES = ("SALib", "distributed", "jinja2")
 """What `gcs.lab` imports besides the dependencies of the core; extra `lab` in pyproject.toml."""
+
+
+def load_package(name: str, purpose: str) -> Any:
+    """Import a package of the extra `python`.
+
+    Args:
+        name: The package.
+        purpose: What needs it, for the message.
+
+    Raises:
+        BadInput: It is not installed.
+    """
+    if find_spec(name) is None:
+        raise BadInput(
+            f"{purpose} needs {name}, not installed here", "pip install 'ftc-sitl[python]'"
+        )
+    return import_module(name)
 
 
 def load_lab(module: str) -> Any:

@@ -7,6 +7,7 @@ import json
 import os
 import re
 from collections.abc import Iterable
+from io import StringIO
 from typing import Any
 
 from rich.cells import cell_len
@@ -59,6 +60,29 @@ class Terminal(Console):
 def console_of(stderr: bool = True, quiet: bool = False) -> Terminal:
     """Return the console for progress and remarks, or that for results."""
     return Terminal(stderr=stderr, quiet=quiet)
+
+
+def as_text(shown: RenderableType, width: int) -> str:
+    """Return what a terminal of a width [characters] shows, without colours."""
+    console = _recording(width)
+    console.print(shown)
+    return console.export_text().rstrip("\n")
+
+
+def as_html(shown: RenderableType, width: int) -> str:
+    """Return the same, with colours, as an element of HTML."""
+    console = _recording(width)
+    console.print(shown)
+    style = "font-family: monospace; line-height: 1.2; white-space: pre"
+    code = f'<pre style="{style}">{{code}}</pre>'
+    return console.export_html(inline_styles=True, code_format=code)
+
+
+def _recording(width: int) -> Terminal:
+    console = Terminal()
+    console.record, console.file, console.width = True, StringIO(), width
+    console.is_jupyter = False  # a notebook would show it at once
+    return console
 
 
 def print_line(text: str, *, stderr: bool = False) -> None:

@@ -3,6 +3,8 @@
 The comment ``<!-- generated: keys trigger -->`` becomes the table of the keys of `trigger`.
 """
 
+import html
+import json
 import re
 import types
 import xml.etree.ElementTree as ET
@@ -397,6 +399,30 @@ def table(head: tuple[str, ...], rows: Iterable[Iterable[str]]) -> str:
     )
 
 
+def notebook(name: str) -> str:
+    """Return a notebook of `docs/notebooks` as Markdown, with the outputs that it holds."""
+    cells = json.loads((DOCS / "notebooks" / f"{name}.ipynb").read_text())["cells"]
+    return "\n\n".join(part for cell in cells for part in _cell_parts(cell))
+
+
+def _cell_parts(cell: dict[str, Any]) -> Iterator[str]:
+    """Yield a cell and its outputs as Markdown: text, HTML without its style, or a picture."""
+    source = "".join(cell["source"])
+    if cell["cell_type"] != "code":
+        yield source
+        return
+    yield f"```python\n{source}\n```"
+    for output in cell["outputs"]:
+        shown = output.get("data", {"text/plain": output.get("text")})
+        if "image/png" in shown:
+            picture = shown["image/png"].replace("\n", "")
+            yield f'<img alt="{html.escape(source)}" src="data:image/png;base64,{picture}">'
+        elif "text/html" in shown:
+            yield re.sub(r"<style.*?</style>\n?", "", "".join(shown["text/html"]), flags=re.DOTALL)
+        else:
+            yield f"```text\n{''.join(shown['text/plain']).rstrip()}\n```"
+
+
 GENERATORS: dict[str, Callable[..., str]] = {
     "keys": keys,
     "parameters": parameters,
@@ -406,4 +432,5 @@ GENERATORS: dict[str, Callable[..., str]] = {
     "command_line": command_line,
     "pages": pages,
     "readme": readme,
+    "notebook": notebook,
 }

@@ -13,14 +13,13 @@ import numpy as np
 import typer
 from rich.console import Console
 
-from ftc_autopilot.plugins.loading import label as short_name
 from gcs.commands.options import SigningKeyOption
 from gcs.commands.progress import working
 from gcs.errors import BadInput
-from gcs.scenario.model import Scenario, load_scenario, scenario_of, scenario_tree
+from gcs.scenario.changes import with_changes
+from gcs.scenario.model import Scenario
 from gcs.scenario.plugins import prepare_plugins
-from gcs.scenario.settings import label, values_of
-from mavlink_defs.config.inherit import PlaceError, merged, with_values
+from gcs.scenario.settings import values_of
 from sitl_plant.plant_section import OwnPlant
 
 ScenarioArgument = Annotated[
@@ -114,21 +113,7 @@ def changed_scenario(
         BadInput: A setting is not of that form, or its key does not exist.
         ConfigError: A file cannot be used, or the result is no valid scenario.
     """
-    if not additions and not settings:
-        return load_scenario(scenario)
-    tree = scenario_tree(scenario)
-    changes = [f"with {name}" for name in additions or ()]
-    for name in additions or ():
-        tree = merged(tree, scenario_tree(name))
-    values = values_of(settings or ())
-    changes += [f"{key} = {short_name(label(value))}" for key, value in values.items()]
-    try:
-        tree = with_values(tree, values, "--set")
-    except PlaceError as problem:
-        raise BadInput(f"--set {problem}") from problem
-    if "name" in tree and "name" not in values:
-        tree = merged(tree, {"name": ", ".join([str(tree["name"]), *changes])})
-    return scenario_of(scenario, tree)
+    return with_changes(scenario, additions or (), values_of(settings or ()), "--set")
 
 
 def check_simulators(scenario: Scenario) -> None:

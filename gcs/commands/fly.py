@@ -29,6 +29,7 @@ from gcs.errors import BadInput, FlightLost, Interrupted
 from gcs.extras import load_lab
 from gcs.results.choices import Record
 from gcs.scenario.model import Scenario
+from gcs.scenario.settings import values_of
 from gcs.scenario.signing_key import signed
 from gcs.station.connection import warn_if_exposed
 from gcs.terminal import console_of, print_json
@@ -144,9 +145,9 @@ def fly(
     """Fly a scenario to its end and record it.
 
     Starts one plant and an autopilot process for each UAV, uploads profile or mission, sets the
-    faults, starts the missions and arms, all by MAVLink over UDP. The run folder gets summary.json,
-    flight.tlog (the GCS link), events.arrows, trajectory.arrows, flight.png and flight.svg;
-    with a mission mission.png and mission.svg, too.
+    faults, starts the missions and arms, all by MAVLink over UDP. The run folder gets
+    scenario.yaml, summary.json, flight.tlog (the GCS link), events.arrows, trajectory.arrows,
+    flight.png and flight.svg; with a mission mission.png and mission.svg, too.
 
     The figures of summary.json count every step, whatever is recorded.
 
@@ -162,7 +163,8 @@ def fly(
 
     loaded = signed(_scenario(scenario, options), options.signing_key)
     named = f"{options.campaign} row {options.row}" if scenario is None else str(scenario)
-    mark = FlightMark.of("fly", named, loaded, options.additions, options.settings)
+    values = values_of(options.settings or ())
+    mark = FlightMark.of("fly", named, loaded, options.additions, values)
     if options.in_process and loaded.links.impairments is not None:
         text = "links.impairments apply to the wire; --in-process has none"
         raise BadInput(text, "leave one of them out")

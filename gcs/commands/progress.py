@@ -4,6 +4,7 @@ import contextlib
 import threading
 import time
 from collections.abc import Iterator
+from importlib.util import find_spec
 from typing import ClassVar
 
 from rich.console import Console
@@ -124,7 +125,7 @@ class Work:
 @contextlib.contextmanager
 def working(console: Console, what: str = "") -> Iterator[Work]:
     """Show the progress of tasks while the context lasts; `what` is a task that counts nothing."""
-    if console.is_terminal:
+    if console.is_terminal or (console.is_jupyter and find_spec("ipywidgets")):
         columns = (
             TextColumn("{task.description}", markup=False),
             BarColumn(bar_width=20),

@@ -32,6 +32,7 @@ from gcs.scenario.model import Scenario
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _MOMENTS = 8  # at which the formation is drawn
 _SHARE = 0.12  # of the map's size that a formation is drawn with
@@ -50,7 +51,14 @@ def draw_mission(
     leaders: tuple[int, ...],
     folder: Path,
 ) -> None:
-    """Draw the mission of a flight as `mission.png` and `mission.svg`.
+    """Draw the mission as `mission.png` and `mission.svg`; arguments as of `mission_figure`."""
+    save(mission_figure(recording, scenario, paths, leaders), folder, "mission")
+
+
+def mission_figure(
+    recording: Recording, scenario: Scenario, paths: np.ndarray, leaders: tuple[int, ...]
+) -> "Figure":
+    """Draw the mission of a flight.
 
     Panels: the map, with the path, all tracks, and the formation at marked times, drawn larger
     than it is; distance from the slot (of a UAV without a formation: from the path), height error,
@@ -61,7 +69,6 @@ def draw_mission(
         scenario: What was flown.
         paths: As for `gcs.results.path_following.PathErrors`.
         leaders: As for `gcs.results.path_following.PathErrors`.
-        folder: For the files.
     """
     flight = PlottedFlight(scenario.name, scenario, recording)
     figure = new_figure(8.6)
@@ -80,7 +87,7 @@ def draw_mission(
         tidy(axis, scenario.duration_s)
     figure.align_ylabels(beside)
     draw_legend(figure)
-    save(figure, folder, "mission")
+    return figure
 
 
 def _draw_errors(

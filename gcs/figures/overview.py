@@ -28,12 +28,18 @@ from mavlink_defs.constants import ACTUATORS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 Gaps: TypeAlias = Mapping[tuple[int, int], np.ndarray]
 
 
 def draw_flight(recording: Recording, scenario: Scenario, gaps: Gaps, folder: Path) -> None:
-    """Draw a flight as `flight.png` and `flight.svg`.
+    """Draw a flight as `flight.png` and `flight.svg`; arguments as of `overview`."""
+    save(overview(recording, scenario, gaps), folder, "flight")
+
+
+def overview(recording: Recording, scenario: Scenario, gaps: Gaps) -> "Figure":
+    """Draw a flight at a glance.
 
     Rows: airspeed and attitude of all UAVs against the filtered reference (dashed); held
     actuator commands; intervals between two events of a channel. Fault windows are shaded.
@@ -42,7 +48,6 @@ def draw_flight(recording: Recording, scenario: Scenario, gaps: Gaps, folder: Pa
         recording: The flight, as of `gcs.results.preview.Preview`.
         scenario: What was flown.
         gaps: Intervals between events, as there.
-        folder: For the files.
     """
     flight = PlottedFlight(scenario.name, scenario, recording)
     figure = new_figure(7.4)
@@ -57,7 +62,7 @@ def draw_flight(recording: Recording, scenario: Scenario, gaps: Gaps, folder: Pa
         tidy(axis, scenario.duration_s)
     figure.align_ylabels()
     draw_legend(figure)
-    save(figure, folder, "flight")
+    return figure
 
 
 def draw_command(axis: "Axes", flight: PlottedFlight, channel: str) -> None:

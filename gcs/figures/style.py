@@ -9,6 +9,7 @@ numbers and units of its own.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from string import ascii_lowercase
 from threading import Lock
@@ -107,6 +108,7 @@ _SHADE = "0.88"
 _HANDLE_IN = 0.6  # of an entry of a legend, with the space around it
 _LETTER_IN = 0.066  # of its text, on the average
 _PNG_DPI = 150.0
+_SHOWN_DPI = 100.0
 _SVG_DPI = 200.0  # of its images: dots
 _saving = Lock()
 
@@ -118,10 +120,19 @@ def style(i: int) -> Style:
 
 
 def new_figure(height_in: float, layout: Layout | None = "constrained") -> "Figure":
-    """Return an empty figure of the width of the page, with or without automatic layout."""
+    """Return an empty figure of the width of the page, with or without automatic layout.
+
+    Notebooks show it, whatever backend they use.
+    """
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(WIDTH_IN, height_in), layout=layout)
+    class ShownFigure(Figure):
+        def _repr_png_(self) -> bytes:
+            content = BytesIO()
+            self.savefig(content, format="png", dpi=_SHOWN_DPI)
+            return content.getvalue()
+
+    return ShownFigure(figsize=(WIDTH_IN, height_in), layout=layout)
 
 
 def decimated(t: np.ndarray, y: np.ndarray, buckets: int = _BUCKETS) -> tuple[np.ndarray, ...]:

@@ -69,7 +69,7 @@ def ctrl_c_while_compiling() -> Iterator[None]:
     that finds the compiler's own functions on the stack is sent again a moment later.
     """
     before = signal.getsignal(signal.SIGINT)
-    if not callable(before):  # ignored
+    if not callable(before) or threading.current_thread() is not threading.main_thread():
         yield
         return
 

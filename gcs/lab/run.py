@@ -1,10 +1,9 @@
 """A campaign from Python: what ``gcs campaign`` does, without the terminal.
 
-Worker processes import the program that starts them, so a script needs the usual guard::
+`gcs.campaign` is simpler. As in::
 
-    if __name__ == "__main__":
-        page = run_campaign(load_plan(Path("my.yaml")), Path("runs/mine"))
-        table = read_results(Path("runs/mine")).to_pandas()
+    page = run_campaign(load_plan(Path("my.yaml")), Path("runs/mine"))
+    table = read_results(Path("runs/mine")).to_pandas()
 """
 
 from collections.abc import Callable

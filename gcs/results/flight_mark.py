@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any, Self
 
 from gcs.errors import BadInput, GcsError, Interrupted
+from gcs.results.run_folder import SCENARIO
 from gcs.scenario.code import code_digest, code_version
 from gcs.scenario.model import Scenario
-from gcs.scenario.settings import label, values_of
+from gcs.scenario.settings import label
 from mavlink_defs.config.files import dump, parse
 from mavlink_defs.config.output_files import write_text
 from mavlink_defs.config.user_files import open_file
@@ -24,7 +25,7 @@ from mavlink_defs.config.yaml_text import yaml_of
 SCHEMA = 1
 """Number of this layout; it changes when a reader of the old one would go wrong."""
 
-FLIGHT, SCENARIO = "flight.yaml", "scenario.yaml"
+FLIGHT = "flight.yaml"
 INTERRUPTED, DONE = "interrupted", "done"
 
 
@@ -72,7 +73,7 @@ class FlightMark:
         name: str,
         scenario: Scenario,
         additions: Sequence[str] | None = None,
-        settings: Sequence[str] | None = None,
+        settings: Mapping[str, Any] | None = None,
     ) -> Self:
         """Return the mark of a flight that begins now.
 
@@ -81,13 +82,13 @@ class FlightMark:
             name: Scenario as the user named it.
             scenario: What is flown.
             additions: As of ``--with``.
-            settings: As of ``--set KEY=VALUE``.
+            settings: Values by key, as of ``--set KEY=VALUE``.
         """
         return cls(
             command=command,
             scenario=name,
             additions=list(additions or ()),
-            settings=values_of(settings or ()),
+            settings=dict(settings or {}),
             title=scenario.name,
             law=scenario.controller.kind,
             trigger=scenario.trigger.mode,

@@ -1,16 +1,71 @@
-"""A flight as thin as a figure can show it, gathered while it is flown in bounded memory."""
+"""A flight as thin as a figure can show it, gathered while it is flown in bounded memory.
+
+Or from its recording.
+"""
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ftc_autopilot.control.controller import SIGNALS
+from gcs.results.columns import COLUMNS
 from gcs.results.recording import Ending, Events, Recording, Steps
 from gcs.scenario.model import Scenario
-from mavlink_defs.constants import N_CHANNELS
+from mavlink_defs.constants import ACTUATORS, N_CHANNELS
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 _MOST_ROWS = 30_000  # of all UAVs
 _LEAST_STEPS = 1000
 _MOST_GAPS = 300_000  # of all UAVs
 _FIELDS = ("V", "command", "reference", "held", "path_position", "slot")
+
+
+def recorded_steps(table: "pa.Table", n: int) -> tuple[Steps, int]:
+    """Return a trajectory thinned out for a figure, and how many of its steps are apart.
+
+    Args:
+        table: Rows of `trajectory.arrows`, light or full.
+        n: Number of UAVs.
+
+    Returns:
+        The steps; of the signals only those that figures show, NaN where they were not recorded.
+    """
+    length = len(table) // n
+    every = max(1, -(-length // max(_MOST_ROWS // n, _LEAST_STEPS)))
+    steps = _room(-(-length // every), n)
+    steps.signals.view("f8").fill(np.nan)
+    for column in COLUMNS:
+        if column.field in {"", *_FIELDS} and column.name in table.column_names:
+            values = table.column(column.name).to_numpy().reshape(length, n)
+            column.of(steps)[:] = values[::every]
+    return steps, every
+
+
+def recorded_gaps(
+    events: "pa.Table", uav_ids: tuple[int, ...]
+) -> dict[tuple[int, int], np.ndarray]:
+    """Return the intervals between events by system id and channel, as `Preview.gaps` does.
+
+    Args:
+        events: Rows of `events.arrows`.
+        uav_ids: System ids.
+    """
+    uav, time_s = events.column("uav").to_numpy(), events.column("time_s").to_numpy()
+    actuator = np.array(events.column("actuator").cast("string").to_pylist(), str)
+    every = max(1, -(-len(uav) // _MOST_GAPS))
+    found = {}
+    for system in uav_ids:
+        for channel, name in enumerate(ACTUATORS):
+            times = time_s[(uav == system) & (actuator == name)]
+            found[system, channel] = np.stack([times[1:], np.diff(times)])[:, ::every]
+    return found
+
+
+def _room(steps: int, n: int) -> Steps:
+    fields = [(name, SIGNALS[name]) for name in _FIELDS]
+    return Steps.room(steps, n)._replace(signals=np.zeros((steps, n), fields))
 
 
 class Preview:
@@ -22,9 +77,7 @@ class Preview:
         self._step_us, n = scenario.step_us, len(self._ids)
         most = max(_MOST_ROWS // n, _LEAST_STEPS)
         self._every = -(-scenario.steps // most)
-        room = Steps.room(-(-scenario.steps // self._every), n)
-        fields = [(name, SIGNALS[name]) for name in _FIELDS]
-        self._steps = room._replace(signals=np.zeros(room.signals.shape, fields))
+        self._steps = _room(-(-scenario.steps // self._every), n)
         self._count = 0
         self._last_event = np.full(n * N_CHANNELS, np.nan)
         self._gaps: list[np.ndarray] = []  # each (3, k): channel of a UAV, time [s], length [s]

@@ -3,6 +3,7 @@
 import json
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gcs.results.choices import Record
 from gcs.results.columns import COLUMNS, LIGHT
@@ -17,6 +18,9 @@ from gcs.results.summary import summary_of
 from gcs.results.tally import Tally
 from gcs.scenario.itinerary import outline
 from gcs.scenario.model import Scenario
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 LIGHT_PERIOD_US = 20_000
 """Steps of a light recording are so far apart, or one control period."""
@@ -37,18 +41,18 @@ def _light_every(scenario: Scenario) -> int:
 
 
 def streams_of(
-    scenario: Scenario, folder: Path, record: Record
+    scenario: Scenario, folder: Path | None, record: Record
 ) -> tuple[EventStream, TrajectoryStream]:
-    """Make the files of events and trajectory of a full or light recording.
+    """Make the files of events and trajectory of a full or light recording; None for memory.
 
     Raises:
         OSError: With a file's name.
     """
     light = record is Record.LIGHT
     columns, every = (LIGHT, _light_every(scenario)) if light else (COLUMNS, 1)
-    events = EventStream(folder / EVENTS, scenario.step_us)
+    events = EventStream(None if folder is None else folder / EVENTS, scenario.step_us)
     trajectory = TrajectoryStream(
-        folder / TRAJECTORY,
+        None if folder is None else folder / TRAJECTORY,
         columns,
         every,
         tuple(uav.id for uav in scenario.uavs),
@@ -72,14 +76,16 @@ class FlightRecorder:
 
     Attributes:
         preview: The flight, thinned out for a figure.
+        trajectory: Content of `trajectory.arrows` of a flight that is recorded in memory and over.
+        events: Content of `events.arrows` of such a flight.
     """
 
-    def __init__(self, scenario: Scenario, folder: Path, record: Record) -> None:
+    def __init__(self, scenario: Scenario, folder: Path | None, record: Record) -> None:
         """Make the files.
 
         Args:
             scenario: What is flown.
-            folder: Run folder, exists.
+            folder: Run folder, exists; None to record in memory, which .npz cannot.
             record: How much is kept.
 
         Raises:
@@ -92,6 +98,8 @@ class FlightRecorder:
         self._whole: list[Steps] | None = [] if record is Record.NPZ else None
         self._trajectory: TrajectoryStream | None = None
         self._events: EventStream | None = None
+        self.trajectory: pa.Buffer | None = None
+        self.events: pa.Buffer | None = None
         if record in {Record.FULL, Record.LIGHT}:
             self._events, self._trajectory = streams_of(scenario, folder, record)
 
@@ -123,17 +131,20 @@ class FlightRecorder:
             events.close()
         if trajectory is not None:
             trajectory.close()
+        if events is not None and trajectory is not None and self._folder is None:
+            self.events, self.trajectory = events.content(), trajectory.content()
 
     def finish(self, ending: Ending) -> FlightSummary:
-        """Write `summary.json` and complete the recording; return the figures.
+        """Complete the recording and write `summary.json`, with a folder; return the figures.
 
         Raises:
             OSError: A file cannot be written; it is named.
         """
         summary = summary_of(self._tally, ending, self._scenario)
-        save_summary(summary, self._folder)
+        if self._folder is not None:
+            save_summary(summary, self._folder)
         self.close()
-        if self._whole is not None:
+        if self._whole is not None and self._folder is not None:
             whole = Steps.joined(self._whole, len(self._ids))
             recording = Recording.of(whole, ending, self._ids, self._scenario.step_us)
             save_arrays_of(recording, self._folder)

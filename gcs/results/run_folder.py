@@ -12,6 +12,8 @@ from gcs.results.figures import FlightSummary
 from mavlink_defs.config.output_files import write_text
 from mavlink_defs.config.user_files import open_file
 
+SCENARIO = "scenario.yaml"
+
 
 def make_run_folder(chosen: Path | None, scenario_name: str) -> Path:
     """Make the run folder.

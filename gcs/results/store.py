@@ -1,13 +1,14 @@
-"""Recordings on disk: Arrow's IPC stream, written while the flight goes on.
+"""Recordings, on disk or in memory: Arrow's IPC stream, written while the flight goes on.
 
 Of the formats that many programs read, it is the one that needs no end: a file that was torn by a
 crash has everything up to its last complete batch. Parquet and HDF5 lose all of it.
 """
 
+import contextlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -45,16 +46,16 @@ def _arrow(numbers: np.ndarray) -> "pa.Array":
 class _Stream:
     """A file of batches of rows, each on its way to the disk when it is complete."""
 
-    def __init__(self, path: Path, schema: "pa.Schema", compressed: bool) -> None:
+    def __init__(self, path: Path | None, schema: "pa.Schema", compressed: bool) -> None:
         import pyarrow as pa
 
-        self._path, self._schema = path, schema
+        self._path, self._schema = path or Path("memory"), schema
         self._waiting: list[list[np.ndarray]] = []
         self._rows = 0
         codec = "lz4" if compressed else None
         options = pa.ipc.IpcWriteOptions(compression=codec, use_threads=False)
-        with naming(path):
-            self._file = path.open("wb")
+        with naming(self._path):
+            self._file: Any = pa.BufferOutputStream() if path is None else path.open("wb")
             try:
                 self._writer = pa.ipc.new_stream(self._file, schema, options=options)
                 self._file.flush()
@@ -69,6 +70,10 @@ class _Stream:
         finally:
             with naming(self._path), self._file:
                 self._writer.close()
+
+    def content(self) -> "pa.Buffer":
+        """Return what was written to memory, once it is closed."""
+        return self._file.getvalue()
 
     def _append(self, columns: list[np.ndarray]) -> None:
         self._waiting.append(columns)
@@ -96,7 +101,7 @@ class TrajectoryStream(_Stream):
 
     def __init__(
         self,
-        path: Path,
+        path: Path | None,
         columns: tuple[Column, ...],
         every: int,
         uav_ids: tuple[int, ...],
@@ -107,7 +112,7 @@ class TrajectoryStream(_Stream):
         """Make the file.
 
         Args:
-            path: The file.
+            path: The file; None for memory.
             columns: What is recorded.
             every: Record every so many steps.
             uav_ids: System ids, in the order of the steps' arrays.
@@ -154,8 +159,8 @@ class TrajectoryStream(_Stream):
 class EventStream(_Stream):
     """`events.arrows`: one row per event, ordered by time."""
 
-    def __init__(self, path: Path, step_us: int) -> None:
-        """Make the file; OSError with its name if it cannot."""
+    def __init__(self, path: Path | None, step_us: int) -> None:
+        """Make the file, None for memory; OSError with its name if it cannot."""
         import pyarrow as pa
 
         fields = [
@@ -197,17 +202,35 @@ def is_complete(path: Path | str) -> bool:
         return file.read() == _END
 
 
-def batches(path: Path | str) -> Iterator["pa.RecordBatch"]:
-    """Yield what was recorded, up to the last complete batch.
+def batches(source: "Path | str | pa.Buffer") -> Iterator["pa.RecordBatch"]:
+    """Yield what was recorded in a file, or in memory, up to the last complete batch.
 
     Raises:
         BadInput: There is no such file, or it is no recording.
     """
+    with _reader(source) as reader:
+        yield from _complete(reader)
+
+
+def read_table(source: "Path | str | pa.Buffer") -> "pa.Table":
+    """Return what was recorded as one table, up to the last complete batch.
+
+    Raises:
+        BadInput: As of `batches`.
+    """
     import pyarrow as pa
 
+    with _reader(source) as reader:
+        return pa.Table.from_batches(_complete(reader), reader.schema)
+
+
+@contextlib.contextmanager
+def _reader(source: "Path | str | pa.Buffer") -> Iterator["pa.ipc.RecordBatchStreamReader"]:
+    import pyarrow as pa
+
+    path = source if isinstance(source, pa.Buffer) else Path(source)
     try:
-        path = Path(path)
-        file = open_file(path)
+        file: Any = pa.BufferReader(path) if isinstance(path, pa.Buffer) else open_file(path)
     except OSError as problem:
         raise BadInput(
             f"cannot read {path}: {problem.strerror}",
@@ -218,11 +241,17 @@ def batches(path: Path | str) -> Iterator["pa.RecordBatch"]:
             reader = pa.ipc.open_stream(file)
         except (pa.ArrowInvalid, OSError) as problem:
             raise BadInput(f"{path} is no recording: {problem}") from None
-        while True:
-            try:
-                yield reader.read_next_batch()
-            except (StopIteration, pa.ArrowInvalid, OSError):  # its end, or where it was torn
-                return
+        yield reader
+
+
+def _complete(reader: "pa.ipc.RecordBatchStreamReader") -> Iterator["pa.RecordBatch"]:
+    import pyarrow as pa
+
+    while True:
+        try:
+            yield reader.read_next_batch()
+        except (StopIteration, pa.ArrowInvalid, OSError):  # its end, or where it was torn
+            return
 
 
 def read_recording(folder: Path | str) -> Recording:

@@ -11,8 +11,8 @@ import numpy as np
 from ftc_autopilot.common.geography import Origin
 from gcs.errors import BadInput
 from gcs.results.figures import UavSummary
-from gcs.results.flight_mark import SCENARIO, read_mark
-from gcs.results.run_folder import read_summary
+from gcs.results.flight_mark import read_mark
+from gcs.results.run_folder import SCENARIO, read_summary
 from gcs.results.store import EVENTS, TRAJECTORY, batches
 from gcs.results.ulog_file import Level, UlogWriter, text_message
 from gcs.results.ulog_topics import event_messages, step_messages, topics_of

@@ -26,6 +26,7 @@ def code_digest() -> str:
     return source_digest(sorted(path for pattern in _SOURCES for path in _ROOT.glob(pattern)))[:16]
 
 
+@functools.cache
 def code_version() -> str:
     """Return the version of the package."""
     return version("ftc-sitl")

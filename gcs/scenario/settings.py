@@ -2,11 +2,12 @@
 
 import json
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from ftc_autopilot.plugins.loading import resolved
@@ -86,6 +87,15 @@ def values_of(settings: Sequence[str], option: str = "--set") -> dict[str, Any]:
                 "write a list in brackets; gcs sweep flies several values",
             )
     return {axis.key: axis.values[0] for axis in axes}
+
+
+def plain(value: Any) -> Any:
+    """Return a tree as a file has it: lists for tuples and arrays, numbers for NumPy's."""
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, Mapping):
+        return {key: plain(inner) for key, inner in value.items()}
+    return [plain(inner) for inner in value] if isinstance(value, list | tuple) else value
 
 
 def label(value: Any) -> str:

@@ -3,14 +3,10 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from pydantic import ValidationError
-
-from gcs.errors import BadInput
+from gcs.station.fault_keys import fault_of
 from gcs.station.vehicle import Vehicle
 from gcs.station.vehicle_state import VehicleState
-from mavlink_defs.config.files import problems_of
 from mavlink_defs.constants import ACTUATORS
-from mavlink_defs.fault_spec import FaultSpec
 from mavlink_defs.faults import Fault
 from mavlink_defs.profile import Segment
 from mavlink_defs.services.param import Param
@@ -99,12 +95,7 @@ class FlyingUav:
         Raises:
             BadInput: They do not describe a fault.
         """
-        tree = {"actuator": actuator, "start_s": start_s, **keys}
-        try:
-            fault = FaultSpec.model_validate(tree).command()
-        except ValidationError as error:
-            raise BadInput("; ".join(map(str, problems_of(FaultSpec, error)))) from None
-        self._call(self.vehicle.set_fault(fault))
+        self._call(self.vehicle.set_fault(fault_of(actuator, start_s, **keys)))
 
     def clear_faults(self, actuator: str | None = None) -> None:
         """Clear the faults of one actuator, or all."""

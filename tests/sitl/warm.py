@@ -140,8 +140,8 @@ def _main(
     """Be the command: in a process that has just been forked."""
     from gcs.__main__ import main
     from gcs.commands.progress import Work
+    from gcs.fleet import local_workers
     from gcs.fleet.fork_server import _set_command_line
-    from gcs.lab.campaigns import workers
 
     os.environ.clear()
     os.environ.update(env)
@@ -162,7 +162,9 @@ def _main(
         return _FlightServer()
 
     forked._start_server = start_warm
-    workers._PROCESSES = multiprocessing.get_context("fork")  # its server would import all again
+    local_workers._PROCESSES = multiprocessing.get_context(
+        "fork"
+    )  # its server would import all again
     try:
         main()
     finally:

@@ -10,7 +10,7 @@ import typer
 import warm  # noqa: F401 - each forked command runs a function of it
 
 import gcs.fleet.flight
-import gcs.lab.campaigns.preload  # flies once
+import gcs.fleet.preload  # flies once
 import gcs.lab.figures.campaign
 import gcs.lab.figures.sweep
 import gcs.lab.reports.campaign

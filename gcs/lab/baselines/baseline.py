@@ -25,11 +25,11 @@ from gcs.lab.baselines.senders import (
 )
 from gcs.lab.campaigns.draws import draw_table
 from gcs.lab.campaigns.flights import Flights
-from gcs.lab.campaigns.mark import plain
 from gcs.lab.campaigns.model import Campaign
 from gcs.lab.campaigns.plan import rows_of
 from gcs.results.figures import FlightSummary
 from gcs.scenario.model import Scenario
+from gcs.scenario.settings import plain
 from mavlink_defs.config.inherit import PlaceError
 from mavlink_defs.constants import N_CHANNELS
 

@@ -19,10 +19,10 @@ from gcs.lab.campaigns.store import alone_in, append_results, read_results
 from gcs.lab.campaigns.workers import (
     Batch,
     Flown,
-    LocalWorkers,
     Workers,
     cluster,
     compile_for,
+    local_workers,
 )
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def fly_missing(
             if planned.example is not None:
                 compile_for(planned.example)
             count = min(jobs or os.cpu_count() or 1, len(missing))
-            local = LocalWorkers(count, planned.flights)
+            local = local_workers(count, planned.flights)
             workers = stack.enter_context(contextlib.closing(local))
         else:
             remote = stack.enter_context(cluster(scheduler, planned.flights))

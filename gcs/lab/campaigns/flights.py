@@ -5,12 +5,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from gcs.lab.campaigns.distributions import Choice, Value, value_of
-from gcs.lab.campaigns.mark import Mark, plain
+from gcs.lab.campaigns.mark import Mark
 from gcs.lab.campaigns.model import LOSS, Campaign
 from gcs.lab.campaigns.store import Outcome, results_schema
 from gcs.results.figures import FLIGHT_FIGURES, UAV_FIGURES, FlightSummary
 from gcs.scenario.code import code_digest, code_version
 from gcs.scenario.model import Scenario, scenario_of
+from gcs.scenario.settings import plain
 from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import PlaceError, merged, value_at, with_values
 from mavlink_defs.config.models import ConfigError, Problem
@@ -172,12 +173,10 @@ def fly_rows(flights: Flights, rows: Sequence[Row]) -> "pa.Table":
 
 
 def _fly(flights: Flights, row: Row) -> dict[str, Any]:
-    from gcs.fleet.in_process import fly_in_process
-    from gcs.results.summary import summarise
+    from gcs.fleet.in_process import fly_and_summarise
 
     try:
-        scenario = flights.scenario(row)
-        summary = summarise(fly_in_process(scenario), scenario)
+        summary = fly_and_summarise(flights.scenario(row))
     except ConfigError as error:
         return ended(row, "invalid", "; ".join(map(str, error.problems)))
     except PlaceError as error:

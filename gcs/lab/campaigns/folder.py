@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from gcs.errors import BadInput
-from gcs.lab.campaigns.mark import MARK, Mark, mark_of, plain, unfinished, write_mark
+from gcs.lab.campaigns.mark import MARK, Mark, mark_of, unfinished, write_mark
 from gcs.lab.campaigns.plan import Plan
 from gcs.lab.campaigns.store import alone_in, planned_rows, read_draws, write_draws
+from gcs.scenario.settings import plain
 from mavlink_defs.config.models import shown
 from mavlink_defs.config.yaml_text import yaml_of
 

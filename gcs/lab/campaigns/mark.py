@@ -11,6 +11,7 @@ from typing import Any
 
 from gcs.errors import BadInput
 from gcs.lab.campaigns.model import Campaign
+from gcs.scenario.settings import plain
 from mavlink_defs.config.files import parse, read
 from mavlink_defs.config.output_files import naming, write_text
 from mavlink_defs.config.user_files import open_file
@@ -61,13 +62,6 @@ class Mark:
                 "campaign": plain(self.campaign.model_dump()),
             }
         )
-
-
-def plain(value: Any) -> Any:
-    """Return a tree with lists for tuples, as a file has them."""
-    if isinstance(value, dict):
-        return {key: plain(inner) for key, inner in value.items()}
-    return [plain(inner) for inner in value] if isinstance(value, list | tuple) else value
 
 
 def mark_of(folder: Path) -> Mark:

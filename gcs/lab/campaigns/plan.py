@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any
 from gcs.lab.campaigns.distributions import Choice, support
 from gcs.lab.campaigns.draws import draw_table
 from gcs.lab.campaigns.flights import Flights, Row, variant_trees
-from gcs.lab.campaigns.mark import Mark, plain
+from gcs.lab.campaigns.mark import Mark
 from gcs.lab.campaigns.model import Campaign, campaign_tree
 from gcs.lab.campaigns.store import results_schema
 from gcs.scenario.bundled import base_of
 from gcs.scenario.code import code_digest, code_version
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from gcs.scenario.plugins import with_choices, with_plugins
-from gcs.scenario.settings import is_number
+from gcs.scenario.settings import is_number, plain
 from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import PlaceError, value_at
 from mavlink_defs.config.models import ConfigError, Loc, Problem, ProblemKind

@@ -3,20 +3,15 @@
 import contextlib
 import functools
 import logging
-import multiprocessing
-import multiprocessing.connection
-import multiprocessing.resource_tracker
-import os
 import pickle
 import re
-import signal
-import threading
 import time
 import zlib
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
 
 from gcs.errors import BadInput, GcsError
+from gcs.fleet.local_workers import LocalWorkers
 from gcs.lab.campaigns.flights import Flights, Row, fly_rows
 from gcs.scenario.code import code_digest, code_version
 from gcs.scenario.model import Scenario
@@ -27,8 +22,6 @@ if TYPE_CHECKING:
 
 Batch: TypeAlias = Sequence[Row]
 
-_FORKS = "forkserver" in multiprocessing.get_all_start_methods()
-_PROCESSES: Any = multiprocessing.get_context("forkserver" if _FORKS else "spawn")
 _CONNECT_S = 10.0
 _DASK = {
     "distributed.scheduler.allowed-failures": 0,  # the engine counts the processes that are killed
@@ -60,6 +53,11 @@ def fly_batch(flights: Flights, batch: Batch, worker: str) -> Flown:
     return Flown(worker, rows, time.perf_counter() - begin, time.process_time() - cpu_begin)
 
 
+def local_workers(count: int, flights: Flights) -> LocalWorkers[Batch, Flown]:
+    """Return processes on this machine that fly batches."""
+    return LocalWorkers(count, functools.partial(fly_batch, flights))
+
+
 class Workers(Protocol):
     """What flies the rows of a campaign."""
 
@@ -71,97 +69,6 @@ class Workers(Protocol):
 
     def wait(self) -> tuple[Batch, Flown | None]:
         """Return the next batch that ended; None if it killed its worker."""
-
-
-class LocalWorkers:
-    """Processes on this machine, which end with this one; a killed one is replaced."""
-
-    def __init__(self, count: int, flights: Flights) -> None:
-        self._count, self._flights = count, flights
-        self._workers: dict[multiprocessing.connection.Connection, Any] = {}
-        self._running: dict[Any, Batch] = {}
-        multiprocessing.resource_tracker.ensure_running()  # it would unblock the signals
-        if _FORKS:
-            _PROCESSES.set_forkserver_preload(["gcs.lab.campaigns.preload"])
-
-    def capacity(self) -> int:
-        """Return the number of processes."""
-        return self._count
-
-    def submit(self, batch: Batch) -> None:
-        """Let an idle process fly a batch, or a new one."""
-        idle = (known for known in self._workers if known not in self._running)
-        connection = next(idle, None) or self._start()
-        self._running[connection] = batch
-        with contextlib.suppress(OSError):  # killed while idle: `wait` finds out
-            connection.send(batch)
-
-    def wait(self) -> tuple[Batch, Flown | None]:
-        """Return the next batch that ended; None if it killed its process."""
-        connection: Any = multiprocessing.connection.wait(list(self._running))[0]
-        batch = self._running.pop(connection)
-        try:
-            flown = connection.recv()
-        except (EOFError, OSError):
-            self._end(connection)
-            return batch, None
-        if isinstance(flown, Exception):
-            raise flown
-        return batch, flown
-
-    def close(self) -> None:
-        """End the processes, whatever they do."""
-        for connection in list(self._workers):
-            self._end(connection)
-
-    def _start(self) -> Any:
-        ours, theirs = _PROCESSES.Pipe()
-        name = f"worker {len(self._workers) + 1}"
-        process = _PROCESSES.Process(target=_serve, args=(theirs, self._flights, name), daemon=True)
-        with _signals_blocked():
-            process.start()
-        theirs.close()
-        self._workers[ours] = process
-        return ours
-
-    def _end(self, connection: Any) -> None:
-        process = self._workers.pop(connection)
-        process.kill()
-        process.join()
-        process.close()
-        connection.close()
-
-
-def _serve(connection: Any, flights: Flights, name: str) -> None:
-    """Fly batches; this is the program of a process of `LocalWorkers`."""
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    with contextlib.suppress(EOFError):  # the end of the process that started this one
-        while True:
-            batch = connection.recv()
-            try:
-                connection.send(fly_batch(flights, batch, name))
-            except Exception as problem:  # a defect: it ends the campaign
-                connection.send(problem)
-
-
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    parent.join()
-    os._exit(1)
-
-
-@contextlib.contextmanager
-def _signals_blocked() -> Iterator[None]:
-    """Block Ctrl-C in processes that start here.
-
-    A terminal sends it to all processes; the workers end when the command ends them.
-    """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class WrongCode(BadInput):

@@ -12,7 +12,7 @@ from gcs.lab.campaigns.flights import Flights, fly_rows
 from gcs.lab.campaigns.folder import open_folder
 from gcs.lab.campaigns.plan import Plan, rows_of
 from gcs.lab.campaigns.store import read_results
-from gcs.lab.campaigns.workers import Flown, LocalWorkers
+from gcs.lab.campaigns.workers import Flown, local_workers
 from gcs.lab.run import run_campaign
 
 pytestmark = pytest.mark.slow
@@ -27,7 +27,7 @@ def plan(tmp_path: Path) -> Plan:
 
 def flown(plan: Plan, folder: Path, flights: Flights, workers: int = 2) -> None:
     missing = missing_rows(folder, plan.draws.num_rows)
-    with contextlib.closing(LocalWorkers(workers, flights)) as processes:
+    with contextlib.closing(local_workers(workers, flights)) as processes:
         rows = rows_of(plan.draws.take(missing))
         fly(processes, flights, rows, len(missing), folder, lambda _: None)
 

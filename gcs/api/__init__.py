@@ -1,0 +1,1 @@
+"""Flights, campaigns and ground stations from Python; the package `gcs` has their names."""

@@ -1,0 +1,81 @@
+"""Campaigns from Python."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gcs.api.errors import python_errors
+from gcs.commands.common import check_simulators, warm_up
+from gcs.commands.progress import working
+from gcs.errors import BadInput
+from gcs.extras import load_lab
+from gcs.scenario.bundled import find_scenario
+from gcs.scenario.settings import plain
+from gcs.terminal import console_of
+from mavlink_defs.config.files import validate
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+
+def campaign(
+    campaign: Path | str | Mapping[str, Any],
+    *,
+    out: Path | str | None = None,
+    draws: int | None = None,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    until: str | None = None,
+    progress: bool = True,
+) -> "pa.Table":
+    """Fly a campaign as `gcs campaign` does, and return its results.
+
+    What its folder has already is not flown again. The folder gets a report, too.
+
+    Args:
+        campaign: A file, the name of a bundled one, or what a file has, as a mapping.
+        out: Its folder, new or to continue; None for the one of the same campaign below `runs`.
+        draws: Number of draws instead of the campaign's.
+        jobs: Worker processes here; None for as many as there are cores.
+        scheduler: Address of a dask scheduler whose workers fly; None for workers here.
+        until: Condition that ends the campaign as soon as it is decided, as of ``--until``.
+        progress: Whether progress is shown on standard error.
+
+    Returns:
+        The results, one row a flight: what was drawn, `outcome`, and figures; see
+        `gcs.lab.campaigns.store.results_schema`. ``.to_pandas()`` makes a frame of it.
+
+    Raises:
+        BadInput: The campaign or an argument cannot be used, or the extra `lab` is missing; with
+            the text of the command line.
+        GcsError: The scheduler was lost; what was flown is stored.
+        OSError: A file cannot be written; it is named.
+    """
+    with python_errors():
+        plans, run = load_lab("campaigns.plan"), load_lab("run")
+        if isinstance(campaign, Mapping):
+            tree = plain(campaign) | ({} if draws is None else {"draws": draws})
+            model = load_lab("campaigns.model").Campaign
+            planned = plans.plan(validate("campaign", tree, model), Path("campaign"))
+        elif isinstance(campaign, Path | str):
+            planned = plans.load_plan(find_scenario(campaign), draws)
+        else:
+            kind = type(campaign).__name__
+            raise BadInput(f"campaign: expected a name, a path or a mapping, got {kind}")
+        console = console_of(quiet=not progress)
+        if planned.example is not None:
+            check_simulators(planned.example)
+            warm_up(planned.example, console)
+        folder = Path(out or load_lab("campaigns.folder").default_folder(planned.mark))
+        with working(console) as work:
+            task = work.add("flying", planned.draws.num_rows, "flights")
+            run.run_campaign(
+                planned,
+                folder,
+                scheduler,
+                jobs,
+                until,
+                lambda flown: task.show(task.done + flown.rows.num_rows),
+            )
+        results: pa.Table = load_lab("campaigns.store").read_results(folder)
+        return results
