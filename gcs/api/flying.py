@@ -24,9 +24,10 @@ from gcs.fleet.processes import check_ports, on_free_ports
 from gcs.results.choices import Record
 from gcs.results.disk_space import check_space
 from gcs.results.figures import FlightSummary
+from gcs.results.flight_mark import FlightMark, marked
 from gcs.results.recorder import FlightRecorder
 from gcs.results.recording import Ending
-from gcs.results.run_folder import make_run_folder, save_scenario
+from gcs.results.run_folder import make_run_folder
 from gcs.scenario.changes import with_changes
 from gcs.scenario.model import Scenario
 from gcs.scenario.settings import plain
@@ -98,6 +99,7 @@ def fly(
     """
     with python_errors():
         loaded = _scenario(scenario, changes, overlays)
+        mark = _mark(scenario, loaded, changes, overlays)
         loaded = signed(loaded, None if signing_key is None else str(signing_key))
         recording = _record(record)
         if over_udp:
@@ -113,6 +115,7 @@ def fly(
             folder = None if out is None else make_run_folder(Path(out), loaded.name)
             return _fly(
                 loaded,
+                mark,
                 folder,
                 recording,
                 lambda recorder: fly_in_steps(loaded, recorder.add, on_progress),
@@ -139,7 +142,7 @@ def fly(
 
                 return on_free_ports(loaded, flown) if free_ports else flown(loaded)
 
-            return _fly(loaded, folder, recording, over_the_wire, over_udp=True)
+            return _fly(loaded, mark, folder, recording, over_the_wire, over_udp=True)
 
 
 class Job(NamedTuple):
@@ -307,8 +310,18 @@ def _check_in_process(scenario: Scenario, speed: float | None, processes: int | 
         raise BadInput(text, "over_udp=True, or leave them out")
 
 
+def _mark(
+    named: ScenarioLike, loaded: Scenario, changes: Changes | None, overlays: Sequence[Path | str]
+) -> FlightMark:
+    """Return the mark of a run folder of `fly`, by which `gcs runs` lists it."""
+    name = named.name if isinstance(named, Scenario) else str(named)
+    additions = [str(one) for one in overlays]
+    return FlightMark.of("fly", name, loaded, additions, plain(changes or {}))
+
+
 def _fly(
     scenario: Scenario,
+    mark: FlightMark,
     folder: Path | None,
     record: Record,
     flown: Callable[[FlightRecorder], Ending],
@@ -316,10 +329,11 @@ def _fly(
     over_udp: bool = False,
 ) -> Flight:
     """Fly, and record to a folder or in memory."""
-    if folder is not None:
-        check_space(folder, scenario, record, over_udp=over_udp)
-        save_scenario(scenario, folder)
-    with contextlib.closing(FlightRecorder(scenario, folder, record)) as recorder:
+    with contextlib.ExitStack() as stack:
+        if folder is not None:
+            check_space(folder, scenario, record, over_udp=over_udp)
+            stack.enter_context(marked(folder, scenario, mark))
+        recorder = stack.enter_context(contextlib.closing(FlightRecorder(scenario, folder, record)))
         recorder.load_code()
         summary = recorder.finish(flown(recorder))
     if folder is None:

@@ -25,6 +25,7 @@ from gcs.errors import BadInput, FlightLost, Interrupted, NoAnswer
 from gcs.results.choices import Record
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import Network
+from gcs.scenario.settings import values_of
 from gcs.station.connection import warn_if_exposed
 from gcs.terminal import console_of, print_json
 from mavlink_defs.endpoint import UdpAddress
@@ -116,7 +117,7 @@ def ardupilot(
     from gcs.results.flight_mark import FlightMark, marked
     from gcs.results.run_folder import make_run_folder
 
-    mark = FlightMark.of("ardupilot", str(scenario), loaded, additions, settings)
+    mark = FlightMark.of("ardupilot", str(scenario), loaded, additions, values_of(settings or ()))
     mark = replace(mark, law="ArduPilot", trigger="")
     addresses = [
         UdpAddress(loaded.links.host, port + PORTS_APART * k) for k in range(len(loaded.uavs))

@@ -25,6 +25,7 @@ from gcs.commands.common import (
 from gcs.commands.options import options_of, with_options
 from gcs.errors import BadInput, Interrupted
 from gcs.scenario.model import Scenario
+from gcs.scenario.settings import values_of
 from gcs.scenario.signing_key import refuse_unsigned, signed
 from gcs.station.connection import warn_if_exposed
 from gcs.stopping import stop_signals
@@ -129,7 +130,8 @@ def up(scenario: ScenarioArgument, options: UpOptions) -> None:
     if not options.free_ports:
         check_ports(loaded, hub)
     check_simulators(loaded)
-    mark = FlightMark.of("up", str(scenario), loaded, options.additions, options.settings)
+    values = values_of(options.settings or ())
+    mark = FlightMark.of("up", str(scenario), loaded, options.additions, values)
     folder = make_run_folder(options.out, loaded.name)
     console = console_of(quiet=options.quiet or options.as_json)
 

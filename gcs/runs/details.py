@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from gcs.errors import BadInput
-from gcs.results.run_folder import SCENARIO
 from gcs.results.quantities import QUANTITIES
+from gcs.results.run_folder import SCENARIO
 from gcs.results.store import EVENTS, TRAJECTORY, batches
 from gcs.scenario.settings import label
 from mavlink_defs.config.files import read

@@ -71,6 +71,9 @@ def payload_dtype(message_class: type[dialect.MAVLink_message]) -> np.dtype[np.v
 
 
 SIM_STATE = payload_dtype(dialect.MAVLink_ftc_sim_state_message)
+SIM_STEP = payload_dtype(dialect.MAVLink_ftc_sim_step_message)
+HIL_SENSOR = payload_dtype(dialect.MAVLink_hil_sensor_message)
+HIL_GPS = payload_dtype(dialect.MAVLink_hil_gps_message)
 STEP_DONE = payload_dtype(dialect.MAVLink_ftc_step_done_message)
 NEIGHBOUR = payload_dtype(dialect.MAVLink_ftc_neighbour_message)
 ACTUATORS = payload_dtype(dialect.MAVLink_hil_actuator_controls_message)
