@@ -46,7 +46,7 @@ def served_dashboard(connect: str | None, theme: str, control: bool) -> None:
         theme: Colours.
         control: Whether vehicles may be commanded: without it nothing here reaches them.
     """
-    read_only = "" if control else "read-only, without --control"
+    read_only = "" if control else "read-only"
     _show(connect, theme, read_only=read_only, parent=os.getppid())
 
 
@@ -58,7 +58,8 @@ def _show(connect: str | None, theme: str, *, read_only: str = "", parent: int =
 
     async def work() -> None:
         own = own_identity()
-        live = LiveSource(str(connection), time.time() - time.monotonic(), own, read_only=read_only)
+        title = f"{connection} · {read_only}" if read_only else str(connection)
+        live = LiveSource(title, time.time() - time.monotonic(), own, read_only=read_only)
         async with Client(
             connection,
             on_notification=live.receive,

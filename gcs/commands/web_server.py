@@ -16,9 +16,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import textual_serve.server
 from aiohttp import web
 from aiohttp.typedefs import Handler
+from textual_serve import server as textual_server
 
 from gcs.stopping import stop_signals
 from mavlink_defs.endpoint import EndpointError, UdpAddress, is_loopback
@@ -42,7 +42,7 @@ async def serve(
         on_ready: Called when browsers can connect.
     """
     logging.getLogger("textual-serve").addHandler(logging.NullHandler())
-    server = textual_serve.Server("exec " + shlex.join(command))
+    server = textual_server.Server("exec " + shlex.join(command))
     page = files("gcs.tui").joinpath("web_page.html").read_text(encoding="utf-8")
     only_local = is_loopback(address)
     open_views: set[asyncio.Task[Any]] = set()
@@ -69,7 +69,7 @@ async def serve(
         return await handler(request)
 
     app = web.Application(middlewares=[ours_alone])
-    static = Path(textual_serve.__file__).parent / "static"
+    static = Path(textual_server.__file__).parent / "static"
     app.add_routes(
         [
             web.get("/", index),
