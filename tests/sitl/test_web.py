@@ -68,7 +68,9 @@ def free_port() -> int:
 
 def views_of(fleet: Up) -> set[int]:
     """Process ids of the dashboards of browsers."""
-    listed = subprocess.run(["ps", "-eo", "pid,args"], capture_output=True, text=True, check=True)
+    listed = subprocess.run(
+        ["ps", "-eww", "-o", "pid,args"], capture_output=True, text=True, check=True
+    )
     lines = [line for line in listed.stdout.splitlines() if VIEW in line and fleet.hub in line]
     return {int(line.split()[0]) for line in lines}
 
