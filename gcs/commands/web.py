@@ -1,21 +1,19 @@
 """``gcs web``: the dashboard in a browser."""
 
 import asyncio
-import errno
 import os
-import socket
 import sys
 from functools import partial
 from typing import Annotated
 
 import typer
 
+from gcs.commands.listening import listen as listen_at
+from gcs.commands.listening import listening_address
 from gcs.commands.options import SIGNING_KEY_VARIABLE, ConnectOption, ThemeOption
-from gcs.errors import BadInput
 from gcs.extras import load_package
 from gcs.station.connection import choose_connection
 from gcs.terminal import print_line
-from mavlink_defs.endpoint import EndpointError, UdpAddress, is_loopback, parse_address
 
 EPILOG = """
 Examples:
@@ -52,55 +50,14 @@ def web(
     for package in ("aiohttp", "textual_serve"):
         load_package(package, "the dashboard in a browser", "web")
     connection = choose_connection(connect, os.environ.get(SIGNING_KEY_VARIABLE) or None)
-    address = _address(listen)
+    address = listening_address("--listen", listen)
     from gcs.commands.web_server import serve
 
     command = [sys.executable, "-m", "gcs", "web", "--view", "--theme", theme]
     command += ["--connect", str(connection), *(["--control"] if control else [])]
-    with _bound(address) as listening:
+    with listen_at("--listen", address) as listening:
         url = f"http://{address.host}:{listening.getsockname()[1]}"
         access = "browsers can command vehicles" if control else "read-only"
         lines = f"dashboard of {connection} at {url} ({access})\n  Ctrl-C stops it"
         asyncio.run(serve(command, address, listening, partial(print_line, lines)))
     print_line("stopped")
-
-
-def _address(text: str) -> UdpAddress:
-    """Read --listen; warn if other machines can connect.
-
-    Raises:
-        BadInput: It is no address.
-    """
-    try:
-        address = parse_address(text)
-        if not is_loopback(address):
-            print_line(
-                f"warning: {address} can be reached from other machines, without a password and "
-                "unencrypted",
-                stderr=True,
-            )
-    except EndpointError as problem:
-        raise BadInput(f"--listen: {problem}") from problem
-    return address
-
-
-def _bound(address: UdpAddress) -> socket.socket:
-    """Return a TCP socket at an address.
-
-    Raises:
-        BadInput: It cannot be had.
-    """
-    listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        listening.bind((address.host, address.port))
-        listening.listen()
-    except OSError as problem:
-        listening.close()
-        if problem.errno == errno.EADDRINUSE:
-            raise BadInput(
-                f"--listen: port {address.port} of {address.host} is in use",
-                f"choose another one, as in --listen {address.host}:{address.port % 65535 + 1}",
-            ) from None
-        raise BadInput(f"--listen: cannot bind {address}: {problem.strerror}") from None
-    return listening

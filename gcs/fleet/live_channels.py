@@ -1,10 +1,11 @@
 """What a ground station hears, as messages of the channels of `gcs.results.channels`.
 
-No socket and no clock: messages and notifications of a client go in, messages for Foxglove come out.
+No socket and no clock: messages and notifications of a client go in, messages for
+Foxglove come out.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeAlias
 
 from gcs.results.channels import EVENT, FAULTS, LOCATION, TEXTS, Kind, state_kind
@@ -22,13 +23,17 @@ _TRACKED = tuple(
 )
 _HELD = tuple(f"held_{name}" for name in ACTUATORS)
 _SLOT = ("path_position", "slot_ahead", "slot_right", "slot_up")
-STATE = state_kind(
-    [*("north", "east", "down", "roll", "pitch", "yaw", "p", "q", "r", "V"), *_TRACKED]
-    + [*_HELD, *_SLOT]
-)
+_MOTION = ("north", "east", "down", "roll", "pitch", "yaw", "p", "q", "r", "V")
+STATE = state_kind((*_MOTION, *_TRACKED, *_HELD, *_SLOT))
 """The columns of a recording that vehicles report; null until they have."""
 
 _OF_UAV = (STATE, LOCATION, EVENT, FAULTS)
+
+
+def all_channels(systems: Iterable[int]) -> list[tuple[Kind, int]]:
+    """Return the kind and the system of each channel of a fleet with these system ids."""
+    return [*((kind, system) for system in systems for kind in _OF_UAV), (TEXTS, 0)]
+
 
 Publish: TypeAlias = Callable[[Kind, int, float, Callable[[], Mapping[str, Any]]], None]
 """Called with the kind, the system (0: the fleet), the simulated time [s], and what makes the
@@ -52,30 +57,27 @@ _LEVELS = {  # of foxglove.Log, by MAV_SEVERITY
 
 
 class LiveChannels:
-    """The channels of a fleet that flies."""
+    """The channels of a fleet that flies.
 
-    def __init__(
-        self, fleet: FleetState, limits: Mapping[int, FaultLimits], publish: Publish
-    ) -> None:
+    Attributes:
+        fleet: What the client knows, set before it receives.
+    """
+
+    def __init__(self, limits: Mapping[int, FaultLimits], publish: Publish) -> None:
         """Prepare.
 
         Args:
-            fleet: What the client knows.
             limits: Ranges of the actuators of each UAV, by system id; of others nothing is sent.
             publish: Gets the messages.
         """
-        self._fleet, self._limits, self._publish = fleet, limits, publish
+        self.fleet = FleetState()
+        self._limits, self._publish = limits, publish
         self._events: dict[int, tuple[int, ...]] = {}
-
-    @property
-    def channels(self) -> list[tuple[Kind, int]]:
-        """All channels: the kind and the system of each."""
-        return [*((kind, system) for system in self._limits for kind in _OF_UAV), (TEXTS, 0)]
 
     def receive(self, message: MAVLink_message) -> None:
         """Process a message, after the client has."""
         system = message.get_srcSystem()
-        state = self._fleet.vehicles.get(system)
+        state = self.fleet.vehicles.get(system)
         if state is None or system not in self._limits:
             return
         match message:
@@ -90,7 +92,7 @@ class LiveChannels:
 
     def notify(self, notification: Notification) -> None:
         """Process a notification."""
-        state = self._fleet.vehicles.get(notification.system)
+        state = self.fleet.vehicles.get(notification.system)
         time_s = 0.0 if state is None else state.time_s or 0.0
         self._publish(TEXTS, 0, time_s, lambda: _text(notification, time_s))
 
@@ -158,7 +160,8 @@ def _location(place: Any) -> dict[str, float]:
 def _faults(state: VehicleState) -> dict[str, str]:
     active = state.active_faults
     return {
-        name: "; ".join(fault.describe() for fault in active if fault.actuator == name) or "none"
+        name: "; ".join(fault.describe() for fault in active if fault.actuator_name == name)
+        or "none"
         for name in FAULTS.fields
     }
 
