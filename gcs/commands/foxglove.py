@@ -51,7 +51,7 @@ class FoxgloveServer:
         """
         self._scenario = scenario
         self._limits = {uav.id: scenario.aircraft_of(uav.id).fault_limits for uav in scenario.uavs}
-        context = foxglove.Context()
+        self._context = context = foxglove.Context()  # its channels end with it
         self._channels = {
             kind.topic(system): foxglove.Channel(
                 kind.topic(system),
