@@ -57,7 +57,7 @@ soak: $(READY)  ## an hour of ten UAVs with random faults, restarts, bad links; 
 	$(BIN)/python -m soak --seed $(SEED)
 
 lock:  ## choose new dependency versions (wants uv on the PATH)
-	uv pip compile pyproject.toml --extra lab --extra jsbsim --extra python --group build --group docs --group test --universal --python-version 3.11 \
+	uv pip compile pyproject.toml --extra lab --extra jsbsim --extra python --extra foxglove --extra web --group build --group docs --group test --universal --python-version 3.11 \
 	  --generate-hashes --no-emit-index-url --no-annotate --custom-compile-command "make lock" \
 	  --upgrade --quiet --output-file requirements.txt
 
@@ -70,7 +70,7 @@ $(READY): requirements.txt pyproject.toml hatch_build.py mavlink_defs/ftc.xml
 	@echo "installing the packages of requirements.txt into .venv: $$(grep -c == requirements.txt) packages, a few minutes"
 	$(PYTHON) -m venv .venv
 	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes --no-deps -r requirements.txt
-	$(BIN)/pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable '.[lab,jsbsim,python]'
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable '.[lab,jsbsim,python,foxglove,web]'
 	@$(BIN)/python -c 'from rich.console import Console; from gcs.commands.common import warm_up; from gcs.scenario.model import load_scenario; warm_up(load_scenario("paper/scenario1"), Console())'
 	@$(BIN)/python -m compileall -q gcs ftc_autopilot sitl_plant mavlink_defs
 	touch $@

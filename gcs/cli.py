@@ -115,6 +115,10 @@ COMMANDS = {
     ),
     "record": ("record", "Record every frame that vehicles send, with its time, until Ctrl-C."),
     "log": ("log", "Replay a telemetry log in the dashboard, with seek and speed."),
+    "web": (
+        "web",
+        "Serve the dashboard to browsers until Ctrl-C, to look at only unless --control is given.",
+    ),
     "key": ("key", "Make a key file for MAVLink 2 signing: 32 bytes that only you can read."),
     "wire": ("wire", "Count frames and bytes per link, sender, message and actuator channel."),
     "wireshark": (

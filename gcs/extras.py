@@ -1,4 +1,4 @@
-"""Loading of what is an extra: operators and vehicles do without `gcs.lab`, pandas and xarray."""
+"""Loading of what is an extra: operators and vehicles do without `gcs.lab`, pandas and servers."""
 
 from importlib import import_module
 from importlib.util import find_spec
@@ -10,19 +10,20 @@ LAB_PACKAGES = ("SALib", "distributed", "jinja2")
 """What `gcs.lab` imports besides the dependencies of the core; extra `lab` in pyproject.toml."""
 
 
-def load_package(name: str, purpose: str) -> Any:
-    """Import a package of the extra `python`.
+def load_package(name: str, purpose: str, extra: str = "python") -> Any:
+    """Import a package of an extra.
 
     Args:
-        name: The package.
+        name: The package, as it is imported.
         purpose: What needs it, for the message.
+        extra: The extra that brings it.
 
     Raises:
         BadInput: It is not installed.
     """
     if find_spec(name) is None:
         raise BadInput(
-            f"{purpose} needs {name}, not installed here", "pip install 'ftc-sitl[python]'"
+            f"{purpose} needs {name}, not installed here", f"pip install 'ftc-sitl[{extra}]'"
         )
     return import_module(name)
 

@@ -1,11 +1,13 @@
 """``gcs`` alone: the operator's dashboard."""
 
 import asyncio
+import contextlib
 import os
 import signal
 import sys
 import time
 import traceback
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from gcs.commands.options import SIGNING_KEY_VARIABLE
@@ -17,6 +19,9 @@ from gcs.station.connection import choose_connection, own_identity
 if TYPE_CHECKING:
     from gcs.tui.app import Dashboard
 
+_WATCH_S = 1.0
+"""Period of looking whether the server of a browser's dashboard is there [s]."""
+
 
 def has_terminal() -> bool:
     """Return whether there is a terminal to show the dashboard on."""
@@ -24,7 +29,28 @@ def has_terminal() -> bool:
 
 
 def dashboard(connect: str | None, theme: str) -> None:
-    """Show the vehicles at a connection until the operator leaves."""
+    """Show the vehicles at a connection until the operator leaves.
+
+    Raises:
+        BadInput: There is no terminal.
+    """
+    _check_terminal()
+    _show(connect, theme)
+
+
+def served_dashboard(connect: str | None, theme: str, control: bool) -> None:
+    """Show the same to a browser, by the server of ``gcs web`` that has started this process.
+
+    Args:
+        connect: Connection to the vehicles.
+        theme: Colours.
+        control: Whether vehicles may be commanded: without it nothing here reaches them.
+    """
+    read_only = "" if control else "read-only"
+    _show(connect, theme, read_only=read_only, parent=os.getppid())
+
+
+def _show(connect: str | None, theme: str, *, read_only: str = "", parent: int = 0) -> None:
     signing_key = os.environ.get(SIGNING_KEY_VARIABLE) or None
     connection = choose_connection(connect, signing_key)
     from gcs.tui.app import Dashboard
@@ -32,7 +58,8 @@ def dashboard(connect: str | None, theme: str) -> None:
 
     async def work() -> None:
         own = own_identity()
-        live = LiveSource(str(connection), time.time() - time.monotonic(), own)
+        title = f"{connection} · {read_only}" if read_only else str(connection)
+        live = LiveSource(title, time.time() - time.monotonic(), own, read_only=read_only)
         async with Client(
             connection,
             on_notification=live.receive,
@@ -42,19 +69,47 @@ def dashboard(connect: str | None, theme: str) -> None:
             signing_key=signing_key,
         ) as client:
             live.attach(client)
-            await run_dashboard(Dashboard(live, theme))
+            app = Dashboard(live, theme)
+            with _ending_with(parent, app):
+                await _run(app)
 
     run_interruptible(work())
 
 
-async def run_dashboard(app: "Dashboard") -> None:
-    """Run the app.
+@contextlib.contextmanager
+def _ending_with(parent: int, app: "Dashboard") -> Iterator[None]:
+    """Leave the app when the process that has started this one is gone; 0: there is none."""
 
-    Raises:
-        Exception: A defect of the dashboard.
-    """
+    async def watch() -> None:
+        while os.getppid() == parent:
+            await asyncio.sleep(_WATCH_S)
+        app.exit()
+
+    task = asyncio.ensure_future(watch()) if parent else None
+    try:
+        yield
+    finally:
+        if task is not None:
+            task.cancel()
+
+
+def _check_terminal() -> None:
     if not has_terminal():
         raise BadInput("the dashboard needs a terminal", "scripts use `gcs status` and the like")
+
+
+async def run_dashboard(app: "Dashboard") -> None:
+    """Run the app in a terminal.
+
+    Raises:
+        BadInput: There is none.
+        Exception: A defect of the dashboard.
+    """
+    _check_terminal()
+    await _run(app)
+
+
+async def _run(app: "Dashboard") -> None:
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGHUP):  # the terminal is left as it was found
         loop.add_signal_handler(number, app.exit)

@@ -2,10 +2,10 @@
 
 import asyncio
 import contextlib
-from collections.abc import Coroutine
+from collections.abc import Coroutine, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -22,8 +22,10 @@ from gcs.commands.common import (
     warm_up,
     warn_of_one_path,
 )
+from gcs.commands.listening import listen, listening_address
 from gcs.commands.options import options_of, with_options
 from gcs.errors import BadInput, Interrupted
+from gcs.extras import load_package
 from gcs.scenario.model import Scenario
 from gcs.scenario.settings import values_of
 from gcs.scenario.signing_key import refuse_unsigned, signed
@@ -34,6 +36,9 @@ from mavlink_defs.config.models import counted
 from mavlink_defs.constants import HUB_PORT
 from mavlink_defs.endpoint import Connection, UdpAddress
 
+if TYPE_CHECKING:
+    from gcs.commands.foxglove import FoxgloveServer
+
 EPILOG = """
 Examples:
 
@@ -41,10 +46,14 @@ Examples:
 - gcs up paper/scenario1 --start --speed 2
 - gcs up my.yaml --lockstep --free-ports --json
 - gcs up my.yaml --restart never
+- gcs up paper/scenario1 --foxglove
 
 Exit status: 0 stopped by Ctrl-C, SIGTERM or SIGHUP, 1 flight lost, 2 bad input, 3 a vehicle refused
 something, 4 a vehicle did not answer.
 """
+
+FOXGLOVE = "127.0.0.1:8765"
+"""Where Foxglove looks for a WebSocket unless it is given another address."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +85,17 @@ class UpOptions(FleetOptions):
             metavar="PORT",
         ),
     ] = HUB_PORT
+    foxglove: Annotated[
+        bool,
+        typer.Option(
+            "--foxglove",
+            help=f"Serve states, events, faults and texts to Foxglove, at {FOXGLOVE}.",
+        ),
+    ] = False
+    foxglove_at: Annotated[
+        str | None,
+        typer.Option("--foxglove-at", help="The same, there.", metavar="HOST:PORT"),
+    ] = None
     as_json: Annotated[
         bool,
         typer.Option("--json", help="Print addresses as one line of JSON once the fleet is up."),
@@ -126,6 +146,7 @@ def up(scenario: ScenarioArgument, options: UpOptions) -> None:
     loaded = signed(changed, options.signing_key)
     if not options.insecure:
         refuse_unsigned(loaded)
+    foxglove = _foxglove_address(options)
     hub = UdpAddress(loaded.links.host, options.hub_port)
     if not options.free_ports:
         check_ports(loaded, hub)
@@ -136,7 +157,8 @@ def up(scenario: ScenarioArgument, options: UpOptions) -> None:
     console = console_of(quiet=options.quiet or options.as_json)
 
     def fly(scenario: Scenario, hub: UdpAddress) -> None:
-        _up(scenario, folder, hub, console, options)
+        with _foxglove(scenario, folder, foxglove) as server:
+            _up(scenario, folder, hub, console, options, server)
 
     try:
         with marked(folder, loaded, mark):
@@ -153,7 +175,12 @@ def up(scenario: ScenarioArgument, options: UpOptions) -> None:
 
 
 def _up(
-    scenario: Scenario, folder: Path, hub: UdpAddress, console: Console, options: UpOptions
+    scenario: Scenario,
+    folder: Path,
+    hub: UdpAddress,
+    console: Console,
+    options: UpOptions,
+    server: "FoxgloveServer | None",
 ) -> None:
     """Run a fleet until it is stopped."""
     from gcs.fleet.standing import keep_up
@@ -162,8 +189,14 @@ def _up(
     for address in (UdpAddress(links.host, links.gcs_port), hub):
         warn_if_exposed(address, links.signing_key is not None)
 
+    feeding: list[asyncio.Future[None]] = []
+
     def ready() -> None:
         _announce(scenario, folder, hub, console, options)
+        if server is not None:
+            for line in server.lines:
+                console.print(f"  {line}", soft_wrap=True)
+            feeding.append(asyncio.ensure_future(server.feed(hub)))
         if options.as_json:
             print_json(_addresses(scenario, folder, hub))
 
@@ -181,6 +214,38 @@ def _up(
         autopilot_processes=options.processes,
     )
     asyncio.run(_until_stopped(fleet))
+
+
+def _foxglove_address(options: UpOptions) -> UdpAddress | None:
+    """Return where to serve Foxglove, None for nowhere.
+
+    Raises:
+        BadInput: It is no address, its port is in use, or the extra is not installed.
+    """
+    if not options.foxglove and options.foxglove_at is None:
+        return None
+    load_package("foxglove", "--foxglove", "foxglove")
+    option = "--foxglove-at"
+    address = listening_address(option, options.foxglove_at or FOXGLOVE)
+    listen(option, address).close()
+    return address
+
+
+@contextlib.contextmanager
+def _foxglove(
+    scenario: Scenario, folder: Path, address: UdpAddress | None
+) -> Iterator["FoxgloveServer | None"]:
+    """Serve Foxglove at an address, None for nowhere."""
+    if address is None:
+        yield None
+        return
+    from gcs.commands.foxglove import FoxgloveServer
+
+    server = FoxgloveServer(scenario, folder, address)
+    try:
+        yield server
+    finally:
+        server.stop()
 
 
 async def _until_stopped(work: Coroutine[Any, Any, None]) -> None:

@@ -4,7 +4,7 @@ NumPy's .npz, which holds whole arrays, needs memory for all of the recording.
 """
 
 import json
-import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import UTC, datetime, timedelta
 from itertools import groupby
@@ -17,6 +17,7 @@ import numpy as np
 from ftc_autopilot.common.geography import Origin, place_of
 from ftc_autopilot.control.controller import SIGNALS
 from gcs.errors import BadInput
+from gcs.results.channels import EVENT, LOCATION, Kind, encoded, nanoseconds, state_kind
 from gcs.results.choices import Format
 from gcs.results.columns import COLUMNS
 from gcs.results.recording import Recording, event_table
@@ -262,48 +263,39 @@ def _to_mcap(run: Path, path: Path) -> Path:
     """
     from mcap.writer import Writer
 
-    number, text = {"type": ["number", "null"]}, {"type": "string"}
-    position = dict.fromkeys(("latitude", "longitude", "altitude"), number)
     with complete_file(path) as file:
         writer = Writer(file)
         writer.start(profile="", library="ftc-sitl")
-        channels: dict[tuple[int, str], int] = {}
+        channels: dict[str, int] = {}
         schemas: dict[str, int] = {}
 
-        def write(
-            system: int, kind: str, t: float, values: Mapping[str, Any], fields: Mapping[str, Any]
-        ) -> None:
-            if kind not in schemas:
-                schema = json.dumps({"type": "object", "properties": fields}).encode()
-                name = "foxglove.LocationFix" if kind == "location" else f"ftc_sitl.{kind}"
-                schemas[kind] = writer.register_schema(name, "jsonschema", schema)
-            if (system, kind) not in channels:
-                topic = f"/uav{system}/{kind}"
-                channels[system, kind] = writer.register_channel(topic, "json", schemas[kind])
-            known = {key: _known(value) for key, value in values.items()}
-            ns, data = round(t * 1e9), json.dumps(known, allow_nan=False).encode()
-            writer.add_message(channels[system, kind], ns, data, ns)
+        def write(kind: Kind, system: int, t: float, values: Mapping[str, Any]) -> None:
+            if kind.name not in schemas:
+                schemas[kind.name] = writer.register_schema(
+                    kind.schema_name, "jsonschema", kind.schema
+                )
+            topic = kind.topic(system)
+            if topic not in channels:
+                channels[topic] = writer.register_channel(topic, "json", schemas[kind.name])
+            ns = nanoseconds(t)
+            writer.add_message(channels[topic], ns, encoded(values), ns)
 
         places: _Places | None = None
         for batch in _batches(run / TRAJECTORY):
             places = places or _Places(batch.schema)
-            fields = dict.fromkeys(batch.schema.names[2:], number)
+            state = state_kind(batch.schema.names[2:])
             for values, place in zip(batch.to_pylist(), places.of(batch), strict=True):
                 t, system = values.pop("time_s"), values.pop("uav")
-                known = {k: v if v == v else None for k, v in values.items()}  # noqa: PLR0124 - NaN
-                write(system, "state", t, known, fields)
-                where = dict(zip(position, place, strict=True))
-                write(system, "location", t, where, position)
+                write(state, system, t, values)
+                write(LOCATION, system, t, dict(zip(LOCATION.fields, place, strict=True)))
+        counts: Counter[tuple[int, str]] = Counter()
         for batch in batches(run / EVENTS):
             for values in batch.to_pylist():
-                event = {"actuator": values["actuator"], "value": values["value"]}
-                kinds = {"actuator": text, "value": number}
-                write(values["uav"], "event", values["time_s"], event, kinds)
+                system, actuator = values["uav"], values["actuator"]
+                counts[system, actuator] += 1
+                event = {"actuator": actuator, "value": values["value"]}
+                event["count"] = counts[system, actuator]
+                write(EVENT, system, values["time_s"], event)
         finish: Any = writer.finish  # without annotations
         finish()
     return path
-
-
-def _known(value: Any) -> Any:
-    """Return a value as JSON can have it: None for NaN."""
-    return None if isinstance(value, float) and math.isnan(value) else value

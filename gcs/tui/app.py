@@ -234,15 +234,15 @@ class Dashboard(App[None]):
     # acting
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Return whether an action is possible: a log takes no actions."""
+        """Return whether an action is possible: a log, or who may only look, takes none."""
         if action in REPLAYING:
             return self.playback is not None
-        return self.view.source.can_act if action in ACTING else True
+        return not (action in ACTING and self.view.source.read_only)
 
     @on(VehicleAction)
     def _asked_for(self, action: VehicleAction) -> None:
-        if not self.view.source.can_act:
-            self._announce("this is a log: nothing can be done", "warning")
+        if reason := self.view.source.read_only:
+            self._announce(f"{reason}: nothing can be done", "warning")
         elif not action.systems:
             self._announce(f"{action.what}: no vehicle has been heard", "warning")
         elif action.question:

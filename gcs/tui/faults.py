@@ -100,7 +100,7 @@ class FaultsPanel(Panel, Horizontal):
         """Show vehicles and faults."""
         form = self.query_one(FaultForm)
         form.attempt(form.set_systems, view.systems, view.selected, view.marked)
-        form.disabled = not view.source.can_act
+        form.disabled = bool(view.source.read_only)
         faults = self.query_one(FaultList)
         self._systems, self._marked = view.systems, tuple(sorted(view.marked))
         faults.attempt(faults.show_view, view)

@@ -42,7 +42,7 @@ class Overview(Panel, Vertical):
             formation.attempt(formation.draw, view, _TRAIL_S, None)
 
     def _is_due(self, what: str, period_s: float, view: FleetView, size: Size) -> bool:
-        choice = None if view.source.can_act else view.selected  # a log may stand still
+        choice = view.selected if view.source.read_only else None  # a log may stand still
         token = (view.paced_by_s // period_s, len(view.states), choice, size, self.app.theme)
         due, self._shown[what] = self._shown.get(what) != token, token
         return due

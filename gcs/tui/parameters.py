@@ -87,7 +87,7 @@ class ParametersPanel(Panel, Vertical):
         self.query_one("#param-about", CachedStatic).say(
             "no vehicle yet" if system is None else f"UAV {system}"
         )
-        if system is not None and view.source.can_act and system not in self._asked:
+        if system is not None and not view.source.read_only and system not in self._asked:
             self.action_fetch()
         grid = self.query_one("#params", Grid)
         search = self.query_one("#param-search", Input).value.casefold()
@@ -107,8 +107,8 @@ class ParametersPanel(Panel, Vertical):
         self._tell_meaning()
 
     def _why_empty(self, system: int | None, defaults: Defaults) -> str:
-        if self._view is not None and not self._view.source.can_act:
-            return "a log can be asked for nothing"
+        if self._view is not None and (reason := self._view.source.read_only):
+            return f"{reason}: nothing can be asked"
         if self.params.get(system or 0):
             if not self._only_differing:
                 return "no name has these letters"

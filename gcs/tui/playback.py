@@ -34,7 +34,7 @@ class Playback:
         target_s: Position to reach [s].
     """
 
-    can_act = False
+    read_only = "this is a log"
 
     def __init__(
         self, title: str, frames: Sequence[tuple[int, bytes]], clock: Callable[[], float]

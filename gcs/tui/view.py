@@ -42,7 +42,8 @@ class Source(Protocol):
     """A source of the dashboard's data: a running fleet or a log."""
 
     title: str
-    can_act: bool
+    read_only: str
+    """Why nothing can be done with its vehicles, such as "this is a log"; "" if it can."""
     event_log: EventLog
     fault_history: FaultHistory
 
@@ -64,24 +65,34 @@ class Source(Protocol):
         ...
 
     def vehicle(self, system: int) -> Vehicle:
-        """Return a vehicle to send requests to; only if `can_act`."""
+        """Return a vehicle to send requests to.
+
+        Raises:
+            KeyError: It was not heard of, or the source is `read_only`.
+        """
         ...
 
 
 class LiveSource:
     """A running fleet. Give `receive` to the client as `on_notification`, then `attach` it."""
 
-    can_act = True
-
-    def __init__(self, title: str, epoch: float, identity: tuple[int, int] = (255, 190)) -> None:
+    def __init__(
+        self,
+        title: str,
+        epoch: float,
+        identity: tuple[int, int] = (255, 190),
+        *,
+        read_only: str = "",
+    ) -> None:
         """Make a source without a client.
 
         Args:
             title: What is shown as the connection.
             epoch: Time since 1970 when the client's clock showed 0 [s].
             identity: System and component id of the station.
+            read_only: Why nothing may be sent to vehicles; "" if it may.
         """
-        self.title = title
+        self.title, self.read_only = title, read_only
         self.event_log, self.fault_history = EventLog(), FaultHistory(identity)
         self._epoch = epoch
         self._client: FleetClient | None = None
@@ -123,7 +134,9 @@ class LiveSource:
         return self._epoch + at
 
     def vehicle(self, system: int) -> Vehicle:
-        """Return a vehicle to send requests to."""
+        """Return a vehicle to send requests to; KeyError if there is none, or none may be sent."""
+        if self.read_only:
+            raise KeyError(system)
         return self._attached.vehicle(system)
 
 

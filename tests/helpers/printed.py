@@ -66,6 +66,7 @@ NO_TABLE = {
     "log": "the dashboard",
     "reproduce": "one sentence; its tables are in report.html",
     "up": "addresses, a line for each",
+    "web": "an address",
     "wireshark": "a program in Lua",
 }
 """Why each of the other commands has nothing that a narrow terminal could cut."""

@@ -1,0 +1,63 @@
+"""``gcs web``: the dashboard in a browser."""
+
+import asyncio
+import os
+import sys
+from functools import partial
+from typing import Annotated
+
+import typer
+
+from gcs.commands.listening import listen as listen_at
+from gcs.commands.listening import listening_address
+from gcs.commands.options import SIGNING_KEY_VARIABLE, ConnectOption, ThemeOption
+from gcs.extras import load_package
+from gcs.station.connection import choose_connection
+from gcs.terminal import print_line
+
+EPILOG = """
+Examples:
+
+- gcs web                         (then open http://127.0.0.1:8000)
+- gcs web --control --connect udpout:127.0.0.1:14600
+
+Needs `pip install 'ftc-sitl[web]'`.
+
+Exit status: 0 stopped by Ctrl-C, SIGTERM or SIGHUP, 2 bad input.
+"""
+
+
+def web(
+    connect: ConnectOption = None,
+    theme: ThemeOption = "dark",
+    listen: Annotated[
+        str, typer.Option(help="Where browsers connect.", metavar="HOST:PORT")
+    ] = "127.0.0.1:8000",
+    control: Annotated[
+        bool, typer.Option("--control", help="Let browsers command vehicles, not only look.")
+    ] = False,
+    view: Annotated[bool, typer.Option("--view", hidden=True)] = False,
+) -> None:
+    """Serve the dashboard to browsers until Ctrl-C, to look at only unless --control is given.
+
+    Every browser gets a dashboard of its own, a process of this machine.
+    """
+    if view:
+        from gcs.commands.dashboard import served_dashboard
+
+        served_dashboard(connect, theme, control)
+        return
+    for package in ("aiohttp", "textual_serve"):
+        load_package(package, "the dashboard in a browser", "web")
+    connection = choose_connection(connect, os.environ.get(SIGNING_KEY_VARIABLE) or None)
+    address = listening_address("--listen", listen)
+    from gcs.commands.web_server import serve
+
+    command = [sys.executable, "-m", "gcs", "web", "--view", "--theme", theme]
+    command += ["--connect", str(connection), *(["--control"] if control else [])]
+    with listen_at("--listen", address) as listening:
+        url = f"http://{address.host}:{listening.getsockname()[1]}"
+        access = "browsers can command vehicles" if control else "read-only"
+        lines = f"dashboard of {connection} at {url} ({access})\n  Ctrl-C stops it"
+        asyncio.run(serve(command, address, listening, partial(print_line, lines)))
+    print_line("stopped")
