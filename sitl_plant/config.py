@@ -4,15 +4,22 @@ The aircraft themselves are in `sitl_plant.aircraft_config`.
 """
 
 from collections.abc import Iterator
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from mavlink_defs.config.models import HostPort, Loc, Model, Problems, SystemId, repeated
 from mavlink_defs.config.quantity import quantity, whole
+from mavlink_defs.origin import Origin
 from sitl_plant.aircraft_config import Aircraft, Uncertainty
 from sitl_plant.atmosphere import Wind
-from sitl_plant.hardware import ActuatorServos, Sensors, sensor_problems, servo_problems
+from sitl_plant.hardware import (
+    ActuatorServos,
+    Sensors,
+    navigation_problems,
+    sensor_problems,
+    servo_problems,
+)
 from sitl_plant.plant_section import OwnPlant, PlantSection
 
 
@@ -78,6 +85,12 @@ class InitialState(Model):
 Seed = Annotated[int, whole("", ge=0, le=2**32 - 1, doc="Seed of all that is random.")]
 
 
+Navigation = Annotated[
+    Literal["true_state", "estimated"],
+    Field(description="Whether an aircraft is handed its true state, or estimates it."),
+]
+
+
 class PlantUav(Model):
     """One aircraft of the plant."""
 
@@ -113,6 +126,8 @@ class PlantConfig(Model):
     )
     wind: Wind = Field(default=Wind(), description="Motion of the air.")
     sensors: Sensors = Field(default=Sensors(), description="Sensors of every aircraft.")
+    navigation: Navigation = "true_state"
+    origin: Origin = Field(default=Origin(), description="Where north = east = down = 0 is.")
     seed: Seed = 1
     uavs: tuple[PlantUav, ...] = Field(min_length=1, description="The aircraft.")
 
@@ -125,7 +140,9 @@ class PlantConfig(Model):
 
     @model_validator(mode="after")
     def _periods_fit(self) -> "PlantConfig":
-        late = sensor_problems(self.sensors, self.step_us)
+        estimated = self.navigation == "estimated"
+        cannot = navigation_problems if estimated else sensor_problems
+        late = cannot(self.sensors, self.step_us)
         problems = [(("sensors", *loc), text) for loc, text in late]
         for i, uav in enumerate(self.uavs):
             slow = servo_problems(uav.servos, self.step_us)
