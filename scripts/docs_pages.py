@@ -45,6 +45,15 @@ from sitl_plant.ardupilot.config import ArduPilot
 from sitl_plant.atmosphere import Dryden, Wind
 from sitl_plant.config import Disturbance, Sinusoid
 from sitl_plant.hardware import EngineServo, Sensor, Sensors, Servos, SurfaceServo
+from sitl_plant.navigation_sensors import (
+    Accelerometer,
+    Barometer,
+    Gnss,
+    Gyro,
+    Magnetometer,
+    NavigationSensors,
+    Pitot,
+)
 from sitl_plant.plant_section import JsbSimPlant, PluginPlant
 from sitl_plant.propulsion import Propulsion
 
@@ -68,6 +77,13 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "engine_servo": EngineServo,
     "sensors": Sensors,
     "sensor": Sensor,
+    "navigation_sensors": NavigationSensors,
+    "gyro": Gyro,
+    "accelerometer": Accelerometer,
+    "magnetometer": Magnetometer,
+    "barometer": Barometer,
+    "pitot": Pitot,
+    "gnss": Gnss,
     "controller": LawParameters,
     **LAWS,
     "trigger": TriggerParameters,

@@ -123,7 +123,7 @@ class Sensor(Model):
 class Sensors(Model):
     """The sensors of an aircraft.
 
-    Those of `navigation` are what it estimates its state from. The others are on top of the true
+    From the ones in `navigation` it estimates its state. The others are on top of the true
     state that it is handed instead; its position and velocity over ground have no error.
     """
 

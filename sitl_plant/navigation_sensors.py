@@ -213,7 +213,7 @@ _ERRORS = ("noise", "bias", "error", "misalignment", "hard_iron", "resolution")
 class NavigationSensors(Model):
     """The sensors that an autopilot navigates by, of every aircraft.
 
-    Of a sensor that is given in part, the rest is that of the grade.
+    The grade fills in what is not given of a sensor.
     """
 
     grade: Grade = Field(

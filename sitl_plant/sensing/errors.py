@@ -86,7 +86,7 @@ def gauss_markov(bias_instability: float) -> float:
 
 
 def turn_on(sensor: np.void, errors: Errors, period_s: float) -> None:
-    """Write a sensor's errors to its record, and draw those of turn-on.
+    """Write a sensor's errors to its record, and draw the errors of turn-on.
 
     Args:
         sensor: Record of dtype `ERRORS`, whose `axes`, `seed`, `system` and `channel` are set.

@@ -1,8 +1,8 @@
 """The Earth's magnetic field at a place, by the World Magnetic Model.
 
 A. Chulliat et al., The US/UK World Magnetic Model for 2025-2030, technical report, NOAA, 2025: the
-equations of section 1.2, without the change with time. A simulation has no date: the field is that
-of the model's epoch.
+equations of section 1.2, without the change with time. A simulation has no date: the
+model's epoch counts.
 """
 
 import math

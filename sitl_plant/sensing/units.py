@@ -159,5 +159,5 @@ def _of_gnss(gnss: Gnss) -> Errors:
         bias=(0.0,) * 6,
         low=tuple(-most for most in farthest),
         high=farthest,
-        resolution=(0.0,) * 6,  # that of the message
+        resolution=(0.0,) * 6,  # the message has its own
     )

@@ -1,5 +1,7 @@
 """Configuration of the sensors that an autopilot navigates by."""
 
+import re
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,6 +13,9 @@ from sitl_plant.hardware import Sensors, navigation_problems
 from sitl_plant.navigation_sensors import NavigationSensors
 from sitl_plant.observability import observability_warnings
 from sitl_plant.sensors import new_sensors
+
+PAGE = Path(__file__).parents[3] / "docs/explanation/sensors.md"
+NOT_ERRORS = {"fitted", "rate_hz", "latency_s", "hdop", "vdop", "satellites"}
 
 
 def problems(sensors: dict[str, Any], step_us: int = 1000) -> dict[str, str]:
@@ -78,3 +83,17 @@ def test_they_change_nothing_of_a_flight_by_the_true_state(scenario1: Scenario) 
     assert new_sensors(config)["ideal"].all()
     with pytest.raises(ValidationError):
         PlantConfig.model_validate(config.model_dump() | {"navigation": "estimated"})
+
+
+def test_the_page_has_the_numbers_of_each_grade() -> None:
+    rows = re.findall(r"^\| `(\w+)\.(\w+)` \| (\S+) \| (\S+) \|", PAGE.read_text(), re.MULTILINE)
+    found = {(sensor, key): (float(a), float(b)) for sensor, key, a, b in rows}
+    grades = [NavigationSensors.model_validate({"grade": g}) for g in ("consumer", "tactical")]
+    consumer, tactical = ({**grade.model_dump()} for grade in grades)
+    expected = {
+        (sensor, key): (values[key], tactical[sensor][key])
+        for sensor, values in consumer.items()
+        if isinstance(values, dict)
+        for key in values.keys() - NOT_ERRORS
+    }
+    assert found == expected
