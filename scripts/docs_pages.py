@@ -40,10 +40,20 @@ from gcs.scenario.sections import Links, Network, ProfileSegment, ScenarioFault,
 from mavlink_defs.capture.impairment import Impairment
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import Quantity, describe
+from sitl_plant.aircraft_config import Aircraft, Uncertainty
 from sitl_plant.ardupilot.config import ArduPilot
 from sitl_plant.atmosphere import Dryden, Wind
-from sitl_plant.config import Aircraft, Disturbance, Sinusoid, Uncertainty
+from sitl_plant.config import Disturbance, Sinusoid
 from sitl_plant.hardware import EngineServo, Sensor, Sensors, Servos, SurfaceServo
+from sitl_plant.navigation_sensors import (
+    Accelerometer,
+    Barometer,
+    Gnss,
+    Gyro,
+    Magnetometer,
+    NavigationSensors,
+    Pitot,
+)
 from sitl_plant.plant_section import JsbSimPlant, PluginPlant
 from sitl_plant.propulsion import Propulsion
 
@@ -67,6 +77,13 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "engine_servo": EngineServo,
     "sensors": Sensors,
     "sensor": Sensor,
+    "navigation_sensors": NavigationSensors,
+    "gyro": Gyro,
+    "accelerometer": Accelerometer,
+    "magnetometer": Magnetometer,
+    "barometer": Barometer,
+    "pitot": Pitot,
+    "gnss": Gnss,
     "controller": LawParameters,
     **LAWS,
     "trigger": TriggerParameters,

@@ -10,7 +10,7 @@ from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
 from sitl_plant.aerodynamics import control_effectiveness
 from sitl_plant.aircraft import aircraft_record
-from sitl_plant.config import true_aircraft
+from sitl_plant.aircraft_config import true_aircraft
 from sitl_plant.disturbance import disturbance_table
 
 
