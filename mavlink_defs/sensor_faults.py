@@ -208,7 +208,13 @@ SENSOR_FAULT_KINDS: Mapping[str, SensorFaultKind] = {
         SensorFaultKind("stuck", "stuck", template="stuck"),
         SensorFaultKind("garbage", "garbage", template="reports garbage"),
         SensorFaultKind(
-            "bias", "wrong", "Added to every sample.", "{value:+g}", "{unit}", high=_OWN, wrongs=True
+            "bias",
+            "wrong",
+            "Added to every sample.",
+            "{value:+g}",
+            "{unit}",
+            high=_OWN,
+            wrongs=True,
         ),
         SensorFaultKind(
             "drift",

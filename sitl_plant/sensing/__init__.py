@@ -1,0 +1,1 @@
+"""The navigation sensors of an aircraft, and their faults."""
