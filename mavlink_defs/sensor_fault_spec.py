@@ -8,19 +8,19 @@ from pydantic import Field, create_model, model_validator
 
 from mavlink_defs.config.models import Model, Problem, Problems
 from mavlink_defs.config.quantity import quantity, whole
-from mavlink_defs.sensor_faults import (
+from mavlink_defs.sensor_fault_kinds import (
     AXIS_NAMES,
     SENSOR_FAULT_KINDS,
     SENSOR_NAMES,
     SENSOR_UNITS,
     Axis,
     Failure,
-    SensorFault,
     SensorFaultKind,
     SensorName,
     SensorUnit,
     default_of,
 )
+from mavlink_defs.sensor_faults import SensorFault
 
 MOST_INSTANCES = 8
 """Largest number that a sensor can have."""

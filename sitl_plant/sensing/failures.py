@@ -30,13 +30,8 @@ from mavlink_defs.dialect import (
     FTC_SENSOR_NONE,
 )
 from mavlink_defs.runtime.jit import compiled
-from mavlink_defs.sensor_faults import (
-    MAX_DELAY_S,
-    MAX_SENSOR_FAULTS,
-    SENSOR_NAMES,
-    SensorFault,
-    SensorName,
-)
+from mavlink_defs.sensor_fault_kinds import MAX_DELAY_S, SENSOR_NAMES, SensorName
+from mavlink_defs.sensor_faults import MAX_SENSOR_FAULTS, SensorFault
 from sitl_plant.gaussian import normal
 
 VALUES = 6

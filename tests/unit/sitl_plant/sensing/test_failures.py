@@ -5,12 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from mavlink_defs.sensor_faults import (
-    MAX_SENSOR_FAULTS,
-    SENSOR_FAULT_KINDS,
-    SENSOR_NAMES,
-    SensorFault,
-)
+from mavlink_defs.sensor_fault_kinds import SENSOR_FAULT_KINDS, SENSOR_NAMES, SensorName
+from mavlink_defs.sensor_faults import MAX_SENSOR_FAULTS, SensorFault
 from sitl_plant.sensing.failures import (
     Failures,
     SensorRange,
@@ -45,7 +41,7 @@ class Bench:
 
     def set(
         self,
-        sensor: str,
+        sensor: SensorName,
         kind: str,
         value: float = 0.0,
         window: tuple[float, float] = (0.01, math.nan),
@@ -54,7 +50,7 @@ class Bench:
         now_s: float = 0.0,
     ) -> None:
         fault = SensorFault(
-            1 + SENSOR_NAMES.index(sensor),  # type: ignore[arg-type] # one of its names
+            1 + SENSOR_NAMES.index(sensor),
             SENSOR_FAULT_KINDS[kind].code,
             value,
             instance,
