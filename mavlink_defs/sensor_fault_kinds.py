@@ -167,6 +167,11 @@ class SensorFaultKind:
         return bool(self.doc)
 
     @property
+    def is_shared(self) -> bool:
+        """Whether its value has the same unit for all sensors."""
+        return "{" not in self.unit
+
+    @property
     def code(self) -> int:
         """FTC_SENSOR_FAULT_KIND."""
         return list(SENSOR_FAULT_KINDS).index(self.name)

@@ -42,11 +42,17 @@ class _WithoutValue(Model):
 
 def _of_value(kind: SensorFaultKind) -> dict[str, tuple[object, object]]:
     """Return the fields of a kind's value by key: one for each unit that it can have."""
-    units = {kind.key(u): kind.unit_of(u) for u in SENSOR_UNITS.values() if kind.fits(u)}
-    return {
-        key: (float | None, quantity(unit, default=None, doc=kind.doc))
-        for key, unit in units.items()
-    }
+    fields: dict[str, tuple[object, object]] = {}
+    for unit in SENSOR_UNITS.values():
+        if not kind.fits(unit) or (key := kind.key(unit)) in fields:
+            continue
+        alike = [u for u in SENSOR_UNITS.values() if kind.fits(u) and kind.key(u) == key]
+        low, high = min(kind.bounds(u)[0] for u in alike), max(kind.bounds(u)[1] for u in alike)
+        whose = " or ".join(u.name for u in alike)
+        doc = kind.doc if kind.is_shared else f"{kind.doc.rstrip('.')}: {whose}."
+        of_value = quantity(kind.unit_of(unit), ge=low, le=high, default=None, doc=doc)
+        fields[key] = (float | None, of_value)
+    return fields
 
 
 if TYPE_CHECKING:
@@ -90,7 +96,7 @@ class SensorFaultSpec(_WithValue):
             if key not in fitting:
                 other = (kind.key(unit),) if kind.fits(unit) else ()
                 hint = "; did you mean '{0}'?" if other else ""
-                yield Problem((key,), f"does not fit a {unit.name}{hint}", keys=other)
+                yield Problem((key,), f"does not fit a sensor of {unit.name}{hint}", keys=other)
             elif self.failure not in {None, kind.failure}:
                 text = f"does not go with a failure {self.failure!r}; it is one of {kind.failure!r}"
                 yield Problem((key,), text)
@@ -101,7 +107,7 @@ class SensorFaultSpec(_WithValue):
         if not given and self.failure is None:
             yield Problem((), "expected a '{0}' or a value, got neither", keys=("failure",))
         if self.instance > 1 and not unit.has_imus:
-            text = f"expected 0 or 1, as there is one {unit.name}, got {self.instance}"
+            text = f"expected 0 or 1, as there is one sensor of {unit.name}, got {self.instance}"
             yield Problem(("instance",), text)
         if self.axis is not None and not (unit.axes and self._kind[0].wrongs):
             if unit.axes:
@@ -109,7 +115,7 @@ class SensorFaultSpec(_WithValue):
                     f"expected none, as {self._kind[0].name} concerns all axes, got {self.axis!r}"
                 )
             else:
-                text = f"expected none, as a {unit.name} has no axes, got {self.axis!r}"
+                text = f"expected none, as {unit.name} has no axes, got {self.axis!r}"
             yield Problem(("axis",), text)
         if self.end_s is not None and self.start_s is not None and self.end_s <= self.start_s:
             text = f"expected > {{0}} = {self.start_s!r} s, got {self.end_s!r}"

@@ -77,11 +77,15 @@ class SensorFault(NamedTuple):
 
     def describe(self) -> str:
         """Return the fault as a text: "gyro 1 x +3 deg/s in (19, 22] s"."""
+        return " ".join((*self.parts(), self._window()))
+
+    def parts(self) -> tuple[str, str]:
+        """Return what fails, and how, as texts: "gyro 1 x", "+3 deg/s"."""
         unit, kind = self.unit, self.kind
         axis = f" {AXIS_NAMES[self.axis - 1]}" if self.axis else ""
         what = kind.template.format(value=self.value)
         value_unit = kind.unit_of(unit) if kind.has_value else ""
-        return f"{self.target}{axis} {what} {value_unit}".rstrip() + " " + self._window()
+        return f"{self.target}{axis}", f"{what} {value_unit}".rstrip()
 
     def _window(self) -> str:
         ends = f"{self.end_s:g}] s" if math.isfinite(self.end_s) else "until cleared"
@@ -160,7 +164,7 @@ def sensor_fault_from_params(params: Sequence[float]) -> SensorFault:
         raise _invalid(2, "Kind", code, f"0 to {len(_KINDS) - 1}")
     unit, kind = SENSOR_UNITS[SENSOR_NAMES[int(sensor) - 1]], _KINDS[int(code)]
     if not kind.fits(unit):
-        text = f"Sensor fault: a {unit.name} has no {kind.name}, did you mean bias or drift?"
+        text = f"Sensor fault: {unit.name} has no {kind.name}, did you mean bias or drift?"
         raise InvalidParam(2, "Kind", text)
     if not kind.has_value:
         value = 0.0
@@ -180,7 +184,7 @@ def sensor_fault_from_params(params: Sequence[float]) -> SensorFault:
     axes = len(AXIS_NAMES) if unit.axes and kind.wrongs else 0
     if axis not in range(1 + axes):
         expected = f"0 to {axes}" if axes else "0"
-        raise _invalid(7, "Axis", axis, f"{expected} for {kind.name} of a {unit.name}")
+        raise _invalid(7, "Axis", axis, f"{expected} for {kind.name} of {unit.name}")
     return SensorFault(int(sensor), int(code), value, int(instance), start, end, int(axis))
 
 

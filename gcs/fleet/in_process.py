@@ -33,6 +33,7 @@ from mavlink_defs.faults import fault_from_params
 from mavlink_defs.profile import items_to_segments
 from mavlink_defs.runtime.jit import compiled, inlined
 from mavlink_defs.runtime.memory import borrowed, copy_record, copy_values
+from mavlink_defs.sensor_faults import SensorFault
 from sitl_plant.actuators import add_fault
 from sitl_plant.fleet import (
     ADVANCE,
@@ -44,6 +45,7 @@ from sitl_plant.fleet import (
     receive_controls,
 )
 from sitl_plant.outside import Outside, flown_by
+from sitl_plant.sensing.commands import SensorFaultCommands
 from sitl_plant.simulators.base import SimulatorError
 
 _CHUNK_STEPS = 2000
@@ -214,8 +216,12 @@ def add_faults(scenario: Scenario, fleet: PlantState) -> None:
     """Add the faults of a scenario to its fleet, rounded as by transmission."""
     ids = [uav.id for uav in scenario.uavs]
     for uav_id, fault in scenario.fault_commands():
+        i = ids.index(uav_id)
+        if isinstance(fault, SensorFault):
+            SensorFaultCommands().set(fault, time_s=0.0)
+            continue
         received = fault_from_params(fault, scenario.aircraft_of(uav_id).fault_limits)
-        add_fault(fleet.faults[ids.index(uav_id)], received, now_s=0.0)
+        add_fault(fleet.faults[i], received, now_s=0.0)
 
 
 @compiled

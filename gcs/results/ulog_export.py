@@ -207,7 +207,7 @@ def _texts(run: Path, scenario: Scenario | None, system: int) -> list[_Timed]:
             begin = 0.0 if np.isnan(fault.start_s) else fault.start_s
             found.append((begin, Level.WARNING, f"fault: {fault.describe()}"))
             if np.isfinite(fault.end_s):
-                found.append((fault.end_s, Level.INFO, f"fault of {fault.actuator_name} over"))
+                found.append((fault.end_s, Level.INFO, f"fault of {fault.target} over"))
     end_s = np.inf
     with contextlib.suppress(BadInput):  # of a flight that was interrupted
         summary = read_summary(run)

@@ -5,7 +5,7 @@ each other, and derives the configuration of each process. Times of the profile 
 are simulated time, which starts together with the mission.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -35,6 +35,7 @@ from gcs.scenario.bundled import base_of, find_scenario
 from gcs.scenario.mission import MissionSection
 from gcs.scenario.reference_checks import airspeed_problems, fault_problems, profile_problems
 from gcs.scenario.sections import (
+    AnyScenarioFault,
     Found,
     Links,
     Network,
@@ -58,9 +59,9 @@ from mavlink_defs.config.models import (
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.constants import LAST_SYSTEM
 from mavlink_defs.fault_kinds import FaultLimits
-from mavlink_defs.faults import Fault
 from mavlink_defs.mission_files import is_mission_file
 from mavlink_defs.profile import MAX_SEGMENTS, AirspeedLimits, ItemError, Segment, segments_to_items
+from mavlink_defs.sensor_faults import AnyFault
 from mavlink_defs.services.mission import MissionItem
 from sitl_plant.ardupilot.config import ArduPilot
 from sitl_plant.atmosphere import Wind
@@ -132,8 +133,8 @@ class Scenario(Model):
     mission: MissionSection | None = Field(
         default=None, description="Path of the flight, in place of a profile."
     )
-    faults: Annotated[tuple[ScenarioFault, ...], AtMost(1000)] = Field(
-        default=(), description="Actuator faults, at most 1000."
+    faults: Annotated[tuple[AnyScenarioFault, ...], AtMost(1000)] = Field(
+        default=(), description="Faults of actuators and sensors, at most 1000."
     )
     links: Links = Field(default=Links(), description="Addresses, ports, signing, impairments.")
     origin: Origin = Field(
@@ -264,9 +265,14 @@ class Scenario(Model):
         aircraft = self.aircraft if uav_id is None else self.aircraft_of(uav_id)
         return Planner(aircraft, self.guidance, self.origin, self.formation)
 
-    def fault_commands(self) -> list[tuple[int, Fault]]:
+    def fault_commands(self) -> list[tuple[int, AnyFault]]:
         """Return UAV id and fault of each fault, in the order of the file."""
         return [(fault.uav, fault.command()) for fault in self.faults]
+
+    @property
+    def actuator_faults(self) -> tuple[ScenarioFault, ...]:
+        """The faults of actuators."""
+        return tuple(fault for fault in self.faults if isinstance(fault, ScenarioFault))
 
     def _formation_address(self, uav_id: int) -> str:
         return self.links.address(self.links.formation_base_port + uav_id)
@@ -285,7 +291,7 @@ class Scenario(Model):
             self._formation_problems,
             lambda: profile_problems(self.profile, self.mission is not None, self._limits),
             self._mission_problems,
-            lambda: fault_problems(self.faults, self._fault_limits),
+            lambda: fault_problems(self.faults, self._fault_limits, self._fallible_sensors),
             lambda: self.links.port_problems(self._ids),
         )
         Problems.check(problem for check in checks for problem in check())
@@ -390,6 +396,11 @@ class Scenario(Model):
         limits = [(uav.aircraft or self.aircraft).airspeed_limits for uav in self.uavs]
         lowest, highest = max(one.min_m_s for one in limits), min(one.max_m_s for one in limits)
         return AirspeedLimits(lowest, highest)
+
+    @property
+    def _fallible_sensors(self) -> Mapping[str, int] | None:
+        """How many sensors of each name a UAV navigates by; None by its true state."""
+        return None
 
     @property
     def _fault_limits(self) -> dict[int, FaultLimits]:

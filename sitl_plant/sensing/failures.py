@@ -62,6 +62,7 @@ UNIT = np.dtype(
         ("values", "i8"),  # quantities in a sample
         ("seed", "i8"),
         ("system", "i8"),  # the aircraft's id
+        ("step_us", "i8"),  # control period
         ("noise", "f8", (VALUES,)),  # standard deviation of a sample's white noise
         ("low", "f8", (VALUES,)),  # range of a sample
         ("high", "f8", (VALUES,)),
@@ -120,6 +121,7 @@ def new_failures(
     """
     units = np.zeros((len(systems), len(ranges)), UNIT)
     units["seed"], units["step"], units["popped"] = seed, -1, -1
+    units["step_us"] = step_us
     units["system"] = np.array(systems)[:, None]
     for k, one in enumerate(ranges):
         unit = units[:, k]
@@ -222,13 +224,7 @@ def _write(row: np.ndarray, faults: Sequence[np.void]) -> None:
 
 @compiled
 def fail(
-    failures: Failures,
-    i: int,
-    unit: int,
-    step: int,
-    step_us: int,
-    values: np.ndarray,
-    fresh: bool,
+    failures: Failures, i: int, unit: int, step: int, t: float, values: np.ndarray, fresh: bool
 ) -> bool:
     """Let the fault of a sensor act on what it reports in a step.
 
@@ -237,14 +233,14 @@ def fail(
         i: Index of the aircraft.
         unit: Index of the sensor among its `ranges`.
         step: Step number.
-        step_us: Control period [us].
+        t: Simulation time of the step [s].
         values: The sample, shape (at least `values` of the unit,), changed in place.
         fresh: Whether the sensor has a new sample in this step.
 
     Returns:
         Whether it reports one.
     """
-    one, faults, t = failures.units[i, unit], failures.faults[i], step * step_us / 1e6
+    one, faults = failures.units[i, unit], failures.faults[i]
     k = _acting(faults, one, t)
     again = one["step"] == step
     one["step"] = step
@@ -260,7 +256,7 @@ def fail(
     if code == FTC_SENSOR_FAULT_KIND_INTERMITTENT:
         return fresh and ((t - fault["start"]) * fault["value"]) % 1.0 >= 0.5
     if code == FTC_SENSOR_FAULT_KIND_DELAYED:
-        late = round(fault["value"] * 1e6 / step_us)
+        late = round(fault["value"] * 1e6 / one["step_us"])
         return _delay(failures, i, unit, step, late, values, fresh and not again)
     if code == FTC_SENSOR_FAULT_KIND_SLOW:
         if fresh and not again:

@@ -66,8 +66,8 @@ class Bench:
         for step in range(steps):
             for _ in range(1 + twice):
                 values[step] = signal(step, n)
-                has = step % self.every == 0
-                fresh[step] = fail(self.failures, 0, unit, step, STEP_US, values[step], has)
+                has, t = step % self.every == 0, step * STEP_US / 1e6
+                fresh[step] = fail(self.failures, 0, unit, step, t, values[step], has)
         return values, fresh
 
 
