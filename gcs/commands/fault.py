@@ -91,7 +91,7 @@ def _options() -> Iterator[inspect.Parameter]:
 def set_(
     station: Station,
     actuator: Annotated[
-        Actuator | None, typer.Argument(metavar="[ACTUATOR]", help=f"{_NAMES}; or give --sensor")
+        Actuator | None, typer.Argument(metavar="ACTUATOR", help=f"{_NAMES}; or give --sensor")
     ] = None,
     sensor: Annotated[
         SensorName | None,
