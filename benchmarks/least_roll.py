@@ -21,7 +21,7 @@ from gcs.scenario.model import Scenario
 from mavlink_defs.constants import AILERON, RUDDER
 from sitl_plant.aerodynamics import lateral
 from sitl_plant.aircraft import aircraft_record
-from sitl_plant.config import Aircraft
+from sitl_plant.aircraft_config import Aircraft
 
 _DT = 1e-3
 _LONGEST_S = 4.0

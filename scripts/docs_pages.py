@@ -40,9 +40,10 @@ from gcs.scenario.sections import Links, Network, ProfileSegment, ScenarioFault,
 from mavlink_defs.capture.impairment import Impairment
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import Quantity, describe
+from sitl_plant.aircraft_config import Aircraft, Uncertainty
 from sitl_plant.ardupilot.config import ArduPilot
 from sitl_plant.atmosphere import Dryden, Wind
-from sitl_plant.config import Aircraft, Disturbance, Sinusoid, Uncertainty
+from sitl_plant.config import Disturbance, Sinusoid
 from sitl_plant.hardware import EngineServo, Sensor, Sensors, Servos, SurfaceServo
 from sitl_plant.plant_section import JsbSimPlant, PluginPlant
 from sitl_plant.propulsion import Propulsion

@@ -5,7 +5,7 @@ from typing import TypeAlias
 import numpy as np
 
 from mavlink_defs.constants import SURFACES
-from sitl_plant.config import Aircraft, Coefficients
+from sitl_plant.aircraft_config import Aircraft, Coefficients
 from sitl_plant.propulsion import MOST_ROWS, Propulsion
 
 COEFFICIENTS = tuple(Coefficients.model_fields)

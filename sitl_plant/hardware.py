@@ -11,6 +11,8 @@ from pydantic import Field
 
 from mavlink_defs.config.models import Loc, Model
 from mavlink_defs.config.quantity import quantity
+from sitl_plant.navigation_sensors import NavigationSensors
+from sitl_plant.observability import fitted, unobservable
 
 _Found: TypeAlias = Iterator[tuple[Loc, str]]
 
@@ -119,7 +121,11 @@ class Sensor(Model):
 
 
 class Sensors(Model):
-    """The sensors of an aircraft; position and velocity over ground have no error."""
+    """The sensors of an aircraft.
+
+    Those of `navigation` are what it estimates its state from. The others are on top of the true
+    state that it is handed instead; its position and velocity over ground have no error.
+    """
 
     gyro_deg_s: Sensor = Field(default=Sensor(), description="Angular velocity [deg/s].")
     accelerometer_m_s2: Sensor = Field(default=Sensor(), description="Specific force [m/s^2].")
@@ -127,6 +133,19 @@ class Sensors(Model):
     airspeed_m_s: Sensor = Field(
         default=Sensor(), description="Airspeed [m/s]; the direction of the air has no error."
     )
+    navigation: NavigationSensors = Field(
+        default=NavigationSensors(), description="What an estimated state comes from."
+    )
+
+    @property
+    def of_true_state(self) -> dict[str, Sensor]:
+        """The sensors on top of the true state, by key."""
+        return {name: value for name, value in self if isinstance(value, Sensor)}
+
+    @property
+    def exact(self) -> bool:
+        """Whether those on top of the true state have no error."""
+        return all(sensor == Sensor() for sensor in self.of_true_state.values())
 
 
 def servo_problems(servos: Servos | ActuatorServos, step_us: int) -> _Found:
@@ -138,18 +157,38 @@ def servo_problems(servos: Servos | ActuatorServos, step_us: int) -> _Found:
 
 
 def sensor_problems(sensors: Sensors, step_us: int) -> _Found:
-    """Yield place and text of what sensors cannot do at a control period [µs]."""
-    for name in Sensors.model_fields:
-        sensor = getattr(sensors, name)
+    """Yield place and text of what sensors on top of the true state cannot do at a period [µs]."""
+    for name, sensor in sensors.of_true_state.items():
         yield from period_problems((name, "latency_s"), sensor.latency_s, step_us)
-        if sensor.rate_hz is None:
-            continue
-        periods = 1e6 / (sensor.rate_hz * step_us)
-        if round(periods) < 1 or not _is_whole(periods):
-            fewer = max(int(periods), 1)
-            near = " or ".join(f"{1e6 / (n * step_us):.6g}" for n in (fewer, fewer + 1))
-            text = f"expected a sample every 1, 2, 3, ... control periods of {step_us} us, such as"
-            yield (name, "rate_hz"), f"{text} {near} Hz, got {sensor.rate_hz!r}"
+        yield from rate_problems((name, "rate_hz"), sensor.rate_hz, step_us)
+
+
+def navigation_problems(sensors: Sensors, step_us: int) -> _Found:
+    """Yield place and text of why nobody can navigate by sensors at a control period [µs]."""
+    for name, sensor in sensors.of_true_state.items():
+        if sensor != Sensor():
+            text = "is of the true state, and the flight is by an estimated one: leave it out, or"
+            yield (name,), f"{text} set the errors of sensors.navigation"
+    navigation = sensors.navigation
+    for name in fitted(navigation):
+        sensor = getattr(navigation, name)
+        loc: Loc = ("navigation", name)
+        yield from period_problems((*loc, "latency_s"), sensor.latency_s, step_us)
+        yield from rate_problems((*loc, "rate_hz"), sensor.rate_hz, step_us)
+    for at, text in unobservable(navigation):
+        yield ("navigation", *at), text
+
+
+def rate_problems(loc: Loc, rate_hz: float | None, step_us: int) -> _Found:
+    """Yield place and text if a rate is no whole number of control periods [µs] from the next."""
+    if rate_hz is None:
+        return
+    periods = 1e6 / (rate_hz * step_us)
+    if round(periods) < 1 or not _is_whole(periods):
+        fewer = max(int(periods), 1)
+        near = " or ".join(f"{1e6 / (n * step_us):.6g}" for n in (fewer, fewer + 1))
+        text = f"expected a sample every 1, 2, 3, ... control periods of {step_us} us, such as"
+        yield loc, f"{text} {near} Hz, got {rate_hz!r}"
 
 
 def period_problems(loc: Loc, delay_s: float, step_us: int) -> _Found:

@@ -6,7 +6,8 @@ from collections.abc import Callable
 import numpy as np
 
 from mavlink_defs.constants import SURFACES
-from sitl_plant.config import Aircraft, PlantConfig, PlantUav
+from sitl_plant.aircraft_config import Aircraft
+from sitl_plant.config import PlantConfig, PlantUav
 from sitl_plant.fleet import ADVANCE, PlantState
 from sitl_plant.plant_section import OwnPlant
 from sitl_plant.simulators import new_simulator

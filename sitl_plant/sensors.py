@@ -11,7 +11,7 @@ import numpy as np
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.config import PlantConfig
 from sitl_plant.gaussian import normal
-from sitl_plant.hardware import Sensor, Sensors
+from sitl_plant.hardware import Sensor
 from sitl_plant.vec3 import norm, scale, sub, vec3
 
 AXES = 10
@@ -46,7 +46,7 @@ SENSORS = np.dtype(
 def new_sensors(config: PlantConfig) -> np.ndarray:
     """Return the sensors of n aircraft before their first measurement, dtype `SENSORS`, (n,)."""
     record = np.zeros(1, SENSORS)[0]
-    record["ideal"] = config.sensors == Sensors()
+    record["ideal"] = config.sensors.exact
     record["exact_airspeed"] = config.sensors.airspeed_m_s == Sensor()
     record["seed"] = config.seed
     record["sampled"] = -1

@@ -7,27 +7,9 @@ only. The Earth is a sphere there, as in ArduPilot: 1 cm off after 3 km.
 import math
 from typing import NamedTuple
 
-from mavlink_defs.config.models import Model
-from mavlink_defs.config.quantity import quantity
+from mavlink_defs.origin import EARTH_RADIUS_M, Origin
 
-_EARTH_RADIUS_M = 6378137.0
-
-
-class Origin(Model):
-    """Geographic coordinates of north = east = down = 0, which is also home.
-
-    The default is where ArduPilot's simulation begins: CMAC, a model airfield near Canberra.
-    """
-
-    latitude_deg: float = quantity(
-        "deg", ge=-89.0, le=89.0, default=-35.363262, doc="Latitude, WGS 84."
-    )
-    longitude_deg: float = quantity(
-        "deg", ge=-180.0, le=180.0, default=149.165237, doc="Longitude, WGS 84."
-    )
-    altitude_m: float = quantity(
-        "m", ge=-500.0, le=9000.0, default=584.0, doc="Altitude above mean sea level."
-    )
+__all__ = ["Origin", "Place", "place_of", "position_of"]
 
 
 class Place(NamedTuple):
@@ -41,8 +23,8 @@ class Place(NamedTuple):
 
 def place_of(origin: Origin, north: float, east: float, down: float) -> Place:
     """Return the geographic place of a position [m, NED], clipped to what messages can hold."""
-    latitude = origin.latitude_deg + math.degrees(_sane(north) / _EARTH_RADIUS_M)
-    parallel_m = _EARTH_RADIUS_M * math.cos(math.radians(origin.latitude_deg))
+    latitude = origin.latitude_deg + math.degrees(_sane(north) / EARTH_RADIUS_M)
+    parallel_m = EARTH_RADIUS_M * math.cos(math.radians(origin.latitude_deg))
     longitude = origin.longitude_deg + math.degrees(_sane(east) / parallel_m)
     longitude = (longitude + 180.0) % 360.0 - 180.0
     height = -_sane(down)
@@ -56,8 +38,8 @@ def place_of(origin: Origin, north: float, east: float, down: float) -> Place:
 
 def position_of(origin: Origin, latitude: int, longitude: int) -> tuple[float, float]:
     """Return north and east [m] of a place [degE7]; the inverse of `place_of`, short way round."""
-    north = math.radians(latitude / 1e7 - origin.latitude_deg) * _EARTH_RADIUS_M
-    parallel_m = _EARTH_RADIUS_M * math.cos(math.radians(origin.latitude_deg))
+    north = math.radians(latitude / 1e7 - origin.latitude_deg) * EARTH_RADIUS_M
+    parallel_m = EARTH_RADIUS_M * math.cos(math.radians(origin.latitude_deg))
     degrees = (longitude / 1e7 - origin.longitude_deg + 180.0) % 360.0 - 180.0
     return north, math.radians(degrees) * parallel_m
 

@@ -8,7 +8,7 @@ from mavlink_defs.constants import RUDDER, SURFACES
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.aerodynamics import control_effectiveness, force
 from sitl_plant.aircraft import AircraftRecord, aircraft_record
-from sitl_plant.config import Aircraft
+from sitl_plant.aircraft_config import Aircraft
 from sitl_plant.stops import has_actuator
 from sitl_plant.vec3 import Mat3, Vec3, add, dot, mat3, mul, scale, vec3
 

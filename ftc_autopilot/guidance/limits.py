@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from sitl_plant.aerodynamics import carried_linearly
 from sitl_plant.aircraft import aircraft_record
-from sitl_plant.config import Aircraft
+from sitl_plant.aircraft_config import Aircraft
 
 _PLANNED_BANK = math.radians(20.0)
 """Bank of a turn whose radius is free [rad]."""

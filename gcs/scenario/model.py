@@ -63,17 +63,15 @@ from mavlink_defs.mission_files import is_mission_file
 from mavlink_defs.profile import MAX_SEGMENTS, AirspeedLimits, ItemError, Segment, segments_to_items
 from mavlink_defs.sensor_faults import AnyFault
 from mavlink_defs.services.mission import MissionItem
+from sitl_plant.aircraft_config import Aircraft, Uncertainty, true_aircraft
 from sitl_plant.ardupilot.config import ArduPilot
 from sitl_plant.atmosphere import Wind
 from sitl_plant.config import (
-    Aircraft,
     Disturbance,
     PlantConfig,
     PlantUav,
     Seed,
-    Uncertainty,
     plant_problems,
-    true_aircraft,
     truth_problems,
 )
 from sitl_plant.hardware import ActuatorServos, Sensors, Servos, sensor_problems, servo_problems

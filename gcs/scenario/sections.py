@@ -29,7 +29,8 @@ from mavlink_defs.endpoint import EndpointError, parse_address
 from mavlink_defs.fault_spec import FaultSpec
 from mavlink_defs.profile import Segment
 from mavlink_defs.sensor_fault_spec import SensorFaultSpec
-from sitl_plant.config import Aircraft, InitialState
+from sitl_plant.aircraft_config import Aircraft
+from sitl_plant.config import InitialState
 from sitl_plant.hardware import Servos
 from sitl_plant.plant_section import PlantSection
 

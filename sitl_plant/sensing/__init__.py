@@ -1,1 +1,1 @@
-"""The navigation sensors of an aircraft, and their faults."""
+"""The sensors that an autopilot navigates by, as HIL_SENSOR and HIL_GPS report them."""

@@ -5,6 +5,7 @@ A command is executed as a whole or refused with a reason; nothing of a refused 
 
 import math
 from collections.abc import Sequence
+from typing import Self
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from mavlink_defs.faults import InvalidParam
 from mavlink_defs.sensor_fault_kinds import SENSOR_NAMES, Failure, SensorUnit, default_of
 from mavlink_defs.sensor_faults import SensorFault, sensor_fault_from_params
 from sitl_plant.sensing.failures import (
+    Failures,
     add_sensor_fault,
     as_fault,
     clear_sensor_faults,
@@ -30,6 +32,13 @@ class SensorFaultCommands:
             units: Its sensors.
         """
         self._faults, self._units = faults, units
+
+    @classmethod
+    def of(cls, failures: Failures | None, i: int) -> Self:
+        """Return the commands of the i-th aircraft; without navigation sensors they are refused."""
+        if failures is None or i >= len(failures.faults):
+            return cls()
+        return cls(failures.faults[i], failures.units[i])
 
     def set(self, params: Sequence[float], time_s: float) -> None:
         """Execute MAV_CMD_FTC_SET_SENSOR_FAULT.

@@ -15,7 +15,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from sitl_plant.config import Inertia
+from sitl_plant.aircraft_config import Inertia
 from sitl_plant.plant_section import JsbSimPlant
 from sitl_plant.simulators import jsbsim_aircraft
 from sitl_plant.simulators.base import Body, Motion, SimulatorError

@@ -11,7 +11,7 @@ import numpy as np
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.aerodynamics import aerodynamics
 from sitl_plant.aircraft import AircraftRecord, aircraft_record
-from sitl_plant.config import Aircraft
+from sitl_plant.aircraft_config import Aircraft
 from sitl_plant.rigid_body import (
     R1,
     STILL_AIR,

@@ -28,7 +28,7 @@ from gcs.scenario.model import Scenario
 from mavlink_defs.framing.codec import ACTUATORS, NEIGHBOUR, SIM_STATE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.aircraft import aircraft_record
-from sitl_plant.config import Aircraft
+from sitl_plant.aircraft_config import Aircraft
 from sitl_plant.fleet import PlantState, fly, new_plant_state, observe
 from sitl_plant.hardware import ActuatorServos
 

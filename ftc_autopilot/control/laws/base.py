@@ -10,7 +10,7 @@ from ftc_autopilot.common.records import fill, record_dtype
 from ftc_autopilot.control.triggers import trigger_of
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import quantity
-from sitl_plant.config import Aircraft
+from sitl_plant.aircraft_config import Aircraft
 from sitl_plant.hardware import ActuatorServos
 
 _Gain = Annotated[float, quantity("1/s", gt=0.0, le=500.0, doc="Gain of one axis.")]

@@ -16,7 +16,7 @@ from ftc_autopilot.control.step import ALL, Command, Step
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.aircraft import AircraftRecord
-from sitl_plant.config import Aircraft
+from sitl_plant.aircraft_config import Aircraft
 from sitl_plant.rigid_body import R2
 from sitl_plant.stops import range_of
 from sitl_plant.thrust import available_thrust

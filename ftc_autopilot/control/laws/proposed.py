@@ -20,7 +20,7 @@ from ftc_autopilot.control.step import ALL, Command, SignalsRecord, Step
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.aircraft import AircraftRecord
-from sitl_plant.config import Aircraft
+from sitl_plant.aircraft_config import Aircraft
 from sitl_plant.vec3 import clamp_each, sub, vec3
 
 

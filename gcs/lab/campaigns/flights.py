@@ -16,7 +16,7 @@ from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import PlaceError, merged, value_at, with_values
 from mavlink_defs.config.models import ConfigError, Problem
 from mavlink_defs.fault_kinds import FAULT_KINDS
-from sitl_plant.config import limits_in
+from sitl_plant.aircraft_config import limits_in
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -14,7 +14,7 @@ from gcs.terminal import console_of, numbers, print_json, print_line, table_of, 
 if TYPE_CHECKING:
     from gcs.lab.theory.airframe_checks import Check
     from gcs.lab.theory.modes import LevelFlight, Mode
-    from sitl_plant.config import Aircraft
+    from sitl_plant.aircraft_config import Aircraft
 
 EPILOG = """
 Examples:

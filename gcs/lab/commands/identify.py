@@ -237,7 +237,7 @@ def _json(found: "Identified") -> dict[str, object]:
 
 def _print(found: "Identified", output: Terminal) -> None:
     from gcs.lab.identification.identified import FORCES, SET_BY_TRIM, verdict
-    from sitl_plant.config import TERMS
+    from sitl_plant.aircraft_config import TERMS
 
     values = found.aircraft.coefficients.model_dump()
     columns = (texts("coefficient"), numbers("value"), numbers("95 % interval ±"), texts(""))

@@ -22,7 +22,7 @@ from mavlink_defs.constants import Actuator
 if TYPE_CHECKING:
     from gcs.lab.theory.trim import Trim
     from gcs.scenario.model import Scenario
-    from sitl_plant.config import Aircraft
+    from sitl_plant.aircraft_config import Aircraft
 
 EPILOG = """
 Examples:
@@ -90,7 +90,7 @@ def trim(
     other surfaces balance the aircraft, which turns. For elevator and throttle: the airspeed at
     which it flies straight. No controller can hold what is not in these ranges.
     """
-    from sitl_plant.config import true_aircraft
+    from sitl_plant.aircraft_config import true_aircraft
 
     loaded = changed_scenario(scenario, additions, settings)
     aircraft = true_aircraft(_aircraft_of(loaded, uav), loaded.uncertainty)

@@ -16,7 +16,7 @@ from gcs.scenario.aircraft_file import load_aircraft
 from mavlink_defs.constants import SURFACES
 from sitl_plant.aerodynamics import lateral, rate_damping
 from sitl_plant.aircraft import aircraft_record
-from sitl_plant.config import Aircraft
+from sitl_plant.aircraft_config import Aircraft
 
 
 @dataclass(frozen=True)

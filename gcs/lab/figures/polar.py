@@ -9,7 +9,7 @@ from gcs.figures.style import draw_legend, new_figure, style, tidy
 from gcs.lab.theory.modes import LevelFlight
 from sitl_plant.aerodynamics import aerodynamics
 from sitl_plant.aircraft import aircraft_record
-from sitl_plant.config import Aircraft
+from sitl_plant.aircraft_config import Aircraft
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gcs.lab.identification.readings import Windows
-from sitl_plant.config import TERMS
+from sitl_plant.aircraft_config import TERMS
 
 CONFIDENCE = 0.95
 """Of an interval."""

@@ -18,7 +18,7 @@ from mavlink_defs.config.files import problems_of
 from mavlink_defs.config.quantity import describe
 from mavlink_defs.config.yaml_text import yaml_of
 from mavlink_defs.constants import SURFACES
-from sitl_plant.config import TERMS, Aircraft, Coefficients
+from sitl_plant.aircraft_config import TERMS, Aircraft, Coefficients
 from sitl_plant.simulators.base import Body, Simulator
 
 FORCES = {

@@ -13,7 +13,7 @@ from gcs.results.recording import Recording
 from gcs.results.store import read_recording
 from mavlink_defs.constants import THROTTLE
 from sitl_plant.aircraft import aircraft_record
-from sitl_plant.config import Aircraft, Coefficients
+from sitl_plant.aircraft_config import Aircraft, Coefficients
 from sitl_plant.simulators.base import Body
 
 _GROUP_S = 1.0  # of time: errors of one group are not independent

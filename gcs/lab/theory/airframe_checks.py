@@ -15,7 +15,7 @@ from gcs.lab.theory.modes import LevelFlight, authority, largest_thrust
 from mavlink_defs.constants import SURFACES
 from sitl_plant.aerodynamics import lateral
 from sitl_plant.aircraft import aircraft_record
-from sitl_plant.config import Aircraft
+from sitl_plant.aircraft_config import Aircraft
 
 _LARGEST_RELATIVE_GAIN = 1.6
 """Above it aileron and rudder undo much of each other's work: the Aerosonde, changed so, lacks the

@@ -18,7 +18,7 @@ from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from sitl_plant.atmosphere import Wind
-from sitl_plant.hardware import ActuatorServos, Sensors
+from sitl_plant.hardware import ActuatorServos
 
 _SURFACES = tuple(i for i in range(N_CHANNELS) if i != THROTTLE)
 
@@ -115,7 +115,7 @@ def _unlike_the_papers(scenario: Scenario) -> str | None:
     parts = {
         "servos": any(uav.servos != ActuatorServos() for uav in plant.uavs),
         "propulsion models": any(uav.aircraft.propulsion is not None for uav in plant.uavs),
-        "errors of sensors": plant.sensors != Sensors(),
+        "errors of sensors": not plant.sensors.exact,
         "motions of the air": plant.wind != Wind(),
         "other triggers than (25), (29)": not _papers(scenario.trigger),
         "limits of (57)": getattr(scenario.controller, "omega_d_limit_deg_s", 0.0) > 0.0,

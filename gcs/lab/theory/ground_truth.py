@@ -11,7 +11,7 @@ from gcs.scenario.model import Scenario
 from mavlink_defs.faults import Fault
 from sitl_plant.aerodynamics import control_effectiveness
 from sitl_plant.aircraft import aircraft_record
-from sitl_plant.config import true_aircraft
+from sitl_plant.aircraft_config import true_aircraft
 from sitl_plant.disturbance import disturbance_table
 
 

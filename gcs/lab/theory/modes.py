@@ -8,7 +8,7 @@ import numpy as np
 from mavlink_defs.constants import SURFACES
 from sitl_plant.aerodynamics import control_effectiveness
 from sitl_plant.aircraft import AircraftRecord, aircraft_record
-from sitl_plant.config import Aircraft
+from sitl_plant.aircraft_config import Aircraft
 from sitl_plant.rigid_body import R1, STILL_AIR, State, state_derivative
 from sitl_plant.thrust import available_thrust, with_any_thrust
 from sitl_plant.vec3 import Vec3, mul

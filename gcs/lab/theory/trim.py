@@ -12,7 +12,7 @@ import numpy as np
 
 from mavlink_defs.constants import ACTUATORS, AILERON, RUDDER, SURFACES, THROTTLE, Actuator
 from sitl_plant.aircraft import aircraft_record
-from sitl_plant.config import Aircraft
+from sitl_plant.aircraft_config import Aircraft
 from sitl_plant.rigid_body import R1, R2, STILL_AIR, state_derivative
 from sitl_plant.thrust import available_thrust, with_any_thrust
 from sitl_plant.vec3 import mul

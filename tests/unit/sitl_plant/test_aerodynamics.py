@@ -32,7 +32,7 @@ from sitl_plant.vec3 import Vec3
 
 ROOT = Path(__file__).parents[3]
 PACKAGES = ("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs", "benchmarks")
-KNOWING = {"sitl_plant/aerodynamics.py", "sitl_plant/config.py"}
+KNOWING = {"sitl_plant/aerodynamics.py", "sitl_plant/aircraft_config.py"}
 """The model itself, and the configuration that declares its keys."""
 V, H = 45.0, 1e-6
 

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from gcs.scenario.aircraft_file import load_aircraft
 from mavlink_defs.config.files import problems_of
 from sitl_plant.aircraft import aircraft_record
-from sitl_plant.config import Aircraft
+from sitl_plant.aircraft_config import Aircraft
 from sitl_plant.propulsion import Propeller, Propulsion
 from sitl_plant.thrust import available_thrust, is_short, made_thrust, reach_of, thrust_moment
 

@@ -19,7 +19,7 @@ from mavlink_defs.faults import Fault, InvalidParam, fault_from_params
 from mavlink_defs.framing.codec import ACTUATORS
 from sitl_plant.actuators import add_fault, apply_faults, no_faults
 from sitl_plant.aircraft import AIRCRAFT, aircraft_record
-from sitl_plant.config import Aircraft
+from sitl_plant.aircraft_config import Aircraft
 from sitl_plant.fleet import new_plant_state, receive_controls
 from sitl_plant.stops import position_of, range_of, share_of
 

@@ -13,7 +13,7 @@ from ftc_autopilot.control.laws.tube.prediction import Servo, Start, predict
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import THROTTLE
 from sitl_plant.aircraft import aircraft_record
-from sitl_plant.config import Aircraft
+from sitl_plant.aircraft_config import Aircraft
 from sitl_plant.fleet import PlantState, fly, new_plant_state, observe
 from sitl_plant.rigid_body import STILL_AIR, State, load_state, state_derivative
 

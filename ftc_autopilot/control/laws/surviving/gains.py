@@ -17,7 +17,7 @@ from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.aerodynamics import carried, lateral, longitudinal
 from sitl_plant.aircraft import aircraft_record
-from sitl_plant.config import Aircraft
+from sitl_plant.aircraft_config import Aircraft
 from sitl_plant.vec3 import clamp
 
 AIRSPEEDS = 6

@@ -19,7 +19,7 @@ from ftc_autopilot.control.laws.surviving.gains import (
     gains_of,
 )
 from mavlink_defs.config.quantity import quantity
-from sitl_plant.config import Aircraft
+from sitl_plant.aircraft_config import Aircraft
 from sitl_plant.hardware import ActuatorServos
 
 _RateLimit = Annotated[float, quantity("deg/s", gt=0.0, doc="Limit of an Euler angle's rate.")]

@@ -35,7 +35,7 @@ from gcs.scenario.model import Scenario
 from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
 from mavlink_defs.framing.codec import ACTUATORS, SIM_STATE
 from sitl_plant.aircraft import aircraft_record
-from sitl_plant.config import Aircraft
+from sitl_plant.aircraft_config import Aircraft
 from sitl_plant.fleet import fly, new_plant_state, observe
 from sitl_plant.hardware import ActuatorServos
 from sitl_plant.rigid_body import STILL_AIR, gravity_body, state_derivative

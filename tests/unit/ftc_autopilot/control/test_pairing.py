@@ -20,7 +20,7 @@ from gcs.scenario.bundled import aircraft_names
 from mavlink_defs.config.inherit import merged
 from sitl_plant.aerodynamics import aerodynamics, force, moment
 from sitl_plant.aircraft import aircraft_record
-from sitl_plant.config import Aircraft
+from sitl_plant.aircraft_config import Aircraft
 from sitl_plant.rigid_body import angular_acceleration
 from sitl_plant.vec3 import Vec3, mat3
 

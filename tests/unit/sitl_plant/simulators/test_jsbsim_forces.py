@@ -10,7 +10,8 @@ from jsbsim_aircraft import needs_jsbsim, write_aircraft
 from gcs.scenario.aircraft_file import load_aircraft
 from sitl_plant.aerodynamics import aerodynamics, moment
 from sitl_plant.aircraft import aircraft_record
-from sitl_plant.config import Aircraft, InitialState, PlantConfig, PlantUav
+from sitl_plant.aircraft_config import Aircraft
+from sitl_plant.config import InitialState, PlantConfig, PlantUav
 from sitl_plant.fleet import ADVANCE, fly, new_plant_state
 from sitl_plant.outside import Outside
 from sitl_plant.plant_section import JsbSimPlant, OwnPlant, PlantSection

@@ -13,7 +13,7 @@ from ftc_autopilot.control.laws.surviving.gains import (
 )
 from gcs.scenario.model import Scenario
 from sitl_plant.aircraft import aircraft_record
-from sitl_plant.config import Aircraft
+from sitl_plant.aircraft_config import Aircraft
 from sitl_plant.rigid_body import STILL_AIR, state_derivative
 
 NONE = (0.0, 0.0, 0.0)

@@ -353,7 +353,7 @@ def test_shipped_campaigns_are_for_all_laws(name: str) -> None:
 
 
 def test_the_shipped_uncertainty_is_of_everything() -> None:
-    from sitl_plant.config import Coefficients, Inertia
+    from sitl_plant.aircraft_config import Coefficients, Inertia
 
     of_the_paper = Coefficients.model_fields.items()  # no factor makes anything of a zero
     path = SCENARIOS / "campaigns" / "uncertainty.yaml"

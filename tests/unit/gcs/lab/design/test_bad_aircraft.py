@@ -12,7 +12,7 @@ from gcs.cli import app
 from gcs.errors import BadInput
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.config.yaml_text import parse_yaml, yaml_of
-from sitl_plant.config import Aircraft
+from sitl_plant.aircraft_config import Aircraft
 
 AEROSONDE = Path(__file__).parents[5] / "aircraft" / "aerosonde.yaml"
 Tree = dict[str, Any]

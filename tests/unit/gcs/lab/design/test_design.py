@@ -24,7 +24,7 @@ from gcs.lab.design.similarity import dimensions, similarity
 from gcs.results.summary import summarise
 from gcs.scenario.aircraft_file import load_aircraft
 from gcs.scenario.model import load_scenario, scenario_of
-from sitl_plant.config import Aircraft
+from sitl_plant.aircraft_config import Aircraft
 
 REAL = Conditions(servo_lag_s=0.02, servo_rate_deg_s=400.0, gyro_noise_deg_s=0.3)
 TIME, VELOCITY, MASS = 2.0, 1.5, 5.0

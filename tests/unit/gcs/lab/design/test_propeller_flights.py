@@ -16,7 +16,7 @@ from gcs.scenario.aircraft_file import load_aircraft
 from gcs.scenario.model import scenario_of
 from mavlink_defs.constants import ACTUATORS, THROTTLE
 from sitl_plant.aircraft import aircraft_record
-from sitl_plant.config import Aircraft
+from sitl_plant.aircraft_config import Aircraft
 from sitl_plant.thrust import available_thrust
 
 REAL = Conditions(servo_lag_s=0.02, servo_rate_deg_s=400.0, gyro_noise_deg_s=0.3)

@@ -25,7 +25,8 @@ from gcs.lab.theory.modes import level_flight
 from gcs.scenario.aircraft_file import load_aircraft
 from gcs.scenario.model import load_scenario
 from mavlink_defs.config.files import parse
-from sitl_plant.config import TERMS, Aircraft, Disturbance
+from sitl_plant.aircraft_config import TERMS, Aircraft
+from sitl_plant.config import Disturbance
 from sitl_plant.hardware import Servos, SurfaceServo
 from sitl_plant.simulators.own import OwnSimulator
 

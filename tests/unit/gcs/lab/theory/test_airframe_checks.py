@@ -9,7 +9,7 @@ from gcs.lab.theory.modes import level_flight
 from gcs.scenario.aircraft_file import load_aircraft
 from gcs.scenario.bundled import aircraft_names
 from mavlink_defs.config.inherit import with_values
-from sitl_plant.config import Aircraft
+from sitl_plant.aircraft_config import Aircraft
 
 
 def not_met(aircraft: Aircraft, airspeed_m_s: float) -> list[str]:

@@ -16,7 +16,7 @@ from gcs.lab.theory.modes import (
 from gcs.scenario.aircraft_file import load_aircraft
 from gcs.scenario.model import scenario_of, scenario_tree
 from sitl_plant.aircraft import aircraft_record
-from sitl_plant.config import Aircraft
+from sitl_plant.aircraft_config import Aircraft
 from sitl_plant.rigid_body import STILL_AIR, state_derivative
 
 V = 25.0

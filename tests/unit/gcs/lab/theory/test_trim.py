@@ -14,7 +14,7 @@ from gcs.scenario.aircraft_file import load_aircraft
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import Actuator
 from sitl_plant.aircraft import aircraft_record
-from sitl_plant.config import Aircraft
+from sitl_plant.aircraft_config import Aircraft
 from sitl_plant.rigid_body import STILL_AIR, State, advance, state_derivative
 
 REST = (0.0, 0.0, 0.0)

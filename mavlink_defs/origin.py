@@ -1,0 +1,24 @@
+"""Where on Earth the simulation's flat world lies."""
+
+from mavlink_defs.config.models import Model
+from mavlink_defs.config.quantity import quantity
+
+EARTH_RADIUS_M = 6378137.0
+"""Radius of the sphere on which north and east [m] become latitude and longitude."""
+
+
+class Origin(Model):
+    """Geographic coordinates of north = east = down = 0, which is also home.
+
+    The default is where ArduPilot's simulation begins: CMAC, a model airfield near Canberra.
+    """
+
+    latitude_deg: float = quantity(
+        "deg", ge=-89.0, le=89.0, default=-35.363262, doc="Latitude, WGS 84."
+    )
+    longitude_deg: float = quantity(
+        "deg", ge=-180.0, le=180.0, default=149.165237, doc="Longitude, WGS 84."
+    )
+    altitude_m: float = quantity(
+        "m", ge=-500.0, le=9000.0, default=584.0, doc="Altitude above mean sea level."
+    )

@@ -1,0 +1,265 @@
+"""Configuration of the sensors that an autopilot navigates by, and their named classes.
+
+The defaults are the class `consumer`. A turn-on error is drawn once for each axis and each sensor,
+from the seed; its standard deviation is given here. `docs/explanation/sensors.md` has the model,
+and the source of every number.
+"""
+
+from collections.abc import Mapping
+from typing import Any, Literal, TypeAlias
+
+from pydantic import Field, model_validator
+
+from mavlink_defs.config.models import Model
+from mavlink_defs.config.quantity import quantity, whole
+
+Grade: TypeAlias = Literal["consumer", "tactical", "ideal"]
+
+MAX_IMUS = 3
+
+_RATE = "Samples per second; without it, one each control period."
+_LATENCY = "Age of a sample when it is reported, whole control periods."
+_CORRELATION = "Time constant of the first-order Gauss-Markov process."
+_SCALE = "Turn-on error of the scale factor, as a ratio."
+
+
+def _rate(default: float | None) -> Any:
+    return quantity("Hz", gt=0.0, default=default, doc=_RATE)
+
+
+def _latency(default: float) -> Any:
+    return quantity("s", ge=0.0, le=1.0, default=default, doc=_LATENCY)
+
+
+def _correlation(default: float) -> Any:
+    return quantity("s", gt=0.0, le=1e6, default=default, doc=_CORRELATION)
+
+
+def _scale(default: float) -> Any:
+    return quantity("", ge=0.0, le=0.5, default=default, doc=_SCALE)
+
+
+def _size(unit: str, default: float, doc: str) -> Any:
+    return quantity(unit, ge=0.0, default=default, doc=doc)
+
+
+def _range(unit: str, default: float) -> Any:
+    return quantity(unit, gt=0.0, default=default, doc="Largest value, of either sign.")
+
+
+def _resolution(unit: str, default: float) -> Any:
+    return _size(unit, default, "Step to which samples are rounded; 0: none.")
+
+
+class Gyro(Model):
+    """A gyro of three axes."""
+
+    noise_density_deg_s_sqrt_hz: float = _size(
+        "deg/s/sqrt(Hz)", 0.014, "One-sided density of the white noise."
+    )
+    bias_instability_deg_h: float = _size(
+        "deg/h", 2.0, "Peak of the Allan deviation of the bias that changes in flight."
+    )
+    correlation_s: float = _correlation(1000.0)
+    turn_on_bias_deg_s: float = _size("deg/s", 0.15, "Turn-on bias.")
+    scale_error: float = _scale(0.0033)
+    misalignment_deg: float = _size("deg", 0.19, "Turn-on misalignment of the axes.")
+    range_deg_s: float = _range("deg/s", 2000.0)
+    resolution_deg_s: float = _resolution("deg/s", 0.061)
+    rate_hz: float | None = _rate(None)
+    latency_s: float = _latency(0.0)
+
+
+class Accelerometer(Model):
+    """An accelerometer of three axes."""
+
+    noise_density_m_s2_sqrt_hz: float = _size(
+        "m/s^2/sqrt(Hz)", 0.0019, "One-sided density of the white noise."
+    )
+    bias_instability_m_s2: float = _size(
+        "m/s^2", 0.0004, "Peak of the Allan deviation of the bias that changes in flight."
+    )
+    correlation_s: float = _correlation(300.0)
+    turn_on_bias_m_s2: float = _size("m/s^2", 0.0196, "Turn-on bias.")
+    scale_error: float = _scale(0.0033)
+    misalignment_deg: float = _size("deg", 0.095, "Turn-on misalignment of the axes.")
+    range_m_s2: float = _range("m/s^2", 235.0)
+    resolution_m_s2: float = _resolution("m/s^2", 0.0072)
+    rate_hz: float | None = _rate(None)
+    latency_s: float = _latency(0.0)
+
+
+class Magnetometer(Model):
+    """A magnetometer of three axes."""
+
+    fitted: bool = Field(default=True, strict=True, description="Whether there is one.")
+    noise_gauss: float = _size("gauss", 0.003, "Standard deviation of the noise of a sample.")
+    bias_instability_gauss: float = _size(
+        "gauss", 0.0, "Standard deviation of the bias that changes in flight."
+    )
+    correlation_s: float = _correlation(600.0)
+    hard_iron_gauss: float = _size("gauss", 0.003, "Bias that its calibration has left.")
+    scale_error: float = _scale(0.005)
+    misalignment_deg: float = _size("deg", 0.5, "Turn-on misalignment of the axes.")
+    range_gauss: float = _range("gauss", 16.0)
+    resolution_gauss: float = _resolution("gauss", 0.003)
+    rate_hz: float | None = _rate(100.0)
+    latency_s: float = _latency(0.0)
+
+
+class Barometer(Model):
+    """A barometer at an undisturbed static port."""
+
+    fitted: bool = Field(default=True, strict=True, description="Whether there is one.")
+    noise_pa: float = _size("Pa", 1.0, "Standard deviation of the noise of a sample.")
+    bias_instability_pa: float = _size(
+        "Pa", 2.0, "Standard deviation of the bias that changes in flight."
+    )
+    correlation_s: float = _correlation(300.0)
+    turn_on_bias_pa: float = _size("Pa", 8.0, "Turn-on bias.")
+    range_pa: float = _range("Pa", 125_000.0)
+    resolution_pa: float = _resolution("Pa", 0.016)
+    rate_hz: float | None = _rate(50.0)
+    latency_s: float = _latency(0.0)
+
+
+class Pitot(Model):
+    """A pitot tube along the x axis, and its differential pressure sensor."""
+
+    fitted: bool = Field(default=True, strict=True, description="Whether there is one.")
+    noise_pa: float = _size("Pa", 1.0, "Standard deviation of the noise of a sample.")
+    bias_instability_pa: float = _size(
+        "Pa", 0.5, "Standard deviation of the bias that changes in flight."
+    )
+    correlation_s: float = _correlation(300.0)
+    turn_on_bias_pa: float = _size("Pa", 1.0, "Turn-on bias.")
+    scale_error: float = _scale(0.01)
+    range_pa: float = _range("Pa", 6900.0)
+    resolution_pa: float = _resolution("Pa", 0.84)
+    rate_hz: float | None = _rate(100.0)
+    latency_s: float = _latency(0.0)
+
+
+class Gnss(Model):
+    """A GNSS receiver; errors are the same to the north and to the east."""
+
+    fitted: bool = Field(default=True, strict=True, description="Whether there is one.")
+    horizontal_error_m: float = _size(
+        "m", 0.85, "Standard deviation of the correlated error, of each axis."
+    )
+    vertical_error_m: float = _size("m", 1.3, "The same of the height.")
+    correlation_s: float = _correlation(60.0)
+    horizontal_noise_m: float = _size("m", 0.2, "Standard deviation of the noise, of each axis.")
+    vertical_noise_m: float = _size("m", 0.3, "The same of the height.")
+    horizontal_velocity_noise_m_s: float = _size(
+        "m/s", 0.05, "Standard deviation of the noise of the velocity, of each axis."
+    )
+    vertical_velocity_noise_m_s: float = _size("m/s", 0.075, "The same of the vertical velocity.")
+    hdop: float = quantity("", ge=0.0, le=99.0, default=0.8, doc="Dilution of precision, reported.")
+    vdop: float = quantity("", ge=0.0, le=99.0, default=1.2, doc="The same of the height.")
+    satellites: int = whole("", ge=4, le=254, default=14, doc="Visible satellites, reported.")
+    rate_hz: float | None = _rate(10.0)
+    latency_s: float = _latency(0.2)
+
+
+_TACTICAL: Mapping[str, Mapping[str, float]] = {
+    "gyro": {
+        "noise_density_deg_s_sqrt_hz": 0.008,
+        "bias_instability_deg_h": 8.0,
+        "turn_on_bias_deg_s": 0.05,
+        "scale_error": 0.002,
+        "misalignment_deg": 0.05,
+        "resolution_deg_s": 0.0,
+    },
+    "accelerometer": {
+        "noise_density_m_s2_sqrt_hz": 0.001,
+        "bias_instability_m_s2": 0.000127,
+        "turn_on_bias_m_s2": 0.01,
+        "scale_error": 0.001,
+        "misalignment_deg": 0.05,
+        "range_m_s2": 392.0,
+        "resolution_m_s2": 0.0,
+    },
+    "magnetometer": {
+        "noise_gauss": 0.00015,
+        "hard_iron_gauss": 0.001,
+        "scale_error": 0.001,
+        "misalignment_deg": 0.1,
+        "range_gauss": 8.0,
+        "resolution_gauss": 0.00013,
+    },
+    "barometer": {
+        "noise_pa": 0.5,
+        "bias_instability_pa": 1.0,
+        "turn_on_bias_pa": 4.0,
+    },
+    "pitot": {
+        "noise_pa": 0.3,
+        "bias_instability_pa": 0.1,
+        "turn_on_bias_pa": 0.2,
+        "scale_error": 0.003,
+        "range_pa": 500.0,
+        "resolution_pa": 0.0167,
+    },
+    "gnss": {
+        "horizontal_error_m": 0.4,
+        "vertical_error_m": 0.6,
+        "horizontal_noise_m": 0.1,
+        "vertical_noise_m": 0.15,
+        "horizontal_velocity_noise_m_s": 0.03,
+        "vertical_velocity_noise_m_s": 0.045,
+        "satellites": 20,
+    },
+}
+
+_ERRORS = ("noise", "bias", "error", "misalignment", "hard_iron", "resolution")
+"""What is in the name of an error: an ideal sensor has none."""
+
+
+class NavigationSensors(Model):
+    """The sensors that an autopilot navigates by, of every aircraft.
+
+    Of a sensor that is given in part, the rest is that of the grade.
+    """
+
+    grade: Grade = Field(
+        default="consumer",
+        description="Class of the sensors: consumer, tactical, or ideal, which have no errors.",
+    )
+    imus: int = whole("", ge=1, le=MAX_IMUS, default=2, doc="IMUs, each a gyro and accelerometer.")
+    gyro: Gyro = Field(default=Gyro(), description="The gyro of each IMU.")
+    accelerometer: Accelerometer = Field(
+        default=Accelerometer(), description="The accelerometer of each IMU."
+    )
+    magnetometer: Magnetometer = Field(default=Magnetometer(), description="The magnetometer.")
+    barometer: Barometer = Field(default=Barometer(), description="The barometer.")
+    pitot: Pitot = Field(default=Pitot(), description="The pitot tube.")
+    gnss: Gnss = Field(default=Gnss(), description="The GNSS receiver.")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _complete(cls, data: Any) -> Any:
+        """Fill in what the grade says of each sensor."""
+        if not isinstance(data, dict):
+            return data
+        filled = dict(data)
+        for name, of_grade in _grade(data.get("grade")).items():
+            given = data.get(name, {})
+            if isinstance(given, dict):
+                filled[name] = {**of_grade, **given}
+        return filled
+
+
+def _grade(grade: object) -> Mapping[str, Mapping[str, float]]:
+    """Return what a grade has otherwise than the defaults, by sensor and key."""
+    if grade == "tactical":
+        return _TACTICAL
+    if grade != "ideal":
+        return {}
+    sensors = (Gyro, Accelerometer, Magnetometer, Barometer, Pitot, Gnss)
+    return {
+        model.__name__.lower(): {
+            key: 0.0 for key in model.model_fields if any(word in key for word in _ERRORS)
+        }
+        for model in sensors
+    }
