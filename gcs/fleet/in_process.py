@@ -45,7 +45,7 @@ from sitl_plant.fleet import (
     receive_controls,
 )
 from sitl_plant.outside import Outside, flown_by
-from sitl_plant.sensing.commands import SensorFaultCommands
+from sitl_plant.sensing.commands import sensor_commands
 from sitl_plant.simulators.base import SimulatorError
 
 _CHUNK_STEPS = 2000
@@ -218,7 +218,7 @@ def add_faults(scenario: Scenario, fleet: PlantState) -> None:
     for uav_id, fault in scenario.fault_commands():
         i = ids.index(uav_id)
         if isinstance(fault, SensorFault):
-            SensorFaultCommands().set(fault, time_s=0.0)
+            sensor_commands(fleet, i).set(fault, time_s=0.0)
             continue
         received = fault_from_params(fault, scenario.aircraft_of(uav_id).fault_limits)
         add_fault(fleet.faults[i], received, now_s=0.0)

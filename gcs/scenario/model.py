@@ -5,6 +5,7 @@ each other, and derives the configuration of each process. Times of the profile 
 are simulated time, which starts together with the mission.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Self
@@ -76,6 +77,7 @@ from sitl_plant.config import (
 )
 from sitl_plant.hardware import ActuatorServos, Sensors, Servos, sensor_problems, servo_problems
 from sitl_plant.plant_section import OwnPlant, PlantSection
+from sitl_plant.sensing.units import FAULT_NAMES, units_of
 
 
 class Scenario(Model):
@@ -398,7 +400,10 @@ class Scenario(Model):
     @property
     def _fallible_sensors(self) -> Mapping[str, int] | None:
         """How many sensors of each name a UAV navigates by; None by its true state."""
-        return None
+        if getattr(self, "navigation", "true_state") == "true_state":
+            return None
+        units = units_of(self.sensors.navigation, self.step_us)
+        return Counter(FAULT_NAMES[unit.kind] for unit in units)
 
     @property
     def _fault_limits(self) -> dict[int, FaultLimits]:

@@ -5,7 +5,7 @@ A command is executed as a whole or refused with a reason; nothing of a refused 
 
 import math
 from collections.abc import Sequence
-from typing import Self
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from mavlink_defs.faults import InvalidParam
 from mavlink_defs.sensor_fault_kinds import SENSOR_NAMES, Failure, SensorUnit, default_of
 from mavlink_defs.sensor_faults import SensorFault, sensor_fault_from_params
 from sitl_plant.sensing.failures import (
-    Failures,
     add_sensor_fault,
     as_fault,
     clear_sensor_faults,
@@ -32,13 +31,6 @@ class SensorFaultCommands:
             units: Its sensors.
         """
         self._faults, self._units = faults, units
-
-    @classmethod
-    def of(cls, failures: Failures | None, i: int) -> Self:
-        """Return the commands of the i-th aircraft; without navigation sensors they are refused."""
-        if failures is None or i >= len(failures.faults):
-            return cls()
-        return cls(failures.faults[i], failures.units[i])
 
     def set(self, params: Sequence[float], time_s: float) -> None:
         """Execute MAV_CMD_FTC_SET_SENSOR_FAULT.
@@ -112,3 +104,16 @@ class SensorFaultCommands:
             text = f"Failure: Instance is {fault.instance}, must be 0 (all) to {most} of {name}"
             raise InvalidParam(index, "Instance", text if most else f"Failure: there is no {name}")
         return self._faults, self._units
+
+
+def sensor_commands(fleet: Any, i: int) -> SensorFaultCommands:
+    """Return the sensor fault commands of an aircraft.
+
+    Args:
+        fleet: State of the plant; its `sensing`, if it has any, is what aircraft navigate by.
+        i: Index of the aircraft.
+    """
+    sensing = getattr(fleet, "sensing", None)
+    if sensing is None or i >= len(sensing.faults.faults):
+        return SensorFaultCommands()
+    return SensorFaultCommands(sensing.faults.faults[i], sensing.faults.units[i])

@@ -30,7 +30,7 @@ from mavlink_defs.dialect import (
     FTC_SENSOR_NONE,
 )
 from mavlink_defs.runtime.jit import compiled
-from mavlink_defs.sensor_fault_kinds import MAX_DELAY_S, SENSOR_NAMES, SensorName
+from mavlink_defs.sensor_fault_kinds import MAX_DELAY_S, SENSOR_NAMES
 from mavlink_defs.sensor_faults import MAX_SENSOR_FAULTS, SensorFault
 from sitl_plant.gaussian import normal
 
@@ -92,7 +92,7 @@ class SensorRange(NamedTuple):
         high: Largest value of each quantity.
     """
 
-    sensor: SensorName
+    sensor: str
     instance: int
     noise: Sequence[float] | float
     low: Sequence[float] | float
