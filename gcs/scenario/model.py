@@ -69,6 +69,7 @@ from sitl_plant.ardupilot.config import ArduPilot
 from sitl_plant.atmosphere import Wind
 from sitl_plant.config import (
     Disturbance,
+    Navigation,
     PlantConfig,
     PlantUav,
     Seed,
@@ -107,6 +108,7 @@ class Scenario(Model):
         default=Servos(), description="Servos of every aircraft that has none of its own."
     )
     sensors: Sensors = Field(default=Sensors(), description="Sensors of every aircraft.")
+    navigation: Navigation = "true_state"
     seed: Seed = 1
     controller: Controller = Field(
         default=Proposed(), description="Control law of every UAV, and its parameters."
@@ -165,6 +167,7 @@ class Scenario(Model):
             disturbance=self.disturbance,
             wind=self.wind,
             sensors=self.sensors,
+            navigation=self.navigation,
             seed=self.seed,
             uavs=tuple(
                 PlantUav(
@@ -400,7 +403,7 @@ class Scenario(Model):
     @property
     def _fallible_sensors(self) -> Mapping[str, int] | None:
         """How many sensors of each name a UAV navigates by; None by its true state."""
-        if getattr(self, "navigation", "true_state") == "true_state":
+        if self.navigation == "true_state":
             return None
         units = units_of(self.sensors.navigation, self.step_us)
         return Counter(FAULT_NAMES[unit.kind] for unit in units)
