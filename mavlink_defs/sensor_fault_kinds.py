@@ -43,7 +43,7 @@ class SensorUnit:
         name: Of the sensor.
         failure_unit: FAILURE_UNIT.
         unit: Of its bias, as people read it.
-        per_sample: A unit of the bias in that of the samples (see `sitl_plant.sensing.failures`).
+        per_sample: A unit of the bias in units of the samples (see `sitl_plant.sensing.failures`).
         most: Largest bias that can be set [unit].
         wrong: Kind and value of FAILURE_TYPE_WRONG without a value.
         axes: Whether it has three axes.
@@ -142,7 +142,7 @@ class SensorFaultKind:
         failure: The FAILURE_TYPE that it is an instance of.
         doc: What the value means; empty if there is none.
         template: The fault in a text, with ``{value}`` and its unit.
-        unit: Of the value; ``{unit}`` is that of the sensor's bias.
+        unit: Of the value; ``{unit}`` is the unit of the sensor's bias.
         low: Least value.
         high: Largest value; infinite: the sensor's own `most`, on either side.
         default: Value if none is given; NaN: one must be.

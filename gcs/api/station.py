@@ -127,7 +127,7 @@ class Uav:
         await self.vehicle.clear_sensor_faults(known[sensor], instance)
 
     async def clear_faults(self, actuator: str | None = None) -> None:
-        """Clear the faults of one actuator, or all, those of sensors too.
+        """Clear the faults of one actuator, or all, also of sensors.
 
         Raises:
             BadInput: There is no such actuator.

@@ -67,7 +67,7 @@ Examples:
 
 
 def _options() -> Iterator[inspect.Parameter]:
-    """Yield an option for each number of a fault, first those of actuators."""
+    """Yield an option for each number of a fault, of actuators first."""
     for name, field in (FaultSpec.model_fields | SensorFaultSpec.model_fields).items():
         if (number := describe(field)) is None or name == "instance":
             continue

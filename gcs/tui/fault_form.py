@@ -84,8 +84,8 @@ def read_fault(part: str, kind: AnyKind, texts: dict[str, str]) -> _Read:
             keys[value_key if name == "value" else name] = number
         except ValueError:
             label = value_label if name == "value" else name
-            wanted = "a whole number" if name == "instance" else "a number"
-            problems.append(f"{label}: expected {wanted}, got '{text}'")
+            expected = "a whole number" if name == "instance" else "a number"
+            problems.append(f"{label}: expected {expected}, got '{text}'")
     if isinstance(kind, SensorFaultKind) and kind.has_value and value_key not in keys:
         if (default := _default(kind, part)) is None:
             problems.append(f"{value_label}: expected a number, got nothing")

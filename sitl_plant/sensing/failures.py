@@ -35,7 +35,7 @@ from mavlink_defs.sensor_faults import MAX_SENSOR_FAULTS, SensorFault
 from sitl_plant.gaussian import normal
 
 VALUES = 6
-"""Most quantities in a sample: those of a GPS."""
+"""Most quantities in a sample: a GPS has them."""
 
 MAX_SLOTS = 2000
 """Most samples that a delay line holds; of a longer one the oldest are dropped."""

@@ -1,4 +1,4 @@
-"""Sensor faults of a scenario, and those of its files."""
+"""Sensor faults of a scenario, and the bundled files."""
 
 from typing import Any
 
