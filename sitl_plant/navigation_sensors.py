@@ -63,7 +63,7 @@ class Gyro(Model):
         "deg/s/sqrt(Hz)", 0.014, "One-sided density of the white noise."
     )
     bias_instability_deg_h: float = _size(
-        "deg/h", 2.0, "Peak of the Allan deviation of the bias that changes in flight."
+        "deg/h", 10.0, "Peak of the Allan deviation of the bias that changes in flight."
     )
     correlation_s: float = _correlation(1000.0)
     turn_on_bias_deg_s: float = _size("deg/s", 0.15, "Turn-on bias.")
@@ -82,11 +82,11 @@ class Accelerometer(Model):
         "m/s^2/sqrt(Hz)", 0.0019, "One-sided density of the white noise."
     )
     bias_instability_m_s2: float = _size(
-        "m/s^2", 0.0004, "Peak of the Allan deviation of the bias that changes in flight."
+        "m/s^2", 0.0003, "Peak of the Allan deviation of the bias that changes in flight."
     )
     correlation_s: float = _correlation(300.0)
-    turn_on_bias_m_s2: float = _size("m/s^2", 0.0196, "Turn-on bias.")
-    scale_error: float = _scale(0.0033)
+    turn_on_bias_m_s2: float = _size("m/s^2", 0.02, "Turn-on bias.")
+    scale_error: float = _scale(0.0017)
     misalignment_deg: float = _size("deg", 0.095, "Turn-on misalignment of the axes.")
     range_m_s2: float = _range("m/s^2", 235.0)
     resolution_m_s2: float = _resolution("m/s^2", 0.0072)
@@ -100,11 +100,11 @@ class Magnetometer(Model):
     fitted: bool = Field(default=True, strict=True, description="Whether there is one.")
     noise_gauss: float = _size("gauss", 0.003, "Standard deviation of the noise of a sample.")
     bias_instability_gauss: float = _size(
-        "gauss", 0.0, "Standard deviation of the bias that changes in flight."
+        "gauss", 0.0001, "Standard deviation of the bias that changes in flight."
     )
     correlation_s: float = _correlation(600.0)
     hard_iron_gauss: float = _size("gauss", 0.003, "Bias that its calibration has left.")
-    scale_error: float = _scale(0.005)
+    scale_error: float = _scale(0.0033)
     misalignment_deg: float = _size("deg", 0.5, "Turn-on misalignment of the axes.")
     range_gauss: float = _range("gauss", 16.0)
     resolution_gauss: float = _resolution("gauss", 0.003)
@@ -118,7 +118,7 @@ class Barometer(Model):
     fitted: bool = Field(default=True, strict=True, description="Whether there is one.")
     noise_pa: float = _size("Pa", 1.0, "Standard deviation of the noise of a sample.")
     bias_instability_pa: float = _size(
-        "Pa", 2.0, "Standard deviation of the bias that changes in flight."
+        "Pa", 2.3, "Standard deviation of the bias that changes in flight."
     )
     correlation_s: float = _correlation(300.0)
     turn_on_bias_pa: float = _size("Pa", 8.0, "Turn-on bias.")
@@ -138,9 +138,9 @@ class Pitot(Model):
     )
     correlation_s: float = _correlation(300.0)
     turn_on_bias_pa: float = _size("Pa", 1.0, "Turn-on bias.")
-    scale_error: float = _scale(0.01)
+    scale_error: float = _scale(0.0033)
     range_pa: float = _range("Pa", 6900.0)
-    resolution_pa: float = _resolution("Pa", 0.84)
+    resolution_pa: float = _resolution("Pa", 1.05)
     rate_hz: float | None = _rate(100.0)
     latency_s: float = _latency(0.0)
 
@@ -150,9 +150,9 @@ class Gnss(Model):
 
     fitted: bool = Field(default=True, strict=True, description="Whether there is one.")
     horizontal_error_m: float = _size(
-        "m", 0.85, "Standard deviation of the correlated error, of each axis."
+        "m", 0.82, "Standard deviation of the correlated error, of each axis."
     )
-    vertical_error_m: float = _size("m", 1.3, "The same of the height.")
+    vertical_error_m: float = _size("m", 1.24, "The same of the height.")
     correlation_s: float = _correlation(60.0)
     horizontal_noise_m: float = _size("m", 0.2, "Standard deviation of the noise, of each axis.")
     vertical_noise_m: float = _size("m", 0.3, "The same of the height.")
@@ -169,42 +169,37 @@ class Gnss(Model):
 
 _TACTICAL: Mapping[str, Mapping[str, float]] = {
     "gyro": {
-        "noise_density_deg_s_sqrt_hz": 0.008,
-        "bias_instability_deg_h": 8.0,
-        "turn_on_bias_deg_s": 0.05,
-        "scale_error": 0.002,
+        "noise_density_deg_s_sqrt_hz": 0.0035,
+        "bias_instability_deg_h": 2.0,
+        "turn_on_bias_deg_s": 0.001,
+        "scale_error": 0.0009,
         "misalignment_deg": 0.05,
+        "range_deg_s": 500.0,
         "resolution_deg_s": 0.0,
     },
     "accelerometer": {
         "noise_density_m_s2_sqrt_hz": 0.001,
-        "bias_instability_m_s2": 0.000127,
-        "turn_on_bias_m_s2": 0.01,
-        "scale_error": 0.001,
+        "bias_instability_m_s2": 0.00013,
+        "turn_on_bias_m_s2": 0.0086,
+        "scale_error": 0.0009,
         "misalignment_deg": 0.05,
         "range_m_s2": 392.0,
         "resolution_m_s2": 0.0,
     },
     "magnetometer": {
         "noise_gauss": 0.00015,
-        "hard_iron_gauss": 0.001,
-        "scale_error": 0.001,
+        "hard_iron_gauss": 0.0008,
+        "scale_error": 0.0017,
         "misalignment_deg": 0.1,
         "range_gauss": 8.0,
         "resolution_gauss": 0.00013,
     },
-    "barometer": {
-        "noise_pa": 0.5,
-        "bias_instability_pa": 1.0,
-        "turn_on_bias_pa": 4.0,
-    },
+    "barometer": {"bias_instability_pa": 1.8, "turn_on_bias_pa": 3.0},
     "pitot": {
-        "noise_pa": 0.3,
         "bias_instability_pa": 0.1,
         "turn_on_bias_pa": 0.2,
-        "scale_error": 0.003,
-        "range_pa": 500.0,
-        "resolution_pa": 0.0167,
+        "scale_error": 0.0017,
+        "resolution_pa": 0.017,
     },
     "gnss": {
         "horizontal_error_m": 0.4,
@@ -213,7 +208,6 @@ _TACTICAL: Mapping[str, Mapping[str, float]] = {
         "vertical_noise_m": 0.15,
         "horizontal_velocity_noise_m_s": 0.03,
         "vertical_velocity_noise_m_s": 0.045,
-        "satellites": 20,
     },
 }
 
