@@ -22,8 +22,8 @@ import numpy as np
 
 from gcs.errors import GcsError
 from gcs.fleet.flight import fly_and_record
+from gcs.fleet.ports import on_free_ports
 from gcs.fleet.precompile import compile_everything
-from gcs.fleet.processes import on_free_ports
 from gcs.results.figures import FlightSummary
 from gcs.results.recording import Recording
 from gcs.results.summary import summarise

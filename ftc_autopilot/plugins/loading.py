@@ -12,6 +12,7 @@ import re
 import sys
 import traceback
 from collections.abc import Iterable
+from importlib.machinery import SourceFileLoader
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
@@ -165,9 +166,10 @@ _MODULES: dict[Path, tuple[str, ModuleType]] = {}
 def _module_of_file(file: Path) -> ModuleType:
     """Return the module of a file, executed again only if it has changed."""
     try:
-        digest = hashlib.sha256(file.read_bytes()).hexdigest()[:16]
+        content = file.read_bytes()
     except OSError as problem:
         raise PluginError(f"{file}: {problem.strerror}") from problem
+    digest = hashlib.sha256(content).hexdigest()[:16]
     known = _MODULES.get(file)
     if known is not None and known[0] == digest:
         return known[1]
@@ -176,13 +178,13 @@ def _module_of_file(file: Path) -> ModuleType:
     # a name of its own for every content: compiled code finds its module by it
     place = hashlib.sha256(str(file).encode()).hexdigest()[:8]
     name = f"ftc_plugin_{re.sub(r'[^A-Za-z0-9_]', '_', file.stem)}_{place}_{digest}"
-    spec = importlib.util.spec_from_file_location(name, file)
+    loader = SourceFileLoader(name, str(file))
+    spec = importlib.util.spec_from_file_location(name, file, loader=loader)
     assert spec is not None
-    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
-    try:
-        spec.loader.exec_module(module)
+    try:  # what was read, not a .pyc, which passes for the new code if saved in the same second
+        exec(loader.source_to_code(content, str(file)), module.__dict__)
     except Exception as problem:
         del sys.modules[name]
         raise PluginError(_cannot_import(problem, file)) from problem

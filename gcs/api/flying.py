@@ -20,7 +20,7 @@ from gcs.errors import BadInput, GcsError
 from gcs.fleet.flight import fly_over_udp
 from gcs.fleet.in_process import OnProgress, fly_and_summarise, fly_in_steps
 from gcs.fleet.local_workers import LocalWorkers
-from gcs.fleet.processes import check_ports, on_free_ports
+from gcs.fleet.ports import check_ports, on_free_ports
 from gcs.results.choices import Record
 from gcs.results.disk_space import check_space
 from gcs.results.figures import FlightSummary

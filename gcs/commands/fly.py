@@ -155,7 +155,7 @@ def fly(
     and compared with its row of the table, bit for bit.
     """
     options.check()
-    from gcs.fleet.processes import check_ports
+    from gcs.fleet.ports import check_ports
     from gcs.results.disk_space import check_space
     from gcs.results.flight_mark import FlightMark, marked
     from gcs.results.recorder import FlightRecorder, trajectory_bytes
@@ -238,7 +238,7 @@ def _fly(
 ) -> "Ending":
     from gcs.fleet.flight import fly_over_udp
     from gcs.fleet.in_process import fly_in_steps
-    from gcs.fleet.processes import on_free_ports
+    from gcs.fleet.ports import on_free_ports
 
     with flight_progress(scenario, console) as on_progress:
         if options.in_process:

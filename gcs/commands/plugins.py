@@ -1,4 +1,4 @@
-"""What `gcs laws` and `gcs triggers` have in common: a list, and one of them."""
+"""What `gcs laws`, `gcs triggers` and `gcs guidance` print: a list, one of it, a C header."""
 
 from collections.abc import Callable, Iterator
 from importlib.metadata import version
@@ -32,7 +32,7 @@ _OURS = "ftc-sitl"
 
 
 class Kind(NamedTuple):
-    """Laws, or triggers."""
+    """Laws, triggers or guidance laws."""
 
     noun: str
     header: str
@@ -160,7 +160,7 @@ def _class_of(kind: Kind, name: str) -> type[Model]:
         raise BadInput(str(problem)) from problem
 
 
-def header(kind: Kind, name: str | None, *, folder: bool) -> None:
+def show_header(kind: Kind, name: str | None, *, folder: bool) -> None:
     """Print parameters and state of one as C structs, or the folder of our headers.
 
     Raises:

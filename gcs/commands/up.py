@@ -118,7 +118,7 @@ def up(scenario: ScenarioArgument, options: UpOptions) -> None:
     other machines can reach must be signed, unless --insecure is given.
     """
     options.check()
-    from gcs.fleet.processes import check_ports, on_free_ports
+    from gcs.fleet.ports import check_ports, on_free_ports
     from gcs.results.flight_mark import FlightMark, marked
     from gcs.results.run_folder import make_run_folder
 

@@ -17,7 +17,6 @@ from ftc_autopilot.config import AutopilotConfig, Identity
 from ftc_autopilot.control.communication_graph import formation_problems
 from ftc_autopilot.control.config import (
     Neighbour,
-    law_problems,
     plugin_problems,
     plugins_of,
     trigger_problems,
@@ -31,6 +30,12 @@ from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.guidance.planner import Planner
 from ftc_autopilot.guidance.reach import most_links, reach_problems
+from gcs.scenario.aircraft_checks import (
+    aircraft_law_problems,
+    hardware_problems,
+    simulator_problems,
+    uncertainty_problems,
+)
 from gcs.scenario.aircraft_file import with_named_files, without_nulls
 from gcs.scenario.bundled import base_of, find_scenario
 from gcs.scenario.mission import MissionSection
@@ -67,16 +72,9 @@ from mavlink_defs.services.mission import MissionItem
 from sitl_plant.aircraft_config import Aircraft, Uncertainty, true_aircraft
 from sitl_plant.ardupilot.config import ArduPilot
 from sitl_plant.atmosphere import Wind
-from sitl_plant.config import (
-    Disturbance,
-    Navigation,
-    PlantConfig,
-    PlantUav,
-    Seed,
-    plant_problems,
-    truth_problems,
-)
-from sitl_plant.hardware import ActuatorServos, Sensors, Servos, sensor_problems, servo_problems
+from sitl_plant.config import Disturbance, PlantConfig, PlantUav, Seed
+from sitl_plant.hardware import ActuatorServos, Sensors, Servos
+from sitl_plant.navigation_sensors import Navigation
 from sitl_plant.plant_section import OwnPlant, PlantSection
 from sitl_plant.sensing.units import FAULT_NAMES, units_of
 
@@ -168,6 +166,7 @@ class Scenario(Model):
             wind=self.wind,
             sensors=self.sensors,
             navigation=self.navigation,
+            origin=self.origin,
             seed=self.seed,
             uavs=tuple(
                 PlantUav(
@@ -196,6 +195,8 @@ class Scenario(Model):
             identity=self.identity,
             fleet=tuple(uavs),
             origin=self.origin,
+            navigation=self.navigation,
+            sensors=self.sensors.navigation,
             aircraft=self.aircraft_of(uav_id),
             controller=self.controller.with_servos(self.servos_of(uav_id)),
             trigger=self.trigger,
@@ -284,12 +285,16 @@ class Scenario(Model):
     def _sections_fit_together(self) -> "Scenario":
         checks = (
             self._uav_problems,
-            self._aircraft_problems,
+            lambda: uncertainty_problems(self.aircraft, self.uncertainty, self.uavs),
             lambda: trigger_problems(self.controller, self.trigger, self.step_us),
-            self._law_problems,
+            lambda: aircraft_law_problems(self.aircraft, self.controller, self.uavs),
             lambda: plugin_problems(self.plugins, self.controller, self.trigger, self.guidance),
-            self._hardware_problems,
-            self._plant_problems,
+            lambda: hardware_problems(
+                self.sensors, self.navigation, self.servos, self.uavs, self.step_us
+            ),
+            lambda: simulator_problems(
+                self.plant, self.disturbance, self.uncertainty, self.uavs, self.step_us
+            ),
             self._network_problems,
             self._formation_problems,
             lambda: profile_problems(self.profile, self.mission is not None, self._limits),
@@ -307,48 +312,6 @@ class Scenario(Model):
         for i, uav in enumerate(self.uavs):
             limits = (uav.aircraft or self.aircraft).airspeed_limits
             yield from airspeed_problems(("uavs", i, "initial"), uav.initial.airspeed_m_s, limits)
-
-    def _aircraft_problems(self) -> Found:
-        try:
-            true_aircraft(self.aircraft, self.uncertainty)
-        except Problems as exc:
-            yield from (p._replace(loc=("uncertainty", *p.loc)) for p in exc.problems)
-        for i, uav in enumerate(self.uavs):
-            if uav.aircraft is not None:
-                try:
-                    true_aircraft(uav.aircraft, self.uncertainty)
-                except Problems as exc:
-                    for p in exc.problems:
-                        yield ("uavs", i, "aircraft"), f"the uncertainty {p.text}"
-
-    def _law_problems(self) -> Found:
-        if any(uav.aircraft is None for uav in self.uavs):
-            yield from law_problems(self.controller, self.aircraft)
-        for i, uav in enumerate(self.uavs):
-            if uav.aircraft is not None:
-                for loc, text in law_problems(self.controller, uav.aircraft):
-                    yield ("uavs", i, "aircraft"), f"{'.'.join(map(str, loc))}: {text}"
-
-    def _hardware_problems(self) -> Found:
-        for loc, text in sensor_problems(self.sensors, self.step_us):
-            yield ("sensors", *loc), text
-        for loc, text in servo_problems(self.servos, self.step_us):
-            yield ("servos", *loc), text
-        for i, uav in enumerate(self.uavs):
-            if uav.servos is not None:
-                for loc, text in servo_problems(uav.servos, self.step_us):
-                    yield ("uavs", i, "servos", *loc), text
-
-    def _plant_problems(self) -> Found:
-        yield from plant_problems(self.plant, self.step_us)
-        for i, uav in enumerate(self.uavs):
-            if uav.plant is not None:
-                for loc, text in plant_problems(uav.plant, self.step_us):
-                    yield ("uavs", i, *loc), text
-        for plant in [uav.plant or self.plant for uav in self.uavs]:
-            if not isinstance(plant, OwnPlant):
-                yield from truth_problems(plant, self.disturbance, self.uncertainty)
-                return
 
     def _network_problems(self) -> Found:
         edges = [(*edge.between, edge.weight) for edge in self.network.edges]

@@ -6,8 +6,8 @@ from typing import Any, Literal
 
 from gcs.errors import BadInput
 from gcs.fleet.in_process import fly_in_process
+from gcs.fleet.ports import on_free_ports
 from gcs.fleet.precompile import compile_everything
-from gcs.fleet.processes import on_free_ports
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from gcs.testing.flying import TestFleet
 from gcs.testing.results import FlightResult

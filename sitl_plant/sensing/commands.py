@@ -5,13 +5,13 @@ A command is executed as a whole or refused with a reason; nothing of a refused 
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from mavlink_defs.faults import InvalidParam
 from mavlink_defs.sensor_fault_kinds import SENSOR_NAMES, Failure, SensorUnit, default_of
 from mavlink_defs.sensor_faults import SensorFault, sensor_fault_from_params
+from sitl_plant.fleet import PlantState
 from sitl_plant.sensing.failures import (
     add_sensor_fault,
     as_fault,
@@ -106,14 +106,9 @@ class SensorFaultCommands:
         return self._faults, self._units
 
 
-def sensor_commands(fleet: Any, i: int) -> SensorFaultCommands:
-    """Return the sensor fault commands of an aircraft.
-
-    Args:
-        fleet: State of the plant; its `sensing`, if it has any, is what aircraft navigate by.
-        i: Index of the aircraft.
-    """
-    sensing = getattr(fleet, "sensing", None)
-    if sensing is None or i >= len(sensing.faults.faults):
+def sensor_commands(fleet: PlantState, i: int) -> SensorFaultCommands:
+    """Return the sensor fault commands of an aircraft: refused of one that has its true state."""
+    failures = fleet.sensing.faults
+    if not len(failures.faults):
         return SensorFaultCommands()
-    return SensorFaultCommands(sensing.faults.faults[i], sensing.faults.units[i])
+    return SensorFaultCommands(failures.faults[i], failures.units[i])

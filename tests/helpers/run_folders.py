@@ -21,7 +21,7 @@ def _template(cache: Path) -> Path:
     folder = cache / "template"
     folder.mkdir()
     scenario = load_scenario(SCENARIO_1).model_copy(update={"duration_s": 0.05, "name": "short"})
-    mark = FlightMark.of("fly", "paper/scenario1", scenario, None, ["duration_s=0.05"])
+    mark = FlightMark.of("fly", "paper/scenario1", scenario, None, {"duration_s": 0.05})
     with marked(folder, scenario, mark):
         recorder = FlightRecorder(scenario, folder, Record.LIGHT)
         recorder.finish(fly_in_steps(scenario, recorder.add))

@@ -19,7 +19,8 @@ import pyarrow as pa
 import yaml
 from warm import WarmCommand, can_be_warm
 
-from gcs.fleet.processes import FleetProcesses, on_free_ports
+from gcs.fleet.ports import on_free_ports
+from gcs.fleet.processes import FleetProcesses
 from gcs.scenario.bundled import SCENARIOS
 from gcs.scenario.model import Scenario
 from mavlink_defs.endpoint import PortTaken, UdpAddress, bind_udp

@@ -8,7 +8,7 @@ import pytest
 
 from gcs.fleet.flight import fly_and_record
 from gcs.fleet.in_process import fly_in_process
-from gcs.fleet.processes import on_free_ports
+from gcs.fleet.ports import on_free_ports
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import Impairments

@@ -69,33 +69,27 @@ def wheel(dist: Path) -> Path:
 @pytest.fixture(scope="module")
 def programs(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the programs of a virtual environment that holds the wheel."""
-    folder = tmp_path_factory.mktemp("installed")
+    return installed(wheel, tmp_path_factory.mktemp("installed"))
+
+
+def installed(wheel: Path, folder: Path) -> Path:
+    """Make a virtual environment that holds the wheel; return the folder of its programs."""
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", folder], check=True)
-    programs = folder / "bin"
-    subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "pip",
-            "--python",
-            programs / "python",
-            "install",
-            "--quiet",
-            "--disable-pip-version-check",
-            "--no-compile",
-            "--no-index",
-            "--no-deps",
-            wheel,
-        ],
-        check=True,
-        timeout=TIMEOUT_S,
-    )
+    install(folder / "bin", wheel)
     # this environment gives the dependencies; its own .pth files, and with them the
     # project itself, are not read on the way
     (packages,) = folder.glob("lib/python*/site-packages")
     dependencies = (path for path in sys.path if path.endswith("-packages"))
     (packages / "dependencies.pth").write_text("\n".join(dependencies))
-    return programs
+    return folder / "bin"
+
+
+def install(programs: Path, *what: str | Path) -> None:
+    """Install a wheel or a project in a virtual environment, without looking for others."""
+    pip: tuple[str | Path, ...] = ("pip", "--python", programs / "python", "install", "--quiet")
+    options = ("--disable-pip-version-check", "--no-compile", "--no-index", "--no-deps")
+    command = [sys.executable, "-m", *pip, *options, *what]
+    subprocess.run(command, check=True, timeout=TIMEOUT_S)
 
 
 @pytest.fixture
@@ -258,3 +252,25 @@ def test_an_installation_shares_the_compiled_code_of_equal_sources(
         [sys.executable, "-c", code], env=environment(**changes), check=True, capture_output=True
     )
     assert here.stdout == b"False\n"
+
+
+def test_a_new_project_is_installed_beside_it_with_its_law_scenarios_and_aircraft(
+    wheel: Path, tmp_path_factory: pytest.TempPathFactory, folder: Path
+) -> None:
+    programs = installed(wheel, tmp_path_factory.mktemp("with-project"))
+    run_well(programs, folder, "gcs", "new", "--project", "my-law")
+    aircraft = folder / "my-law" / "my_law" / "scenarios" / "aircraft"
+    aircraft.mkdir()
+    shutil.copy(ROOT / "aircraft" / "paper.yaml", aircraft / "mine.yaml")
+    install(programs, "--no-build-isolation", folder / "my-law")
+    shutil.rmtree(folder / "my-law" / "my_law")  # the installed one is meant
+    assert "my-law 0.1.0" in run_well(programs, folder, "gcs", "laws", COLUMNS="200")
+    assert "my_law/mine" in run_well(programs, folder, "gcs", "aircraft", COLUMNS="200")
+    named = run_well(programs, folder, "gcs", "scenarios")
+    assert "my_law/first" in named
+    assert "mine" not in named
+    (folder / "s.yaml").write_text(
+        "extends: my_law/first\nduration_s: 0.05\naircraft: my_law/mine\n"
+    )
+    run_well(programs, folder, "gcs", "fly", "s.yaml", "--free-ports", "--out", "run")
+    assert summary_of(folder / "run")["completed"] is True

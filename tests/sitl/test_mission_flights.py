@@ -10,7 +10,7 @@ from flying import fly_well, scenario_tree, write_scenario
 
 from gcs.fleet.flight import fly_and_record
 from gcs.fleet.in_process import fly_in_process
-from gcs.fleet.processes import on_free_ports
+from gcs.fleet.ports import on_free_ports
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario, scenario_of
 

@@ -17,7 +17,7 @@ from flying import scenario_tree
 
 from gcs.fleet import flight
 from gcs.fleet.in_process import fly_in_process
-from gcs.fleet.processes import on_free_ports
+from gcs.fleet.ports import on_free_ports
 from gcs.fleet.relays import relay_of
 from gcs.results.figures import FlightSummary
 from gcs.results.recording import Recording

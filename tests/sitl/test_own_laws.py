@@ -15,7 +15,7 @@ from own_laws import COMPILER, TRIGGERS, C, build, write_law, write_trigger
 
 from gcs.commands.new import PROJECT
 from gcs.fleet.flight import fly_and_record
-from gcs.fleet.processes import on_free_ports
+from gcs.fleet.ports import on_free_ports
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario, load_scenario
 

@@ -8,7 +8,8 @@ import yaml
 from flying import fly_well, free_links, scenario_tree, wait_until, write_scenario
 
 from gcs.errors import PortInUse
-from gcs.fleet.processes import FleetProcesses, on_free_ports
+from gcs.fleet.ports import on_free_ports
+from gcs.fleet.processes import FleetProcesses
 from gcs.scenario.model import Scenario, scenario_of
 from mavlink_defs.endpoint import UdpAddress, bind_udp
 

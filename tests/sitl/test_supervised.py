@@ -25,7 +25,7 @@ from station import state_of, status_when, up
 from ftc_autopilot.config import AutopilotConfig
 from gcs.fleet.flight import fly_and_record
 from gcs.fleet.in_process import fly_in_process
-from gcs.fleet.processes import on_free_ports
+from gcs.fleet.ports import on_free_ports
 from gcs.results.recording import Recording
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario

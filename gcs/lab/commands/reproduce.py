@@ -110,7 +110,7 @@ def _in_process(file: str, scenario: "Scenario") -> "Recording":
 def _over_wire(folder: Path) -> "Callable[[str, Scenario], Recording]":
     """Fly with processes; each flight's tlog and logs go into a folder of its own."""
     from gcs.fleet.flight import fly_and_record
-    from gcs.fleet.processes import on_free_ports
+    from gcs.fleet.ports import on_free_ports
 
     def fly(file: str, scenario: "Scenario") -> "Recording":
         own = folder / "wire" / file

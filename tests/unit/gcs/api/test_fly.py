@@ -69,7 +69,7 @@ def test_a_run_folder_is_the_flight(record: Any, tmp_path: Path) -> None:
         assert flight.folder == run
     assert opened.summary == flown.summary
     assert {path.name for path in run.iterdir()} == {
-        *("scenario.yaml", "summary.json", "trajectory.arrows", "events.arrows")
+        *("flight.yaml", "scenario.yaml", "summary.json", "trajectory.arrows", "events.arrows")
     }
 
 

@@ -8,7 +8,8 @@ from run_folders import make_run
 from typer.testing import CliRunner
 
 from gcs.cli import app
-from gcs.results.flight_mark import FLIGHT, SCENARIO
+from gcs.results.flight_mark import FLIGHT
+from gcs.results.run_folder import SCENARIO
 from mavlink_defs.config.files import read
 from mavlink_defs.config.yaml_text import yaml_of
 

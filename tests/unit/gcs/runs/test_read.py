@@ -112,7 +112,7 @@ def test_a_flight_that_is_under_way_is_so_until_its_lock_goes(cache: Path, tmp_p
 def test_a_mark_is_locked_while_it_is_flown_and_says_how_it_ended(
     tmp_path: Path, scenario1: Scenario, problem: BaseException | None, ended: str
 ) -> None:
-    mark = FlightMark.of("fly", "x", scenario1, ["realistic"], ["trigger.b2_deg=0.5"])
+    mark = FlightMark.of("fly", "x", scenario1, ["realistic"], {"trigger.b2_deg": 0.5})
     assert mark.changes == ["with realistic", "trigger.b2_deg=0.5"]
     expected = contextlib.nullcontext() if problem is None else pytest.raises(type(problem))
     with expected, marked(tmp_path, scenario1, mark):

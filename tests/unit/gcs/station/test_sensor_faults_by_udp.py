@@ -19,7 +19,6 @@ from gcs.errors import BadInput, CommandRefused
 from gcs.fleet.ardupilot_faults import FaultStation
 from gcs.scenario.model import load_scenario
 from sitl_plant.fleet import new_plant_state
-from sitl_plant.sensing.sense import new_sensing
 
 SCENARIO = load_scenario("sensor_faults/pitot_off")
 
@@ -28,10 +27,10 @@ class Plant:
     """The plant's services on a UDP port of their own, each as a vehicle."""
 
     def __init__(self, has_sensors: bool) -> None:
-        config = SCENARIO.plant_config()
-        state = new_plant_state(config)
-        self.sensing = new_sensing(config) if has_sensors else None
-        fleet = SimpleNamespace(faults=state.faults, applied=state.applied, sensing=self.sensing)
+        navigation = "estimated" if has_sensors else "true_state"
+        config = SCENARIO.plant_config().model_copy(update={"navigation": navigation})
+        fleet = new_plant_state(config)
+        self.failures = fleet.sensing.faults
         counts = np.zeros((3, 4), int)
         flight: Any = SimpleNamespace(
             fleet=fleet, step=12_000, events=counts, messages=counts[:, 0], is_flying=True
@@ -114,8 +113,7 @@ def test_commands_set_list_and_clear_faults(plant: Plant) -> None:
     done = plant.gcs("fault", "clear")
     assert done.stdout == "UAV 3: faults of all actuators and sensors cleared\n"
     assert plant.gcs("fault", "list").stdout == "UAV 3: no faults\n"
-    assert plant.sensing is not None
-    assert not plant.sensing.faults.faults["sensor"].any()
+    assert not plant.failures.faults["sensor"].any()
 
 
 def test_a_program_sets_lists_and_clears_faults(plant: Plant) -> None:

@@ -1,7 +1,6 @@
 """What faults leave of HIL_SENSOR and HIL_GPS."""
 
 import math
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,22 +10,24 @@ from gcs.scenario.model import load_scenario
 from mavlink_defs import dialect
 from mavlink_defs.framing.codec import SIM_STATE
 from mavlink_defs.sensor_fault_spec import SensorFaultSpec
+from sitl_plant.fleet import new_plant_state
 from sitl_plant.sensing.commands import sensor_commands
-from sitl_plant.sensing.sense import Sensing, new_sensing, sense
+from sitl_plant.sensing.sense import sense
 
 STEPS, ONSET_S = 400, 0.25
 X_GYRO, X_ACC = dialect.HIL_SENSOR_UPDATED_XGYRO, dialect.HIL_SENSOR_UPDATED_XACC
 X_MAG, PRESSURE = dialect.HIL_SENSOR_UPDATED_XMAG, dialect.HIL_SENSOR_UPDATED_ABS_PRESSURE
 PITOT = dialect.HIL_SENSOR_UPDATED_DIFF_PRESSURE
-PLANT = load_scenario("paper/scenario1").plant_config()
+PLANT = load_scenario("sensor_faults/pitot_off").plant_config()
 
 
 def fly(*faults: dict[str, Any]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return HIL_SENSOR by step and IMU, HIL_GPS by step, and whether it was delivered."""
-    sensing: Sensing = new_sensing(PLANT)
+    fleet = new_plant_state(PLANT)
+    sensing = fleet.sensing
     for keys in faults:
         fault = SensorFaultSpec.model_validate({"start_s": ONSET_S, **keys}).command()
-        sensor_commands(SimpleNamespace(sensing=sensing), 0).set(fault, 0.0)
+        sensor_commands(fleet, 0).set(fault, 0.0)
     motion = np.zeros(1, SIM_STATE)[0]
     imus, gps, delivered = [], [], []
     for step in range(STEPS):

@@ -1,0 +1,64 @@
+"""``gcs laws``, ``gcs triggers`` and ``gcs guidance``: one command for each kind of plug-in."""
+
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from gcs.commands.plugins import Kind, show, show_header, show_list
+
+
+def plugin_app(kind: Kind, command: str, several: str, examples: Sequence[str]) -> typer.Typer:
+    """Return the command that lists what is of a kind, and shows one.
+
+    Args:
+        kind: What is listed.
+        command: Name of the command.
+        several: Plural of the kind's noun.
+        examples: Arguments of the command that its help shows.
+    """
+    written = "\n".join(f"- gcs {command} {one}".rstrip() for one in examples)
+    epilog = (
+        f"Examples:\n\n{written}\n\nOther packages register theirs in the group of entry points "
+        f"{kind.group}.\n\nExit status: 0 shown, 2 bad input.\n"
+    )
+    summary = f"List the {several}, ours and other packages', or show one."
+    app = typer.Typer(help=summary, invoke_without_command=True, epilog=epilog)
+    named = f"Name of a {kind.noun}, or FILE.py:CLASS."
+    metavar = kind.noun.split()[-1].upper()
+
+    @app.callback(help=summary)
+    def main(
+        context: typer.Context,
+        json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    ) -> None:
+        if context.invoked_subcommand is None:
+            show_list(kind, as_json=json)
+
+    @app.command(
+        "show",
+        help=f"Show where a {kind.noun} comes from, what it does, and its keys with units and "
+        "defaults.",
+        epilog=epilog,
+    )
+    def show_one(
+        name: Annotated[str, typer.Argument(help=named, metavar=metavar, show_default=False)],
+    ) -> None:
+        show(kind, name)
+
+    @app.command(
+        help=f"Print parameters and state of a {kind.noun} as C structs, for one that is a shared "
+        "library.",
+        epilog=epilog,
+    )
+    def header(
+        name: Annotated[
+            str | None, typer.Argument(help=named, metavar=metavar, show_default=False)
+        ] = None,
+        folder: Annotated[
+            bool, typer.Option("--folder", help=f"Print the folder of {kind.header} instead.")
+        ] = False,
+    ) -> None:
+        show_header(kind, name, folder=folder)
+
+    return app
