@@ -26,6 +26,7 @@ from ftc_autopilot.control.stepping import (
 )
 from ftc_autopilot.hot.acknowledgement import note_delay, note_events
 from ftc_autopilot.hot.link import new_link
+from ftc_autopilot.hot.navigation import new_navigation
 from gcs.results.figures import UavSummary
 from gcs.results.quantities import QUANTITIES
 from gcs.results.recording import Recording
@@ -78,7 +79,9 @@ class _Autopilot:
         self.controllers.profiles[0] = profile_record(scenario.segments())
         for key, value in (("active", 1), ("follows", Source.PROFILE), ("start_step", 0)):
             self.controllers.guidance[0][key] = value
-        self.link = new_link(uav, config.neighbours, scenario.step_us, 1.0, 0).state[0]
+        navigation = new_navigation(config)
+        link = new_link(uav, config.neighbours, scenario.step_us, 1.0, 0, navigation)
+        self.link = link.state[0]
         self.states = _Direction(impairment, f"states {uav}")
         self.commands = _Direction(impairment, f"commands {uav}")
 

@@ -15,6 +15,7 @@ the four channels needs one message, its first.
 """
 
 import argparse
+import copy
 import itertools
 import json
 import time
@@ -131,7 +132,7 @@ class Sky:
 
         None if the aircraft left the model's range.
         """
-        fleet = PlantState(*(array.copy() for array in self._start))
+        fleet = copy.deepcopy(self._start)
         states = np.zeros((self.steps, 12))
         aircraft = fleet.aircraft[0]
         limits = np.array([*aircraft["stops"][:, 1], aircraft["thrust_limit"]])

@@ -19,6 +19,7 @@ from ftc_autopilot.hot.checkpoint import VEHICLE, map_array, open_checkpoint, re
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.hot.link import GCS, PLANT, RECORD, SIMULATOR, checkpoint_records, new_link
 from ftc_autopilot.hot.loop import Loop
+from ftc_autopilot.hot.navigation import ESTIMATED, new_navigation, reset_navigation
 from ftc_autopilot.hot.recorder import RECORD_ROWS, Recorder
 from ftc_autopilot.hot.state_age import forget_age
 from ftc_autopilot.vehicle.gcs_signing import GcsSigning
@@ -109,6 +110,7 @@ class Autopilot:
             config.step_us,
             config.neighbour_timeout_s,
             0 if record is None else RECORD_ROWS,
+            new_navigation(config),
             load_link_signer(self._key_file, PLANT_LINK),
             load_link_signer(self._key_file, FORMATION_LINK),
         )
@@ -152,7 +154,11 @@ class Autopilot:
             paths[:] = np.zeros((), PATH)
         self._controllers = self._controllers._replace(paths=paths)
         record = map_array(path.with_suffix(".record"), RECORD, len(link.record))
-        self._link = link._replace(checkpoint=checkpoint, record=record)
+        rows = len(link.estimates) * ESTIMATED
+        estimates = map_array(path.with_suffix(".estimates"), np.dtype("f8"), rows)
+        self._link = link._replace(
+            checkpoint=checkpoint, record=record, estimates=estimates.reshape(-1, ESTIMATED)
+        )
         if resumes:
             state = link.state[0]
             state["heard_s"] = 0.0
@@ -188,6 +194,7 @@ class Autopilot:
             self._receive_from_simulator()
         elif outcome == Outcome.RESTARTED:
             self._vehicle.restart()
+            reset_navigation(self._link.navigation, self._config)
         self.loss = self.loss or self._silence()
         if self.loss is None:
             self._handle_messages()

@@ -12,6 +12,7 @@ from ftc_autopilot.control.config import ControllerConfig
 from mavlink_defs import dialect
 from mavlink_defs.config.models import HostPort, Problems, SystemId, Title
 from mavlink_defs.config.quantity import quantity
+from sitl_plant.navigation_sensors import Navigation, NavigationSensors
 
 Identity: TypeAlias = Literal["ardupilot", "generic"]
 """Whose conventions a vehicle follows where they differ.
@@ -43,6 +44,10 @@ class AutopilotConfig(ControllerConfig):
     )
     origin: Origin = Field(
         default=Origin(), description="Geographic coordinates of north = east = down = 0."
+    )
+    navigation: Navigation = "true_state"
+    sensors: NavigationSensors = Field(
+        default=NavigationSensors(), description="What an estimated state comes from."
     )
     neighbour_timeout_s: float = quantity(
         "s",

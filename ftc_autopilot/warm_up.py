@@ -17,6 +17,7 @@ from ftc_autopilot.hot.checkpoint import save
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.hot.link import AutopilotLink, new_link
 from ftc_autopilot.hot.loop import Loop, new_loops, run
+from ftc_autopilot.hot.navigation import new_navigation
 from ftc_autopilot.plugins.loading import PluginError
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from mavlink_defs.config.files import load
@@ -67,7 +68,7 @@ def call_messages(config: AutopilotConfig) -> None:
 
 
 def _new_link(config: AutopilotConfig) -> AutopilotLink:
-    return new_link(config.id, config.neighbours, config.step_us, 1.0, 1)
+    return new_link(config.id, config.neighbours, config.step_us, 1.0, 1, new_navigation(config))
 
 
 def endless_path() -> np.void:

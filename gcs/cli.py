@@ -125,7 +125,7 @@ COMMANDS = {
         "wireshark",
         "Write a Wireshark dissector for all messages of the dialect (Lua, 3 MB).",
     ),
-    "fault": ("fault", "Set, clear and list actuator faults."),
+    "fault": ("fault", "Set, clear and list faults of actuators and sensors."),
     "formation": ("formation", "See the formation in space, and change slots."),
     "profile": ("profile", "Upload, download and check reference profiles."),
     "mission": ("mission", "Show, upload, download and fly missions."),

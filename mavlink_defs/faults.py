@@ -55,6 +55,11 @@ class Fault(NamedTuple):
         return ACTUATORS[self.actuator]
 
     @property
+    def target(self) -> str:
+        """What fails: the name of the actuator."""
+        return self.actuator_name
+
+    @property
     def kind(self) -> FaultKind:
         """Its kind."""
         return kind_of(self.code, self.effectiveness)

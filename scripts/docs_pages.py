@@ -34,9 +34,17 @@ from ftc_autopilot.vehicle.param_table import law_tunables, trigger_tunables, tu
 from gcs.cli import whole_command
 from gcs.lab.campaigns import distributions
 from gcs.lab.campaigns.model import Campaign, DrawnFault, Factor, Kept
+from gcs.lab.campaigns.sensor_faults import DrawnSensorFault
 from gcs.scenario.mission import MissionSection
 from gcs.scenario.model import Scenario
-from gcs.scenario.sections import Links, Network, ProfileSegment, ScenarioFault, ScenarioUav
+from gcs.scenario.sections import (
+    Links,
+    Network,
+    ProfileSegment,
+    ScenarioFault,
+    ScenarioSensorFault,
+    ScenarioUav,
+)
 from mavlink_defs.capture.impairment import Impairment
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import Quantity, describe
@@ -96,12 +104,14 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "profile": ProfileSegment,
     "mission": MissionSection,
     "faults": ScenarioFault,
+    "sensor_faults": ScenarioSensorFault,
     "links": Links,
     "impairment": Impairment,
     "ardupilot": ArduPilot,
     "campaign": Campaign,
     "factor": Factor,
     "drawn_fault": DrawnFault,
+    "drawn_sensor_fault": DrawnSensorFault,
     "keep": Kept,
     "uniform": distributions.Uniform,
     "log_uniform": distributions.LogUniform,

@@ -4,7 +4,7 @@ The aircraft themselves are in `sitl_plant.aircraft_config`.
 """
 
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
@@ -20,6 +20,7 @@ from sitl_plant.hardware import (
     sensor_problems,
     servo_problems,
 )
+from sitl_plant.navigation_sensors import Navigation
 from sitl_plant.plant_section import OwnPlant, PlantSection
 
 
@@ -83,12 +84,6 @@ class InitialState(Model):
 
 
 Seed = Annotated[int, whole("", ge=0, le=2**32 - 1, doc="Seed of all that is random.")]
-
-
-Navigation = Annotated[
-    Literal["true_state", "estimated"],
-    Field(description="Whether an aircraft is handed its true state, or estimates it."),
-]
 
 
 class PlantUav(Model):

@@ -5,9 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
-from mavlink_defs.framing.codec import SIM_STATE
+from mavlink_defs.framing.codec import SIM_STATE, SIM_STEP
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.runtime.jit import compiled, inlined
+from mavlink_defs.runtime.memory import copy_values
 from sitl_plant.actuators import no_faults
 from sitl_plant.aircraft import AIRCRAFT, aircraft_record
 from sitl_plant.config import InitialState, PlantConfig
@@ -29,6 +30,7 @@ from sitl_plant.plant import (
 )
 from sitl_plant.plant_section import OwnPlant
 from sitl_plant.rigid_body import R1
+from sitl_plant.sensing.sense import Sensing, new_sensing, sense
 from sitl_plant.sensors import measure, new_sensors, true_motions
 from sitl_plant.servo import begin_period, new_servos, sent_commands
 from sitl_plant.stops import position_of, range_of
@@ -63,6 +65,7 @@ class PlantState(NamedTuple):
     faults: np.ndarray  # (n, MAX_FAULTS), dtype FAULT
     aircraft: np.ndarray  # (n,), dtype AIRCRAFT, the true ones
     messages: np.ndarray  # (n,), dtype SIM_STATE: the present state as the wire carries it
+    steps: np.ndarray  # (n,), dtype SIM_STEP: of a flight by sensors, what is beyond them
     disturbance: np.ndarray  # (6, 3)
     disturbed: np.ndarray  # (7,): a step, -1 for none, and the disturbances at it
     wind: np.ndarray  # (1,), dtype WIND
@@ -71,6 +74,7 @@ class PlantState(NamedTuple):
     sensors: np.ndarray  # (n,), dtype SENSORS
     truth: np.ndarray  # (n, depth, AXES), see `sitl_plant.sensors.true_motions`
     outside: np.ndarray  # (n,), dtype OUTSIDE
+    sensing: Sensing  # of no aircraft if all are handed their true states
 
 
 _NOTHING_APPLIED = np.uint64(2**64 - 1)
@@ -100,6 +104,7 @@ def new_plant_state(config: PlantConfig) -> PlantState:
         no_faults(n),
         aircraft,
         messages,
+        np.zeros(n, SIM_STEP),
         disturbance_table(config.disturbance),
         np.full(7, -1.0),
         wind,
@@ -108,12 +113,20 @@ def new_plant_state(config: PlantConfig) -> PlantState:
         sensors,
         true_motions(sensors),
         outside,
+        _sensing_of(config),
     )
     for i, uav in enumerate(config.uavs):
         start_turbulence(turbulence[i], uav.initial.airspeed_m_s, config.seed, uav.id)
         sample_air(fleet, i, 0.0)
     states[:, 3:6] += fleet.air[:, :3]  # the initial airspeed is one through the air
     return fleet
+
+
+def _sensing_of(config: PlantConfig) -> Sensing:
+    """Return the sensors that the aircraft navigate by; of none by true states."""
+    if config.navigation == "true_state":
+        config = config.model_copy(update={"uavs": ()})
+    return new_sensing(config)
 
 
 def _initial_state(initial: InitialState) -> np.ndarray:
@@ -160,7 +173,8 @@ def receive_controls(fleet: PlantState, i: int, actuators: np.void) -> int:
 def observe(fleet: PlantState, i: int, step: int, step_us: int) -> None:
     """Write what aircraft i measures at a step into its FTC_SIM_STATE payload.
 
-    Position and velocity are true; what else it senses has the errors of its sensors.
+    Position and velocity are true; what else it senses has the errors of its sensors. In a flight
+    by sensors the payload is true, and what they report is in `fleet.sensing`.
     """
     message, x = fleet.messages[i], fleet.states[i]
     message["time_usec"] = step * step_us
@@ -185,7 +199,30 @@ def observe(fleet: PlantState, i: int, step: int, step_us: int) -> None:
         message["rates"][k] = x[9 + k]
         message["specific_force"][k] = force[k]
         message["wind"][k] = fleet.air[i, k]
-    measure(fleet.sensors[i], fleet.truth[i], step, message)
+    if navigates(fleet):
+        sense(fleet.sensing, i, step, message)
+    else:
+        measure(fleet.sensors[i], fleet.truth[i], step, message)
+
+
+@inlined
+def navigates(fleet: PlantState) -> bool:
+    """Return whether autopilots are sent what sensors report, in place of the true state."""
+    return len(fleet.sensing.sites) > 0
+
+
+@compiled
+def write_step(message: np.void, step: np.void) -> None:
+    """Write what an FTC_SIM_STATE has beyond the motion into an FTC_SIM_STEP.
+
+    Args:
+        message: Payload of dtype SIM_STATE.
+        step: Payload of dtype SIM_STEP.
+    """
+    step["time_usec"], step["step"] = message["time_usec"], message["step"]
+    step["actuator_time_usec"] = message["actuator_time_usec"]
+    step["run"], step["flags"] = message["run"], message["flags"]
+    copy_values(step["silent"], message["silent"])
 
 
 @inlined

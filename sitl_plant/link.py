@@ -5,6 +5,9 @@ hot, when the deadline passes, or when the flight is over. Python code (`sitl_pl
 never runs while a step is half done, but to advance the simulators that fly aircraft in place of
 the plant's own equations (`sitl_plant.outside`).
 
+By true states an autopilot is sent one FTC_SIM_STATE in each step; by sensors a HIL_SENSOR of each
+IMU, HIL_GPS if there is a sample, and FTC_SIM_STEP last.
+
 Lockstep: a step is ready when each autopilot has answered the state with FTC_STEP_DONE; a
 state without an answer is sent again. Real time: a step is ready when its period has passed by
 the wall clock; the aircraft fly the commands received last.
@@ -15,7 +18,11 @@ from typing import NamedTuple
 import numpy as np
 
 from mavlink_defs.constants import N_CHANNELS, SIMULATOR_COMPONENT
-from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP, FTC_SIM_FLAGS_RUNNING
+from mavlink_defs.dialect import (
+    FTC_SIM_FLAGS_GPS,
+    FTC_SIM_FLAGS_LOCKSTEP,
+    FTC_SIM_FLAGS_RUNNING,
+)
 from mavlink_defs.framing import codec
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.hot_link import DROPPED, NOT_HOT, Outcome, take
@@ -24,7 +31,15 @@ from mavlink_defs.framing.signing import PLANT_LINK
 from mavlink_defs.runtime import native
 from mavlink_defs.runtime.jit import compiled, inlined
 from mavlink_defs.runtime.memory import borrowed, copy_values
-from sitl_plant.fleet import ADVANCE, PlantState, fly, observe, receive_controls
+from sitl_plant.fleet import (
+    ADVANCE,
+    PlantState,
+    fly,
+    navigates,
+    observe,
+    receive_controls,
+    write_step,
+)
 
 _RESEND_S = 0.05
 _MAX_LAG_S = 0.1
@@ -146,21 +161,42 @@ def send_states(fd: int, link: PlantLink, fleet: PlantState, unfinished_only: bo
         if link.known[i] == 0 or (unfinished_only and link.done[i] >= state["step"]):
             continue
         fleet.messages[i]["flags"] = state["flags"]
-        payload = fleet.messages[i : i + 1]
-        length = codec.pack(
-            link.sent,
-            payload,
-            codec.MessageId.SIM_STATE,
-            link.systems[i],
-            SIMULATOR_COMPONENT,
-            link.sequences[i],
-        )
-        link.sequences[i] += 1
-        length = sign_frame(link.signer, link.sent, length)
-        native.send_to(fd, link.sent, length, link.addresses[i])
+        if navigates(fleet):
+            _send_sensors(fd, link, fleet, i)
+        else:
+            _send(fd, link, i, fleet.messages[i : i + 1], codec.MessageId.SIM_STATE)
     if not unfinished_only:
         link.silent[:] = 0
     state["sent_s"] = native.monotonic_s()
+
+
+@compiled
+def _send_sensors(fd: int, link: PlantLink, fleet: PlantState, i: int) -> None:
+    """Send what the sensors of an aircraft report in the present step, and the step last."""
+    sensing = fleet.sensing
+    write_step(fleet.messages[i], fleet.steps[i])
+    for k in range(sensing.imus.shape[1]):
+        _send(fd, link, i, sensing.imus[i][k : k + 1], codec.MessageId.SENSOR)
+    if sensing.sites[i]["delivered"] == 1:
+        fleet.steps[i]["flags"] |= FTC_SIM_FLAGS_GPS
+        _send(fd, link, i, sensing.gps[i : i + 1], codec.MessageId.GPS)
+    _send(fd, link, i, fleet.steps[i : i + 1], codec.MessageId.SIM_STEP)
+
+
+@inlined
+def _send(fd: int, link: PlantLink, i: int, payload: np.ndarray, message_id: int) -> None:
+    """Send a message to the autopilot of an aircraft."""
+    length = codec.pack(
+        link.sent,
+        payload,
+        message_id,
+        link.systems[i],
+        SIMULATOR_COMPONENT,
+        link.sequences[i],
+    )
+    link.sequences[i] += 1
+    length = sign_frame(link.signer, link.sent, length)
+    native.send_to(fd, link.sent, length, link.addresses[i])
 
 
 @compiled

@@ -6,12 +6,17 @@ and the source of every number.
 """
 
 from collections.abc import Mapping
-from typing import Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import quantity, whole
+
+Navigation = Annotated[
+    Literal["true_state", "estimated"],
+    Field(description="Whether an aircraft is handed its true state, or estimates it."),
+]
 
 Grade: TypeAlias = Literal["consumer", "tactical", "ideal"]
 

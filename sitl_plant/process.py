@@ -38,6 +38,7 @@ from sitl_plant.outside import Outside
 from sitl_plant.plant import time_s
 from sitl_plant.recorder import RECORD_ROWS, Recorder
 from sitl_plant.registration import Claim, Registration
+from sitl_plant.sensing.commands import sensor_commands
 from sitl_plant.service import AircraftService
 from sitl_plant.simulators.base import SimulatorError
 
@@ -88,6 +89,7 @@ class Plant:
                 self._fleet.faults[i],
                 self._fleet.applied[i],
                 uav.aircraft.fault_limits,
+                sensor_commands(self._fleet, i),
             )
             for i, uav in enumerate(config.uavs)
         ]

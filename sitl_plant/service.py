@@ -14,10 +14,12 @@ from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.fault_kinds import STUCK, FaultLimits
 from mavlink_defs.faults import Fault, InvalidParam, fault_from_params
 from mavlink_defs.framing.frames import text_chunks
+from mavlink_defs.sensor_faults import SensorFault, failure_from_params
 from mavlink_defs.services.command import CommandMessage, command_params
 from mavlink_defs.services.command_server import CommandServer
 from mavlink_defs.services.machine import SystemId
 from sitl_plant.actuators import add_fault, clear_faults, in_wire_units
+from sitl_plant.sensing.commands import SensorFaultCommands
 
 _Instances: TypeAlias = dict[int, tuple[int, ...]]
 _SURFACES: _Instances = {
@@ -26,6 +28,7 @@ _SURFACES: _Instances = {
     2: (1,),
     3: (2,),
 }  # MAV_CMD_INJECT_FAILURE servo instance
+_ALL = -1.0
 _MOTORS: _Instances = {0: (3,), 1: (3,)}
 
 
@@ -45,12 +48,14 @@ class AircraftService:
         faults: np.ndarray,
         applied: np.ndarray,
         limits: FaultLimits,
+        sensors: SensorFaultCommands | None = None,
     ) -> None:
         self.armed = False
         self._disarmed_before = False
         self._faults = faults  # the aircraft's row of the fault table
         self._applied = applied  # actuator positions now [rad, rad, rad, N]
         self._limits = limits
+        self._sensors = sensors or SensorFaultCommands()
         self._commands = CommandServer(SystemId(system, component))
         self._outbox: list[MAVLink_message] = []
         self._texts = 0
@@ -87,6 +92,8 @@ class AircraftService:
                         text = f"Fault: End is {fault.end_s:g} s, it is {time_s:g} s already"
                         raise InvalidParam(6, "End", text)
                     add_fault(self._faults, fault, time_s)
+                case dialect.MAV_CMD_FTC_SET_SENSOR_FAULT:
+                    self._sensors.set(params, time_s)
                 case dialect.MAV_CMD_FTC_CLEAR_FAULTS:
                     self._clear(params[0])
                 case dialect.MAV_CMD_INJECT_FAILURE:
@@ -101,13 +108,18 @@ class AircraftService:
         return dialect.MAV_RESULT_ACCEPTED
 
     def _clear(self, actuator: float) -> None:
-        if actuator not in {-1.0, *range(len(ACTUATORS))}:
+        if actuator not in {_ALL, *range(len(ACTUATORS))}:
             text = f"Clear faults: Actuator is {actuator:g}, must be -1 to 3"
             raise InvalidParam(1, "Actuator", text)
         clear_faults(self._faults, int(actuator))
+        if actuator == _ALL:
+            self._sensors.clear()
 
     def _inject(self, params: tuple[float, ...], time_s: float) -> int:
-        """Execute MAV_CMD_INJECT_FAILURE for servos or motor: OFF, STUCK, or OK again."""
+        """Execute MAV_CMD_INJECT_FAILURE for sensors, or servos or motor: OFF, STUCK, OK again."""
+        if (sensor := failure_from_params(params)) is not None:
+            self._sensors.inject(*sensor, time_s)
+            return dialect.MAV_RESULT_ACCEPTED
         unit, kind, instance = params[:3]
         units: dict[float, _Instances] = {
             dialect.FAILURE_UNIT_SYSTEM_SERVO: _SURFACES,
@@ -138,24 +150,13 @@ class AircraftService:
 
     def _list_faults(self, time_s: float) -> None:
         rows = self._faults[self._faults["actuator"] >= 0]
-        if len(rows) == 0:
-            self._outbox.append(dialect.MAVLink_ftc_fault_message(0, 0, 0, 0, 0, 0, 0, 0, 0))
-        for i, row in enumerate(rows):
-            fault = in_wire_units(Fault(*row.item()))
-            self._outbox.append(
-                dialect.MAVLink_ftc_fault_message(
-                    effectiveness=fault.effectiveness,
-                    value=fault.value,
-                    frequency=fault.frequency_hz,
-                    start=fault.start_s,
-                    end=fault.end_s,
-                    index=i,
-                    count=len(rows),
-                    actuator=fault.actuator,
-                    active=int(fault.is_active(time_s)),
-                    kind=fault.code,
-                )
-            )
+        listed = [
+            *(_message(in_wire_units(Fault(*row.item())), time_s) for row in rows),
+            *(_sensor_message(fault, time_s) for fault in self._sensors.listed()),
+        ]
+        for i, message in enumerate(listed):
+            message.index, message.count = i, len(listed)
+        self._outbox += listed or [dialect.MAVLink_ftc_fault_message(0, 0, 0, 0, 0, 0, 0, 0, 0)]
 
     def _say(self, text: str) -> None:
         self._texts += 1
@@ -165,3 +166,36 @@ class AircraftService:
 def _stick(faults: np.ndarray, actuator: int, value: float, time_s: float) -> None:
     fault = Fault(actuator, 0.0, value, 0.0, math.nan, math.nan, STUCK.code)
     add_fault(faults, in_wire_units(fault), time_s)
+
+
+def _message(fault: Fault, time_s: float) -> dialect.MAVLink_ftc_fault_message:
+    return dialect.MAVLink_ftc_fault_message(
+        effectiveness=fault.effectiveness,
+        value=fault.value,
+        frequency=fault.frequency_hz,
+        start=fault.start_s,
+        end=fault.end_s,
+        index=0,
+        count=0,
+        actuator=fault.actuator,
+        active=int(fault.is_active(time_s)),
+        kind=fault.code,
+    )
+
+
+def _sensor_message(fault: SensorFault, time_s: float) -> dialect.MAVLink_ftc_fault_message:
+    return dialect.MAVLink_ftc_fault_message(
+        effectiveness=0.0,
+        value=fault.value,
+        frequency=0.0,
+        start=fault.start_s,
+        end=fault.end_s,
+        index=0,
+        count=0,
+        actuator=0,
+        active=int(fault.is_active(time_s)),
+        kind=fault.code,
+        sensor=fault.sensor,
+        instance=fault.instance,
+        axis=fault.axis,
+    )

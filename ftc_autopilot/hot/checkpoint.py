@@ -17,13 +17,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ftc_autopilot.estimation.estimate import Estimator
 from mavlink_defs.config.output_files import naming
 from mavlink_defs.runtime.jit import compiled
 
 VEHICLE = np.dtype([("mode", "i8"), ("item", "i8")])
 """Of a vehicle, besides its compiled records: custom_mode, current mission item."""
 
-N_PARTS = 12
+N_PARTS = 14 + len(Estimator._fields)
 _HEAD = 16  # bytes of a slot before its parts: count, checksum
 _DIGEST = 64  # bytes of the file before the slots
 _FNV_START, _FNV_PRIME = 0x811C9DC5, 0x01000193

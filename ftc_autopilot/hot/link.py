@@ -32,6 +32,7 @@ from ftc_autopilot.hot.formation_link import (
     reset_formation_link,
     send_own_state,
 )
+from ftc_autopilot.hot.navigation import ESTIMATED, Navigation, write_estimate
 from ftc_autopilot.hot.state_age import STATE_AGE, forget_age, note_age
 from mavlink_defs.dialect import (
     FTC_SIM_FLAGS_ENDED,
@@ -40,20 +41,12 @@ from mavlink_defs.dialect import (
     MAV_COMP_ID_AUTOPILOT1,
 )
 from mavlink_defs.framing import codec
-from mavlink_defs.framing.codec import (
-    SIM_STATE_SIZE,
-    MessageId,
-    expand,
-    pack,
-    system_of,
-)
-from mavlink_defs.framing.drop_reason import DropReason
-from mavlink_defs.framing.hot_link import DROPPED, NOT_HOT, Outcome, take
+from mavlink_defs.framing.codec import MessageId, pack
 from mavlink_defs.framing.hot_signing import LinkSigner, new_link_signer, sign_frame
 from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK
 from mavlink_defs.runtime.jit import inlined
 from mavlink_defs.runtime.memory import copy_record
-from mavlink_defs.runtime.native import monotonic_s, receive_now, send, waits
+from mavlink_defs.runtime.native import send
 
 # rows of `AutopilotLink.drops`; the last holds the plant's own counts, as it reports them
 GCS, FORMATION, SIMULATOR, PLANT = range(4)
@@ -83,11 +76,14 @@ class SimulatorLink(NamedTuple):
     """Buffers of the link to the plant."""
 
     system: int
-    measured: np.ndarray  # (1,), dtype SIM_STATE: the last state
+    measured: np.ndarray  # (1,), dtype SIM_STATE: the last state, received or estimated
     drops: np.ndarray  # (DROPS_SIZE,), datagrams dropped, by negated `DropReason`
     sent: np.ndarray  # datagram buffer
     received: np.ndarray  # datagram buffer
-    sim_state: np.ndarray  # view of `received`
+    sim_state: np.ndarray  # views of `received`
+    sim_step: np.ndarray
+    sensor: np.ndarray
+    gps: np.ndarray
     step_done: np.ndarray  # (1,), payload
     signer: LinkSigner
 
@@ -101,9 +97,11 @@ class AutopilotLink(NamedTuple):
 
     state: np.ndarray  # (1,), dtype LINK_STATE
     simulator: SimulatorLink
+    navigation: Navigation
     formation: FormationLink
     drops: np.ndarray  # (4, DROPS_SIZE), datagrams dropped, by link and negated `DropReason`
     record: np.ndarray  # dtype RECORD; empty if nothing is recorded. Python empties it
+    estimates: np.ndarray  # (rows of `record`, ESTIMATED): the state by which each step was flown
     checkpoint: Checkpoint
 
 
@@ -113,6 +111,7 @@ def new_link(
     step_us: int,
     neighbour_timeout_s: float,
     record_rows: int,
+    navigation: Navigation,
     plant_signer: LinkSigner | None = None,
     formation_signer: LinkSigner | None = None,
 ) -> AutopilotLink:
@@ -124,6 +123,7 @@ def new_link(
         step_us: Control period [µs].
         neighbour_timeout_s: Simulated silence after which a neighbour is dropped [s].
         record_rows: Steps whose record there is room for; 0 to record nothing.
+        navigation: What it makes of sensors.
         plant_signer: Signs the simulator link.
         formation_signer: Signs the formation link.
     """
@@ -139,6 +139,9 @@ def new_link(
         sent=codec.new_buffer(),
         received=received,
         sim_state=codec.payload_view(received, codec.SIM_STATE),
+        sim_step=codec.payload_view(received, codec.SIM_STEP),
+        sensor=codec.payload_view(received, codec.HIL_SENSOR),
+        gps=codec.payload_view(received, codec.HIL_GPS),
         step_done=np.zeros(1, codec.STEP_DONE),
         signer=plant_signer or new_link_signer(b"", PLANT_LINK),
     )
@@ -154,9 +157,11 @@ def new_link(
     link = AutopilotLink(
         state=state,
         simulator=simulator,
+        navigation=navigation,
         formation=formation,
         drops=drops,
         record=np.zeros(record_rows, RECORD),
+        estimates=np.zeros((record_rows if len(navigation.imus) else 0, ESTIMATED)),
         checkpoint=no_checkpoint(),
     )
     reset_link(link)
@@ -183,8 +188,16 @@ def checkpoint_records(
         controllers.neighbour_states,
         controllers.weights,
         controllers.last_broadcast,
+        *_estimated_records(link),
         vehicle,
     )
+
+
+def _estimated_records(link: AutopilotLink) -> tuple[np.ndarray, ...]:
+    """Return what a checkpoint saves of an estimated state; of a true one nothing."""
+    navigation = link.navigation
+    records = link.simulator.measured, navigation.arrivals, *navigation.estimator
+    return records if len(navigation.imus) else tuple(record[:0] for record in records)
 
 
 def reset_link(link: AutopilotLink) -> None:
@@ -198,109 +211,6 @@ def reset_link(link: AutopilotLink) -> None:
     state["gap_usec"] = state["due"] = 0
     forget_age(state)
     reset_formation_link(link.formation)
-
-
-@inlined
-def receive_states(length: int, plant_fd: int, link: AutopilotLink) -> Outcome:
-    """Take a datagram of the plant, which lies in `SimulatorLink.received`; a state is due then.
-
-    In real time the newest state of all datagrams that wait in the socket.
-
-    Args:
-        length: Its length [bytes].
-        plant_fd: Socket connected to the plant.
-        link: The link.
-
-    Returns:
-        NONE; SERVICE or RESTARTED if Python is needed.
-    """
-    outcome = _receive(length, link)
-    while outcome == Outcome.NONE and _is_real_time(link.state[0]):
-        length = receive_now(plant_fd, link.simulator.received)
-        if length < 0:
-            break
-        outcome = _receive(length, link)
-    return outcome
-
-
-@inlined
-def is_due(outcome: Outcome, plant_fd: int, link: AutopilotLink) -> bool:
-    """Return whether a state is due to be answered after `receive_states`."""
-    if outcome == Outcome.RESTARTED or link.state[0]["due"] == 0:
-        return False  # else there may be a newer state behind what Python is needed for
-    return not (outcome == Outcome.SERVICE and waits(plant_fd, link.simulator.sent))
-
-
-@inlined
-def _is_real_time(state: np.void) -> bool:
-    """Return whether states pass without waiting for this autopilot, and another may follow."""
-    waiting_or_over = FTC_SIM_FLAGS_LOCKSTEP | FTC_SIM_FLAGS_ENDED
-    return bool(state["run"] >= 0 and state["flags"] & waiting_or_over == 0)
-
-
-@inlined
-def _receive(length: int, link: AutopilotLink) -> Outcome:
-    """Take the state that lies in `SimulatorLink.received`, if it is one; it is due then.
-
-    Args:
-        length: Length of the datagram [bytes].
-        link: The link.
-
-    Returns:
-        NONE, SERVICE or RESTARTED.
-    """
-    state, simulator = link.state[0], link.simulator
-    message_id = take(simulator.signer, simulator.received, length, simulator.drops)
-    if message_id == DROPPED:
-        return Outcome.NONE
-    if message_id == NOT_HOT:
-        state["received"] = length
-        return Outcome.SERVICE
-    problem: int = DropReason.UNEXPECTED
-    if message_id == MessageId.SIM_STATE:
-        problem = _check_state(simulator)
-    if problem != 0:
-        simulator.drops[-problem] += 1
-        return Outcome.NONE
-    return Outcome.RESTARTED if _is_of_another_run(link) else Outcome.NONE
-
-
-@inlined
-def _check_state(link: SimulatorLink) -> int:
-    """Return 0 if the received state is valid, otherwise a `DropReason`.
-
-    One NaN would spread through controller and formation. A number whose square is too large for
-    a float is refused, too.
-    """
-    expand(link.received, SIM_STATE_SIZE)
-    if system_of(link.received) != link.system:
-        return DropReason.STRANGER
-    sim_state = link.sim_state[0]
-    total = 0.0
-    for i in range(3):
-        total += sim_state["position"][i] ** 2 + sim_state["velocity"][i] ** 2
-        total += sim_state["attitude"][i] ** 2 + sim_state["rates"][i] ** 2
-        total += sim_state["specific_force"][i] ** 2 + sim_state["wind"][i] ** 2
-    return 0 if np.isfinite(total) else DropReason.OUT_OF_RANGE
-
-
-@inlined
-def _is_of_another_run(link: AutopilotLink) -> bool:
-    """Store the received state; return whether another plant process than before has sent it.
-
-    In real time one that was overtaken on its way is not stored.
-    """
-    state, measured = link.state[0], link.simulator.measured[0]
-    sim_state = link.simulator.sim_state[0]
-    before, run = state["run"], int(sim_state["run"])
-    state["heard_s"] = monotonic_s()
-    overtaken = before == run and int(sim_state["step"]) < int(measured["step"])
-    if overtaken and not int(sim_state["flags"]) & FTC_SIM_FLAGS_LOCKSTEP:
-        return False
-    state["flags"] = int(sim_state["flags"])
-    state["run"], state["due"] = run, 1
-    copy_record(measured, sim_state)
-    return bool(before >= 0 and before != run)
 
 
 @inlined
@@ -375,6 +285,8 @@ def send_step(
     if row < len(link.record):
         link.record[row]["step"] = state["step"]
         copy_record(link.record[row]["signals"], controllers.signals[0])
+        if row < len(link.estimates):
+            write_estimate(sim_state, link.estimates[row])
         state["recorded"] = row + 1
     due = note_events(state, sim_state, controllers, mask, lockstep)
     save(link.checkpoint)

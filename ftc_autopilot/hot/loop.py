@@ -13,12 +13,11 @@ from ftc_autopilot.control.controllers import Controllers
 from ftc_autopilot.control.stepping import broadcast_if_triggered, controller_step, has_failed
 from ftc_autopilot.hot.link import (
     AutopilotLink,
-    is_due,
     prepare_step,
-    receive_states,
     report_done,
     send_step,
 )
+from ftc_autopilot.hot.receiving import is_due, receive_states
 from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP, FTC_SIM_FLAGS_RUNNING
 from mavlink_defs.framing.hot_link import Outcome
 from mavlink_defs.runtime.jit import compiled, inlined

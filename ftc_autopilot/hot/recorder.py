@@ -2,11 +2,19 @@
 
 from pathlib import Path
 
-from ftc_autopilot.hot.link import AutopilotLink
+import numpy as np
+
+from ftc_autopilot.hot.link import RECORD, AutopilotLink
+from ftc_autopilot.hot.navigation import ESTIMATED
 from mavlink_defs.runtime.spool import Spool
 
 RECORD_ROWS = 1000
 """Steps written at a time."""
+
+ESTIMATED_RECORD = np.dtype(
+    [*RECORD.descr[:1], ("signals", RECORD["signals"]), ("estimate", "f8", (ESTIMATED,))]
+)
+"""What is recorded of a step flown by an estimated state."""
 
 
 class Recorder:
@@ -28,9 +36,18 @@ class Recorder:
             self._link.state["recorded"] = 0
         count = int(self._link.state[0]["recorded"])
         if count >= at_least:
-            rows = self._link.record[:count]
+            rows = self._rows(count)
             self._spool.write(int(rows["step"][0]), rows)
             self._link.state["recorded"] = 0  # not if it failed: nothing may be left out
+
+    def _rows(self, count: int) -> np.ndarray:
+        rows = self._link.record[:count]
+        if not len(self._link.estimates):
+            return rows
+        both = np.empty(count, ESTIMATED_RECORD)
+        both["step"], both["signals"] = rows["step"], rows["signals"]
+        both["estimate"] = self._link.estimates[:count]
+        return both
 
     def restart(self) -> None:
         """Forget the flight; a new one begins."""

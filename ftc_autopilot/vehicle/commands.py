@@ -29,6 +29,7 @@ PlaceHandler: TypeAlias = Callable[[CommandMessage], int]
 
 _FOR_THE_SIMULATOR = {
     dialect.MAV_CMD_FTC_SET_FAULT,
+    dialect.MAV_CMD_FTC_SET_SENSOR_FAULT,
     dialect.MAV_CMD_FTC_CLEAR_FAULTS,
     dialect.MAV_CMD_INJECT_FAILURE,
 }

@@ -14,15 +14,16 @@ from gcs.scenario.itinerary import load_mission
 from gcs.scenario.profile_file import load_profile
 from gcs.station.client import Client
 from gcs.station.connection import choose_connection, own_identity
-from gcs.station.fault_keys import fault_of
+from gcs.station.fault_keys import fault_of, sensor_fault_of
 from gcs.station.mission import Mission
 from gcs.station.notifications import Notification
 from gcs.station.vehicle import Vehicle
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.faults import Fault
 from mavlink_defs.profile import Segment
+from mavlink_defs.sensor_fault_kinds import SENSOR_NAMES
+from mavlink_defs.sensor_faults import AnyFault
 from mavlink_defs.services.param import Param
 
 _T = TypeVar("_T")
@@ -85,8 +86,48 @@ class Uav:
         """
         await self.vehicle.set_fault(fault_of(actuator, start_s, **keys))
 
+    async def set_sensor_fault(
+        self,
+        sensor: str,
+        failure: str | None = None,
+        *,
+        instance: int = 0,
+        axis: str | None = None,
+        start_s: float | None = None,
+        **keys: float,
+    ) -> None:
+        """Set a fault of a navigation sensor, with the keys of a scenario's `faults`.
+
+        Args:
+            sensor: "gyro", "accelerometer", "magnetometer", "barometer", "gps" or "airspeed".
+            failure: "off", "stuck", "garbage", "wrong", "slow", "delayed" or "intermittent"; None
+                if a value says it.
+            instance: Number of the sensor from 1; 0 for all.
+            axis: "x", "y" or "z" of what is wrong; None for all.
+            start_s: Start in simulated time [s]; None for now.
+            **keys: Such as `bias_deg_s`, `fade_s`, `noise_factor`, `end_s`.
+
+        Raises:
+            BadInput: They do not describe a fault.
+        """
+        fault = sensor_fault_of(
+            sensor, failure, instance=instance, axis=axis, start_s=start_s, **keys
+        )
+        await self.vehicle.set_fault(fault)
+
+    async def clear_sensor_faults(self, sensor: str, instance: int = 0) -> None:
+        """Clear the faults of a sensor; an instance of 0 is all of them.
+
+        Raises:
+            BadInput: There is no such sensor.
+        """
+        known = {str(name): name for name in SENSOR_NAMES}
+        if sensor not in known:
+            raise BadInput(f"sensor: expected {', '.join(SENSOR_NAMES)}, got {sensor!r}")
+        await self.vehicle.clear_sensor_faults(known[sensor], instance)
+
     async def clear_faults(self, actuator: str | None = None) -> None:
-        """Clear the faults of one actuator, or all.
+        """Clear the faults of one actuator, or all, also of sensors.
 
         Raises:
             BadInput: There is no such actuator.
@@ -96,7 +137,7 @@ class Uav:
         index = None if actuator is None else ACTUATORS.index(actuator)
         await self.vehicle.clear_faults(index)
 
-    async def faults(self) -> tuple[Fault, ...]:
+    async def faults(self) -> tuple[AnyFault, ...]:
         """Return its faults, including past and future ones."""
         return await self.vehicle.list_faults()
 

@@ -1,9 +1,9 @@
-"""``gcs fault set|clear|list``: actuator faults while the fleet is up."""
+"""``gcs fault set|clear|list``: faults of actuators and sensors while the fleet is up."""
 
 import inspect
 import math
-from collections.abc import Iterator
-from typing import Annotated
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any
 
 import typer
 from pydantic import ValidationError
@@ -17,11 +17,26 @@ from mavlink_defs.config.files import problems_of
 from mavlink_defs.config.quantity import describe
 from mavlink_defs.constants import ACTUATORS, Actuator
 from mavlink_defs.fault_spec import FaultSpec
-from mavlink_defs.faults import Fault
+from mavlink_defs.sensor_fault_kinds import FAILURES, SENSOR_NAMES, Axis, Failure, SensorName
+from mavlink_defs.sensor_fault_spec import MOST_INSTANCES, SensorFaultSpec
+from mavlink_defs.sensor_faults import AnyFault
 
-app = typer.Typer(help="Set, clear and list actuator faults.", no_args_is_help=True)
+app = typer.Typer(help="Set, clear and list faults of actuators and sensors.", no_args_is_help=True)
 
 _NAMES = "aileron, elevator, rudder or throttle"
+_SENSORS = ", ".join(SENSOR_NAMES[:-1]) + f" or {SENSOR_NAMES[-1]}"
+
+_SENSOR_PANEL = "Sensors"
+InstanceOption = Annotated[
+    int,
+    typer.Option(
+        min=0,
+        max=MOST_INSTANCES,
+        metavar="N",
+        help="Number of the sensor, from 1; 0: all of them.",
+        rich_help_panel=_SENSOR_PANEL,
+    ),
+]
 
 _SET_EPILOG = f"""
 Examples:
@@ -30,6 +45,9 @@ Examples:
 - gcs fault set elevator --stuck-deg 5 --for-s 3
 - gcs fault set aileron --effectiveness 0.2 --intermittent-deg 0 --frequency-hz 0.5
 - gcs fault set throttle --bias-n -2 --start-s 19 --end-s 22 --json
+- gcs fault set --sensor airspeed --failure stuck --uav 3
+- gcs fault set --sensor gyro --instance 1 --bias-deg-s 3 --for-s 20
+- gcs fault set --sensor airspeed --fade-s 60
 {EXIT_STATUS}"""
 
 _CLEAR_EPILOG = f"""
@@ -37,6 +55,7 @@ Examples:
 
 - gcs fault clear
 - gcs fault clear --actuator rudder --uav 3
+- gcs fault clear --sensor gyro --instance 1
 {EXIT_STATUS}"""
 
 _LIST_EPILOG = f"""
@@ -48,13 +67,16 @@ Examples:
 
 
 def _options() -> Iterator[inspect.Parameter]:
-    """Yield an option for each field of `FaultSpec` but the actuator."""
-    for name, field in FaultSpec.model_fields.items():
-        if (number := describe(field)) is None:
+    """Yield an option for each number of a fault, of actuators first."""
+    for name, field in (FaultSpec.model_fields | SensorFaultSpec.model_fields).items():
+        if (number := describe(field)) is None or name == "instance":
             continue
         limits = number.range() if number.le is not None else f"[{number.unit}]"
-        metavar = (number.unit or "share").upper()
-        option = typer.Option(metavar=metavar, help=f"{number.doc.rstrip('.')} {limits}.")
+        of_actuator = name in FaultSpec.model_fields
+        metavar = (number.unit or ("share" if of_actuator else "factor")).upper()
+        panel = None if of_actuator else _SENSOR_PANEL
+        doc = f"{number.doc.rstrip('.')} {limits}."
+        option = typer.Option(metavar=metavar, help=doc, rich_help_panel=panel)
         yield inspect.Parameter(
             name,
             inspect.Parameter.KEYWORD_ONLY,
@@ -68,16 +90,43 @@ def _options() -> Iterator[inspect.Parameter]:
 @with_options("options", _options(), dict)
 def set_(
     station: Station,
-    actuator: Annotated[Actuator, typer.Argument(metavar="ACTUATOR", help=_NAMES)],
+    actuator: Annotated[
+        Actuator | None, typer.Argument(metavar="ACTUATOR", help=f"{_NAMES}; or give --sensor")
+    ] = None,
+    sensor: Annotated[
+        SensorName | None,
+        typer.Option(
+            metavar="SENSOR", help=f"Sensor that fails: {_SENSORS}.", rich_help_panel=_SENSOR_PANEL
+        ),
+    ] = None,
+    failure: Annotated[
+        Failure | None,
+        typer.Option(
+            metavar="TYPE",
+            help=f"How it fails: {', '.join(FAILURES)}.",
+            rich_help_panel=_SENSOR_PANEL,
+        ),
+    ] = None,
+    instance: InstanceOption = 0,
+    axis: Annotated[
+        Axis | None,
+        typer.Option(
+            metavar="AXIS",
+            help="Axis that is wrong: x, y or z; of a GPS north, east, down.",
+            rich_help_panel=_SENSOR_PANEL,
+        ),
+    ] = None,
+    *,
     options: dict[str, float | None],
     for_s: Annotated[
         float | None,
         typer.Option(metavar="S", help="Duration in simulated time [s], instead of --end-s."),
     ] = None,
 ) -> None:
-    """Set an actuator fault: applied = effectiveness · commanded + bias, or another value.
+    """Set a fault of an actuator, applied = effectiveness · commanded + bias, or of a sensor.
 
-    A fault replaces older ones of the same actuator that overlap it in time.
+    A sensor fails as MAV_CMD_INJECT_FAILURE has it; a value says how much, or the default does.
+    A fault replaces older ones of the same actuator or sensor that overlap it in time.
     """
     start_s = options["start_s"]
     if for_s is not None:
@@ -86,10 +135,11 @@ def set_(
         if not 0.0 < for_s < math.inf:
             raise BadInput(f"--for-s: expected more than 0 s, got {for_s:g}")
         options["end_s"] = None if start_s is None else start_s + for_s
-    fault = _fault(actuator, options)
+    named = {"failure": failure, "instance": instance or None, "axis": axis}
+    fault = _fault(actuator, sensor, options | named)
 
     async def action(vehicle: Vehicle) -> str:
-        timed = fault
+        timed: AnyFault = fault
         if start_s is None and for_s is not None:
             timed = fault._replace(end_s=await _time_s(vehicle) + for_s)
         await vehicle.set_fault(timed)
@@ -106,12 +156,26 @@ def clear(
         Actuator | None,
         typer.Option(metavar="ACTUATOR", help=f"Clear faults of this actuator only: {_NAMES}."),
     ] = None,
+    sensor: Annotated[
+        SensorName | None,
+        typer.Option(metavar="SENSOR", help=f"Clear faults of this sensor only: {_SENSORS}."),
+    ] = None,
+    instance: InstanceOption = 0,
 ) -> None:
-    """Clear faults: active, past and future ones."""
+    """Clear faults: active, past and future ones, of actuators and sensors."""
+    if actuator is not None and sensor is not None:
+        raise BadInput("--actuator and --sensor both say whose", "leave one of them out")
+    if sensor is None and instance:
+        raise BadInput("--instance: expected a --sensor with it, got none")
 
     async def action(vehicle: Vehicle) -> str:
-        await vehicle.clear_faults(None if actuator is None else ACTUATORS.index(actuator))
-        return f"UAV {vehicle.system}: faults of {actuator or 'all actuators'} cleared"
+        if sensor is not None:
+            await vehicle.clear_sensor_faults(sensor, instance)
+            whose = f"{sensor} {instance or ''}".rstrip()
+        else:
+            await vehicle.clear_faults(None if actuator is None else ACTUATORS.index(actuator))
+            whose = actuator or "all actuators and sensors"
+        return f"UAV {vehicle.system}: faults of {whose} cleared"
 
     station.act(action)
 
@@ -135,17 +199,33 @@ def list_(station: Station) -> None:
     station.act(action, data)
 
 
-def _fault(actuator: Actuator, options: dict[str, float | None]) -> Fault:
+def _fault(
+    actuator: Actuator | None, sensor: SensorName | None, options: Mapping[str, Any]
+) -> AnyFault:
     """Return the fault that options describe.
 
     Raises:
         BadInput: They do not go together; every problem is named.
     """
+    if (actuator is None) == (sensor is None):
+        got = "got neither" if sensor is None else f"got {actuator} and {sensor}"
+        raise BadInput(f"expected an actuator ({_NAMES}) or --sensor ({_SENSORS}), {got}")
+    model: type[FaultSpec | SensorFaultSpec] = FaultSpec if sensor is None else SensorFaultSpec
+    part = {"actuator": actuator} if sensor is None else {"sensor": sensor}
+    names = {key: f"--{key.replace('_', '-')}" for key in options}
+    given = {
+        key: value
+        for key, value in options.items()
+        if value is not None and (value != 0.0 or key != "frequency_hz")
+    }
+    unfit = [names[key] for key in given if key not in model.model_fields]
+    if unfit:
+        kind = "an actuator; is --sensor missing?" if sensor is None else "a sensor"
+        raise BadInput("\n".join(f"{name}: does not fit {kind}" for name in unfit))
     try:
-        return FaultSpec.model_validate({"actuator": actuator, **options}).command()
+        return model.model_validate(part | given).command()
     except ValidationError as error:
-        names = {key: f"--{key.replace('_', '-')}" for key in options}
-        lines = [problem.line(names) for problem in problems_of(FaultSpec, error)]
+        lines = [problem.line(names) for problem in problems_of(model, error)]
         raise BadInput("\n".join(lines)) from None
 
 
@@ -157,6 +237,6 @@ async def _time_s(vehicle: Vehicle) -> float:
     return time_s
 
 
-def _with_phase(fault: Fault, time_s: float) -> str:
+def _with_phase(fault: AnyFault, time_s: float) -> str:
     phase = "waiting" if time_s <= fault.start_s else "active" if time_s <= fault.end_s else "over"
     return f"{fault.describe()}, {phase}"

@@ -8,7 +8,7 @@ import numpy as np
 from gcs.results.quantities import PAPER_ORDER, in_degrees
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
-from gcs.scenario.sections import ScenarioFault
+from gcs.scenario.sections import ScenarioFault, ScenarioSensorFault
 from mavlink_defs.constants import ACTUATORS
 
 
@@ -120,8 +120,11 @@ def _summary(found: dict[str, str]) -> str:
     return f"faults of {' and '.join(dict.fromkeys(found.values()))}"
 
 
-def _text(fault: ScenarioFault, name: str) -> str:
-    """Describe a fault and its actuator, as in ``rudder of leader at 90 % + 1°``."""
+def _text(fault: ScenarioFault | ScenarioSensorFault, name: str) -> str:
+    """Describe a fault and its actuator or sensor, as in ``rudder of leader at 90 % + 1°``."""
+    if isinstance(fault, ScenarioSensorFault):
+        target, what = fault.command().parts()
+        return f"{target} of {name} {what}"
     text = f"{fault.actuator} of {name}"
     if fault.effectiveness is not None:
         text += f" at {100.0 * fault.effectiveness:g} %"

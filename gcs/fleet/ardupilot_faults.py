@@ -12,6 +12,7 @@ from mavlink_defs import dialect
 from mavlink_defs.framing.frames import FramePacker, parse
 from mavlink_defs.services.command import command_params
 from sitl_plant.ardupilot.peer import Address
+from sitl_plant.sensing.commands import sensor_commands
 from sitl_plant.service import AircraftService
 
 _HEARTBEAT_S = 1.0
@@ -41,6 +42,7 @@ class FaultStation:
                 self._fleet.faults[i],
                 self._fleet.applied[i],
                 self._scenario.aircraft_of(system).fault_limits,
+                sensor_commands(self._fleet, i),
             )
             for i, system in enumerate(self._systems)
         ]

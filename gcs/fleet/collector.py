@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ftc_autopilot.control.controller import SIGNALS, no_signals
+from ftc_autopilot.hot.navigation import ESTIMATED
 from gcs.errors import FlightLost
 from gcs.results.recording import Ending, Mode, Recording, Steps
 from gcs.scenario.model import Scenario
@@ -107,9 +108,11 @@ class Collector:
             begin, count = self._next, len(self._waiting)
             if not all(a.read_to(begin + count) or over for a in self._autopilots):
                 return
-            signals = np.empty((count, len(self._autopilots)), SIGNALS)
+            n, estimated = len(self._autopilots), self._scenario.navigation == "estimated"
+            signals = np.empty((count, n), SIGNALS)
+            estimates = np.full((count, n, ESTIMATED if estimated else 0), np.nan)
             for i, autopilot in enumerate(self._autopilots):
-                taken = autopilot.signals(begin, begin + count)
+                taken = autopilot.signals(begin, begin + count, estimates[:, i])
                 signals.view(_WHOLE)[:, i] = taken.view(_WHOLE)
             plant, self._waiting = self._waiting, None
             self._next += count
@@ -119,6 +122,7 @@ class Collector:
                 np.ascontiguousarray(plant["wind"]),
                 np.ascontiguousarray(plant["applied"]),
                 signals,
+                estimates,
             )
 
 
@@ -145,14 +149,22 @@ class _Autopilot:
             self._rows = rows
         return True
 
-    def signals(self, begin: int, end: int) -> np.ndarray:
-        """Take the signals of steps that have been read; no signals where there are none."""
+    def signals(self, begin: int, end: int, estimates: np.ndarray) -> np.ndarray:
+        """Take the signals of steps that have been read; no signals where there are none.
+
+        Args:
+            begin: The first step.
+            end: The step after the last.
+            estimates: Where what was estimated in these steps is written, if anything was.
+        """
         if self._rows is None:
             return no_signals(end - begin)
         self._taken = end
         until = int(np.searchsorted(self._rows["step"], end))
         taken, rest = self._rows[:until], self._rows[until:]
         self._rows = rest if len(rest) else rest.copy()  # of which no file is kept open
+        if estimates.shape[-1] > 0:
+            estimates[taken["step"] - begin] = taken["estimate"]
         if until == end - begin:
             return np.asarray(taken["signals"])
         signals = no_signals(end - begin)

@@ -6,7 +6,7 @@ links, so its events are bit for bit the same as in a lockstep flight over UDP.
 
 import time
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from ftc_autopilot.control.stepping import (
     hear,
     publish_own_state,
 )
+from ftc_autopilot.estimation.estimate import Estimator, estimate
+from ftc_autopilot.hot.navigation import estimator_of, write_estimate
 from ftc_autopilot.plugins.loading import PluginError
 from gcs.errors import BadInput
 from gcs.results.figures import FlightSummary
@@ -30,20 +32,32 @@ from gcs.results.tally import Tally
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.faults import fault_from_params
+from mavlink_defs.framing.codec import SIM_STATE
 from mavlink_defs.profile import items_to_segments
 from mavlink_defs.runtime.jit import compiled, inlined
-from mavlink_defs.runtime.memory import borrowed, copy_record, copy_values
+from mavlink_defs.runtime.memory import (
+    borrowed,
+    copy_record,
+    copy_values,
+    load_tuple,
+    new_table,
+    store_tuple,
+)
+from mavlink_defs.sensor_faults import SensorFault
 from sitl_plant.actuators import add_fault
 from sitl_plant.fleet import (
     ADVANCE,
     PlantState,
     fly,
     loss_of,
+    navigates,
     new_plant_state,
     observe,
     receive_controls,
+    write_step,
 )
 from sitl_plant.outside import Outside, flown_by
+from sitl_plant.sensing.commands import sensor_commands
 from sitl_plant.simulators.base import SimulatorError
 
 _CHUNK_STEPS = 2000
@@ -60,7 +74,7 @@ def fly_in_process(scenario: Scenario, on_progress: OnProgress | None = None) ->
             far, shape (n, 4).
     """
     flight = begin(scenario)
-    everything = Steps.room(scenario.steps, len(flight.ids))
+    everything = room_of(scenario, scenario.steps)
     ending = fly_on(scenario, flight, everything.part, on_progress=on_progress)
     return Recording.of(everything.part(0, ending.steps), ending, flight.ids, scenario.step_us)
 
@@ -77,7 +91,7 @@ def fly_in_steps(
         on_steps: Called with every 2000 steps; their arrays are overwritten afterwards.
         on_progress: As of `fly_in_process`.
     """
-    room = Steps.room(_CHUNK_STEPS, len(scenario.uavs))
+    room = room_of(scenario, _CHUNK_STEPS)
 
     def reused(begin: int, end: int) -> Steps:
         return room.part(0, end - begin)._replace(first=begin)
@@ -95,11 +109,35 @@ def fly_and_summarise(scenario: Scenario, on_progress: OnProgress | None = None)
     return summary_of(tally, fly_in_steps(scenario, tally.add, on_progress), scenario)
 
 
+def room_of(scenario: Scenario, steps: int) -> Steps:
+    """Return room for so many steps of a flight of a scenario."""
+    return Steps.room(steps, len(scenario.uavs), estimated=scenario.navigation == "estimated")
+
+
+class Estimators(NamedTuple):
+    """The estimators of n aircraft, as compiled code sees them; of none by true states."""
+
+    table: np.ndarray  # as of `new_table`
+    first: Estimator  # of the type of all
+    measured: np.ndarray  # (n,), dtype SIM_STATE: what each has estimated
+
+    @classmethod
+    def of(cls, estimators: tuple[Estimator, ...], measured: np.ndarray) -> Self:
+        """Return estimators for compiled code; the caller keeps their arrays alive."""
+        table = new_table(len(measured), estimators[0])
+        for i in range(len(measured)):
+            store_tuple(table, i, estimators[i])
+        return cls(table, estimators[0], measured)
+
+
 class Flight(NamedTuple):
     """What changes in a flight, all of it arrays but the simulators."""
 
     ids: tuple[int, ...]
     fleet: PlantState
+    estimators: tuple[Estimator, ...]
+    estimates: np.ndarray
+    """What each has estimated, shape (n,), dtype SIM_STATE; (0,) by true states."""
     controllers: Controllers
     outside: Outside
     sources: np.ndarray
@@ -129,10 +167,13 @@ def begin(scenario: Scenario) -> Flight:
         outside = Outside(plant, fleet)
     except SimulatorError as problem:
         raise BadInput(str(problem), problem.hint) from problem
-    flight = Flight(ids, fleet, controllers, outside, sources)
+    estimators = tuple(map(estimator_of, configs))
+    estimates = np.zeros(len(ids) if scenario.navigation == "estimated" else 0, SIM_STATE)
+    flight = Flight(ids, fleet, estimators, estimates, controllers, outside, sources)
     _brief(scenario, controllers)
     add_faults(scenario, fleet)
-    exchange_initial_states(flight.fleet, controllers, sources, scenario.step_us)
+    table = Estimators.of(estimators, estimates)
+    exchange_initial_states(fleet, table, controllers, sources, scenario.step_us)
     return flight
 
 
@@ -155,14 +196,14 @@ def fly_on(
         on_steps: As of `fly_in_steps`.
         on_progress: As of `fly_in_process`.
     """
-    ids, fleet, controllers, outside, sources = flight
+    ids, fleet, controllers, outside = flight.ids, flight.fleet, flight.controllers, flight.outside
+    estimators = Estimators.of(flight.estimators, flight.estimates)
 
     def run(step: int, chunk: Steps) -> tuple[int, int]:
-        arrays = chunk.states, chunk.wind, chunk.applied, chunk.signals
-
         def from_step(flown: int) -> tuple[int, int]:
-            rest = [array[flown:] for array in arrays]
-            return run_steps(fleet, controllers, sources, step + flown, scenario.step_us, *rest)
+            rest = chunk.part(flown, chunk.length)[1:]
+            at, step_us = step + flown, scenario.step_us
+            return run_steps(fleet, estimators, controllers, flight.sources, at, step_us, *rest)
 
         return flown_by(outside, from_step)
 
@@ -214,24 +255,51 @@ def add_faults(scenario: Scenario, fleet: PlantState) -> None:
     """Add the faults of a scenario to its fleet, rounded as by transmission."""
     ids = [uav.id for uav in scenario.uavs]
     for uav_id, fault in scenario.fault_commands():
+        i = ids.index(uav_id)
+        if isinstance(fault, SensorFault):
+            sensor_commands(fleet, i).set(fault, time_s=0.0)
+            continue
         received = fault_from_params(fault, scenario.aircraft_of(uav_id).fault_limits)
-        add_fault(fleet.faults[ids.index(uav_id)], received, now_s=0.0)
+        add_fault(fleet.faults[i], received, now_s=0.0)
 
 
 @compiled
 def exchange_initial_states(
-    fleet: PlantState, controllers: Controllers, sources: np.ndarray, step_us: int
+    fleet: PlantState,
+    estimators: Estimators,
+    controllers: Controllers,
+    sources: np.ndarray,
+    step_us: int,
 ) -> None:
     """Give every controller the initial states of its neighbours."""
     for i in range(len(sources)):
         observe(fleet, i, 0, step_us)
-        publish_own_state(controllers, i, fleet.messages[i])
+        if navigates(fleet):
+            _estimate(fleet, estimators, i)
+            publish_own_state(controllers, i, estimators.measured[i])
+        else:
+            publish_own_state(controllers, i, fleet.messages[i])
     _deliver(controllers, sources, 0)
+
+
+@compiled
+def _estimate(fleet: PlantState, estimators: Estimators, i: int) -> None:
+    """Let UAV i estimate its state from what its sensors report now."""
+    write_step(fleet.messages[i], fleet.steps[i])
+    estimate(
+        load_tuple(estimators.table, i, estimators.first),
+        fleet.sensing.imus[i],
+        fleet.sensing.gps[i],
+        fleet.sensing.sites[i]["delivered"] == 1,
+        fleet.steps[i],
+        estimators.measured[i],
+    )
 
 
 @compiled
 def run_steps(
     fleet: PlantState,
+    estimators: Estimators,
     controllers: Controllers,
     sources: np.ndarray,
     first: int,
@@ -240,19 +308,26 @@ def run_steps(
     wind: np.ndarray,
     applied: np.ndarray,
     signals: np.ndarray,
+    estimates: np.ndarray,
 ) -> tuple[int, int]:
     """Fly the steps from `first` on that there is room for; return how many, and the lost UAV.
 
     Or `ADVANCE`: simulators are to be advanced before the step that comes next can end.
     """
     fleet, controllers, sources = borrowed(fleet), borrowed(controllers), borrowed(sources)
+    estimators, estimated = borrowed(estimators), navigates(fleet)
+    measured = estimators.measured if estimated else fleet.messages
     n = len(sources)
     k, lost = 0, -1
     while k < len(states) and lost < 0:
         if fleet.outside[0]["advanced"] == 0:
             for i in range(n):
                 observe(fleet, i, first + k, step_us)
-                mask = controller_step(controllers, i, fleet.messages[i], step_us)
+                if estimated:
+                    if first + k > 0:  # else it has done so before the neighbours' first messages
+                        _estimate(fleet, estimators, i)
+                    write_estimate(measured[i], estimates[k, i])
+                mask = controller_step(controllers, i, measured[i], step_us)
                 if mask != 0:
                     receive_controls(fleet, i, controllers.actuators[i])
                 broadcast_if_triggered(controllers, i, first + k, step_us)

@@ -93,9 +93,25 @@ def _columns() -> Iterator[Column]:
 COLUMNS = tuple(_columns())
 """Everything that is recorded."""
 
+ESTIMATES = tuple(
+    Column(f"estimated_{name}", unit, "estimates", "", k)
+    for k, (name, unit) in enumerate((*_STATE.items(), *((f"wind_{a}", "m/s") for a in "uvw")))
+)
+"""What is recorded besides of a flight by an estimated state: the estimate."""
+
 _LIGHT_SIGNALS = {"V", "command", "reference", "error", "held", "path_position", "slot"}
 
 LIGHT = tuple(
     column for column in COLUMNS if column.array != "signals" or column.field in _LIGHT_SIGNALS
 )
 """What a light recording has: the motion, the wind, commands, references and what was applied."""
+
+_LIGHT_ESTIMATES = tuple(column for column in ESTIMATES if column.unit != "rad/s")
+
+
+def columns_of(*, light: bool, estimated: bool) -> tuple[Column, ...]:
+    """Return what a recording has, light or full, of a flight by true or estimated states."""
+    columns = LIGHT if light else COLUMNS
+    if not estimated:
+        return columns
+    return (*columns, *(_LIGHT_ESTIMATES if light else ESTIMATES))

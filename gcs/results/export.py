@@ -19,7 +19,7 @@ from ftc_autopilot.control.controller import SIGNALS
 from gcs.errors import BadInput
 from gcs.results.channels import EVENT, LOCATION, Kind, encoded, nanoseconds, state_kind
 from gcs.results.choices import Format
-from gcs.results.columns import COLUMNS
+from gcs.results.columns import COLUMNS, ESTIMATES
 from gcs.results.recording import Recording, event_table
 from gcs.results.store import EVENTS, TRAJECTORY, batches
 from gcs.results.ulog_export import to_ulg
@@ -74,6 +74,8 @@ def save_arrays_of(recording: Recording, folder: Path) -> list[Path]:
         "wind": recording.wind,
         "applied": recording.applied,
     }
+    if recording.estimates is not None:
+        trajectory["estimates"] = recording.estimates
     trajectory |= {name: recording.signals[name] for name in (SIGNALS.names or ())}
     return _save(folder, event_table(recording), trajectory)
 
@@ -93,9 +95,10 @@ def _to_npz(run: Path, folder: Path) -> list[Path]:
     uavs = np.unique(table["uav"])
     values = {name: column.reshape(-1, len(uavs)) for name, column in table.items()}
     trajectory = {"uav": values["uav"][0].astype(np.int64), "time_s": values["time_s"][:, 0]}
-    for (array, field), group in groupby(COLUMNS, lambda column: (column.array, column.field)):
-        parts = list(group)
-        if parts[0].name in values:
+    everything = (*COLUMNS, *ESTIMATES)
+    for (array, field), group in groupby(everything, lambda column: (column.array, column.field)):
+        parts = [part for part in group if part.name in values]
+        if parts:
             whole = np.stack([values[part.name] for part in parts], axis=-1)
             key = field or ("state" if array == "states" else array)
             trajectory[key] = whole[..., 0] if parts[0].index is None else whole

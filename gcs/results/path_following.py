@@ -11,10 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ftc_autopilot.guidance.path import PATH, locate, point_at
+from ftc_autopilot.hot.navigation import navigate, new_navigation
 from gcs.results.recording import Steps
 from gcs.scenario.model import Scenario
+from mavlink_defs.framing.codec import SIM_STATE
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.fleet import new_plant_state, observe
+from sitl_plant.fleet import PlantState, navigates, new_plant_state, observe, write_step
 
 SETTLING_S = 10.0
 """A UAV's figures begin so long after it begins to follow the path; so long after its end a turn
@@ -274,7 +276,10 @@ def _larger(largest: float, error: float) -> float:
 
 
 def paths_of(scenario: Scenario) -> np.ndarray | None:
-    """Return the path of each UAV, shape (n,), dtype `PATH`; None without a mission."""
+    """Return the path of each UAV, shape (n,), dtype `PATH`; None without a mission.
+
+    It begins where the UAV finds itself before the first step.
+    """
     if scenario.mission is None:
         return None
     fleet = new_plant_state(scenario.plant_config())
@@ -282,8 +287,22 @@ def paths_of(scenario: Scenario) -> np.ndarray | None:
     paths = np.zeros(len(scenario.uavs), PATH)
     for i, uav in enumerate(scenario.uavs):
         observe(fleet, i, 0, scenario.step_us)
-        paths[i] = scenario.planner(uav.id).first_path(items, fleet.messages[i])
+        here = fleet.messages[i]
+        if navigates(fleet):
+            here = _first_estimate(scenario, uav.id, fleet, i)
+        paths[i] = scenario.planner(uav.id).first_path(items, here)
     return paths
+
+
+def _first_estimate(scenario: Scenario, system: int, fleet: PlantState, i: int) -> np.void:
+    """Return what a UAV estimates before the first step, a record of dtype SIM_STATE."""
+    navigation = new_navigation(scenario.autopilot_config(system))
+    navigation.imus[:] = fleet.sensing.imus[i]
+    write_step(fleet.messages[i], fleet.steps[i])
+    measured = np.zeros(1, SIM_STATE)
+    navigate(navigation, fleet.steps[i], measured[0])
+    own: np.void = measured[0]
+    return own
 
 
 def leaders_of(scenario: Scenario) -> tuple[int, ...]:

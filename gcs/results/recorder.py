@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gcs.results.choices import Record
-from gcs.results.columns import COLUMNS, LIGHT
+from gcs.results.columns import columns_of
 from gcs.results.export import save_arrays_of
 from gcs.results.figures import FlightSummary
 from gcs.results.path_following import paths_of
@@ -30,9 +30,9 @@ def trajectory_bytes(scenario: Scenario, record: Record) -> int:
     """Return the most that the trajectory of a whole flight takes on disk [bytes]."""
     if record is Record.NONE:
         return 0
-    columns, every = COLUMNS, 1
-    if record is Record.LIGHT:
-        columns, every = LIGHT, _light_every(scenario)
+    light = record is Record.LIGHT
+    columns = columns_of(light=light, estimated=scenario.navigation == "estimated")
+    every = _light_every(scenario) if light else 1
     return -(-scenario.steps // every) * len(scenario.uavs) * row_size(columns)
 
 
@@ -49,7 +49,8 @@ def streams_of(
         OSError: With a file's name.
     """
     light = record is Record.LIGHT
-    columns, every = (LIGHT, _light_every(scenario)) if light else (COLUMNS, 1)
+    columns = columns_of(light=light, estimated=scenario.navigation == "estimated")
+    every = _light_every(scenario) if light else 1
     events = EventStream(None if folder is None else folder / EVENTS, scenario.step_us)
     trajectory = TrajectoryStream(
         None if folder is None else folder / TRAJECTORY,

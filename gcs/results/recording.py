@@ -12,6 +12,7 @@ import numpy as np
 
 from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.control.controller import SIGNALS
+from ftc_autopilot.hot.navigation import ESTIMATED
 from mavlink_defs.constants import ACTUATORS, N_CHANNELS
 from mavlink_defs.runtime.jit import compiled
 
@@ -26,11 +27,14 @@ class Steps(NamedTuple):
     wind: np.ndarray  # (steps, n, 3)
     applied: np.ndarray  # (steps, n, 4)
     signals: np.ndarray  # (steps, n), dtype SIGNALS
+    estimates: np.ndarray  # (steps, n, ESTIMATED), or (steps, n, 0) by true states
 
     @classmethod
     def joined(cls, parts: Sequence[Self], n: int) -> Self:
         """Return consecutive steps of n UAVs, from step 0 on, in arrays of their own."""
-        arrays = zip(*(part[1:] for part in (cls.room(0, n), *parts)), strict=True)
+        estimated = bool(parts) and parts[0].estimates.shape[-1] > 0
+        none = cls.room(0, n, estimated=estimated)
+        arrays = zip(*(part[1:] for part in (none, *parts)), strict=True)
         return cls(0, *(np.concatenate(same) for same in arrays))
 
     @property
@@ -39,14 +43,21 @@ class Steps(NamedTuple):
         return len(self.states)
 
     @classmethod
-    def room(cls, steps: int, n: int) -> Self:
-        """Return room for so many steps of n UAVs, from step 0 on."""
+    def room(cls, steps: int, n: int, *, estimated: bool = False) -> Self:
+        """Return room for so many steps of n UAVs, from step 0 on.
+
+        Args:
+            steps: How many.
+            n: UAVs.
+            estimated: Whether they fly by an estimated state, which is recorded, too.
+        """
         return cls(
             0,
             np.zeros((steps, n, 12)),
             np.zeros((steps, n, 3)),
             np.zeros((steps, n, N_CHANNELS)),
             np.zeros((steps, n), SIGNALS),
+            np.zeros((steps, n, ESTIMATED if estimated else 0)),
         )
 
     def part(self, begin: int, end: int) -> Self:
@@ -57,6 +68,7 @@ class Steps(NamedTuple):
             self.wind[begin:end],
             self.applied[begin:end],
             self.signals[begin:end],
+            self.estimates[begin:end],
         )
 
 
@@ -102,6 +114,9 @@ class Recording:
         loss: Why the flight was lost; None if it was not.
         restarts: How often each autopilot was started again, length n; empty if none was.
         plugin_failed: Whether it was lost because a plug-in failed.
+        estimates: Shape (steps, n, `ESTIMATED`), by which the laws flew: position NED, velocity
+            [m/s], attitude, rates [rad/s], wind [m/s], body axes; NaN where an autopilot received
+            nothing. None if they flew by true states.
     """
 
     mode: Mode
@@ -116,6 +131,7 @@ class Recording:
     loss: str | None
     restarts: tuple[int, ...] = ()
     plugin_failed: bool = False
+    estimates: np.ndarray | None = None
 
     @classmethod
     def of(cls, steps: Steps, ending: Ending, uav_ids: tuple[int, ...], step_us: int) -> Self:
@@ -133,12 +149,16 @@ class Recording:
             loss=ending.loss,
             restarts=ending.restarts,
             plugin_failed=ending.plugin_failed,
+            estimates=steps.estimates if steps.estimates.shape[-1] else None,
         )
 
     @property
     def steps(self) -> Steps:
         """All steps."""
-        return Steps(0, self.states, self.wind, self.applied, self.signals)
+        estimates = self.estimates
+        if estimates is None:
+            estimates = np.zeros((*self.states.shape[:2], 0))
+        return Steps(0, self.states, self.wind, self.applied, self.signals, estimates)
 
     @property
     def ending(self) -> Ending:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gcs.errors import BadInput
-from gcs.results.columns import COLUMNS, Column
+from gcs.results.columns import COLUMNS, ESTIMATES, Column
 from gcs.results.recording import Ending, Events, Recording, Steps
 from gcs.results.run_folder import read_summary
 from mavlink_defs.config.output_files import naming
@@ -262,15 +262,17 @@ def read_recording(folder: Path | str) -> Recording:
     """
     path, summary = Path(folder) / TRAJECTORY, read_summary(folder)
     n = len(summary.uavs)
-    steps = Steps.room(summary.steps, n)
+    steps, columns = Steps.room(summary.steps, n), COLUMNS
     row = 0
     for batch in batches(path):
-        missing = [column.name for column in COLUMNS if column.name not in batch.schema.names]
+        if row == 0 and ESTIMATES[0].name in batch.schema.names:
+            steps, columns = Steps.room(summary.steps, n, estimated=True), (*COLUMNS, *ESTIMATES)
+        missing = [column.name for column in columns if column.name not in batch.schema.names]
         if missing or batch.schema.metadata[b"every"] != b"1":
             raise BadInput(f"{path} is no full recording", "fly again with --record full")
         count = len(batch) // n
         part = steps.part(row, row + count)
-        for column in COLUMNS:
+        for column in columns:
             column.of(part)[:] = batch.column(column.name).to_numpy().reshape(count, n)
         row += count
     if row < summary.steps:

@@ -157,7 +157,7 @@ def _diagnosis(
     """Set the decisions of a UAV's diagnosis beside the injected faults."""
     for step, c, lost, offset in decisions:
         name, time_s = ACTUATORS[c], step * scenario.step_us / 1e6
-        faults = (f for f in scenario.faults if f.uav == system and f.actuator == name)
+        faults = (f for f in scenario.actuator_faults if f.uav == system and f.actuator == name)
         causes = (fault.start_s if lost else fault.end_s for fault in faults)
         cause = max((t for t in causes if t is not None and t <= time_s), default=None)
         position = offset if name == "throttle" else float(np.degrees(offset))

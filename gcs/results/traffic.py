@@ -2,21 +2,39 @@
 
 MAVLink 2 does not send the zeros at the end of a payload. So each message is laid out here as far
 as its length needs, and measured. Counted is what a flight without losses sends between its first
-step and its last: states, actuator messages and neighbour messages, each once. What a link
-repeats, and what is said before the start and with FTC_STEP_DONE, a tap counts beside it.
+step and its last: states, or sensors with their steps, actuator messages and neighbour messages,
+each once. What a link repeats, and what is said before the start and with FTC_STEP_DONE, a tap
+counts beside it.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from gcs.results.recording import Steps
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
-from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE, MAV_MODE_FLAG_SAFETY_ARMED
-from mavlink_defs.framing.codec import ACTUATORS, NEIGHBOUR, RELAYED_AT, REPORT_AT, SIM_STATE
+from mavlink_defs.dialect import (
+    FTC_NEIGHBOUR_FRAME_REFERENCE,
+    FTC_SIM_FLAGS_RUNNING,
+    MAV_MODE_FLAG_SAFETY_ARMED,
+)
+from mavlink_defs.framing.codec import (
+    ACTUATORS,
+    HIL_GPS,
+    HIL_SENSOR,
+    NEIGHBOUR,
+    RELAYED_AT,
+    REPORT_AT,
+    SIM_STATE,
+    SIM_STEP,
+)
 from mavlink_defs.framing.header import CRC_SIZE, HEADER_SIZE, SIGNATURE_SIZE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.hardware import Sensor
 from sitl_plant.rigid_body import R1
+from sitl_plant.sensing.sense import NEW
+from sitl_plant.sensing.units import GNSS, Unit, units_of
 from sitl_plant.vec3 import mul, vec3
 
 KINDS = ("states", "actuator_messages", "neighbour_messages")
@@ -35,6 +53,9 @@ class Traffic:
         self._scenario = scenario
         self._ids = tuple(uav.id for uav in scenario.uavs)
         self._triggered = scenario.links.formation.trigger is not None
+        self._units: list[Unit] | None = None
+        if scenario.navigation == "estimated":
+            self._units = units_of(scenario.sensors.navigation, scenario.step_us)
         self._exact_air = scenario.sensors.airspeed_m_s == Sensor()
         self._frame = HEADER_SIZE + CRC_SIZE
         if scenario.links.signing_key is not None:
@@ -69,6 +90,8 @@ class Traffic:
         return silent[:-1]
 
     def _state_bytes(self, steps: Steps, i: int, silent: np.ndarray) -> int:
+        if self._units is not None:
+            return self._sensor_bytes(steps, self._units, silent)
         wind = steps.wind[:, i]
         alike = not silent.any() and not (self._exact_air and wind.any())
         count = min(steps.length, 1) if alike else steps.length
@@ -77,6 +100,27 @@ class Traffic:
         messages["wind"] = wind[:count] if self._exact_air else 1.0
         messages["silent"] = silent[:count]
         return self._bytes_of(messages) * (steps.length if alike else 1)
+
+    def _sensor_bytes(self, steps: Steps, units: Sequence[Unit], silent: np.ndarray) -> int:
+        """Return the bytes of HIL_SENSOR, HIL_GPS and FTC_SIM_STEP, all sensors being well."""
+        numbers = np.arange(steps.first, steps.first + steps.length)
+        imus = 1 + max(unit.imu for unit in units)
+        sensors = np.zeros((imus, steps.length), HIL_SENSOR)
+        sensors["temperature"] = 1.0  # the last value, of a barometer or not
+        sensors["id"] = np.arange(imus)[:, None]
+        samples = 0
+        for unit in units:
+            measured = numbers - unit.late
+            due = (measured >= 0) & (measured % unit.every == 0)
+            if unit.kind == GNSS:
+                samples = int(due.sum())
+            else:
+                sensors["fields_updated"][unit.imu, due] |= NEW[unit.kind]
+        gps = np.ones(samples, HIL_GPS)
+        gps["yaw"] = gps["id"] = 0
+        step = np.zeros(steps.length, SIM_STEP)
+        step["flags"], step["silent"] = FTC_SIM_FLAGS_RUNNING, silent
+        return sum(map(self._bytes_of, (sensors.reshape(-1), gps, step)))
 
     def _actuator_messages(self, steps: Steps, i: int) -> np.ndarray:
         rows = np.flatnonzero(steps.signals["events"][:, i])

@@ -190,11 +190,14 @@ def _parameters(scenario: Scenario | None, system: int) -> dict[str, int | float
     from ftc_autopilot.control.controllers import new_controllers
     from ftc_autopilot.hot.hot_state import HotState
     from ftc_autopilot.hot.link import new_link
+    from ftc_autopilot.hot.navigation import new_navigation
     from ftc_autopilot.vehicle.param_table import parameters_of
     from mavlink_defs.services.param_server import INT32
 
     config = scenario.autopilot_config(system)
-    hot = HotState(new_link(system, config.neighbours, config.step_us, 0.25, 0))
+    hot = HotState(
+        new_link(system, config.neighbours, config.step_us, 0.25, 0, new_navigation(config))
+    )
     found = parameters_of(config, hot, new_controllers([config]))
     return {one.name: int(one.get()) if one.type == INT32 else float(one.get()) for one in found}
 
@@ -207,7 +210,7 @@ def _texts(run: Path, scenario: Scenario | None, system: int) -> list[_Timed]:
             begin = 0.0 if np.isnan(fault.start_s) else fault.start_s
             found.append((begin, Level.WARNING, f"fault: {fault.describe()}"))
             if np.isfinite(fault.end_s):
-                found.append((fault.end_s, Level.INFO, f"fault of {fault.actuator_name} over"))
+                found.append((fault.end_s, Level.INFO, f"fault of {fault.target} over"))
     end_s = np.inf
     with contextlib.suppress(BadInput):  # of a flight that was interrupted
         summary = read_summary(run)

@@ -5,7 +5,8 @@ each other, and derives the configuration of each process. Times of the profile 
 are simulated time, which starts together with the mission.
 """
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -16,7 +17,6 @@ from ftc_autopilot.config import AutopilotConfig, Identity
 from ftc_autopilot.control.communication_graph import formation_problems
 from ftc_autopilot.control.config import (
     Neighbour,
-    law_problems,
     plugin_problems,
     plugins_of,
     trigger_problems,
@@ -30,11 +30,18 @@ from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.guidance.planner import Planner
 from ftc_autopilot.guidance.reach import most_links, reach_problems
+from gcs.scenario.aircraft_checks import (
+    aircraft_law_problems,
+    hardware_problems,
+    simulator_problems,
+    uncertainty_problems,
+)
 from gcs.scenario.aircraft_file import with_named_files, without_nulls
 from gcs.scenario.bundled import base_of, find_scenario
 from gcs.scenario.mission import MissionSection
 from gcs.scenario.reference_checks import airspeed_problems, fault_problems, profile_problems
 from gcs.scenario.sections import (
+    AnyScenarioFault,
     Found,
     Links,
     Network,
@@ -58,23 +65,18 @@ from mavlink_defs.config.models import (
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.constants import LAST_SYSTEM
 from mavlink_defs.fault_kinds import FaultLimits
-from mavlink_defs.faults import Fault
 from mavlink_defs.mission_files import is_mission_file
 from mavlink_defs.profile import MAX_SEGMENTS, AirspeedLimits, ItemError, Segment, segments_to_items
+from mavlink_defs.sensor_faults import AnyFault
 from mavlink_defs.services.mission import MissionItem
 from sitl_plant.aircraft_config import Aircraft, Uncertainty, true_aircraft
 from sitl_plant.ardupilot.config import ArduPilot
 from sitl_plant.atmosphere import Wind
-from sitl_plant.config import (
-    Disturbance,
-    PlantConfig,
-    PlantUav,
-    Seed,
-    plant_problems,
-    truth_problems,
-)
-from sitl_plant.hardware import ActuatorServos, Sensors, Servos, sensor_problems, servo_problems
+from sitl_plant.config import Disturbance, PlantConfig, PlantUav, Seed
+from sitl_plant.hardware import ActuatorServos, Sensors, Servos
+from sitl_plant.navigation_sensors import Navigation
 from sitl_plant.plant_section import OwnPlant, PlantSection
+from sitl_plant.sensing.units import FAULT_NAMES, units_of
 
 
 class Scenario(Model):
@@ -104,6 +106,7 @@ class Scenario(Model):
         default=Servos(), description="Servos of every aircraft that has none of its own."
     )
     sensors: Sensors = Field(default=Sensors(), description="Sensors of every aircraft.")
+    navigation: Navigation = "true_state"
     seed: Seed = 1
     controller: Controller = Field(
         default=Proposed(), description="Control law of every UAV, and its parameters."
@@ -130,8 +133,8 @@ class Scenario(Model):
     mission: MissionSection | None = Field(
         default=None, description="Path of the flight, in place of a profile."
     )
-    faults: Annotated[tuple[ScenarioFault, ...], AtMost(1000)] = Field(
-        default=(), description="Actuator faults, at most 1000."
+    faults: Annotated[tuple[AnyScenarioFault, ...], AtMost(1000)] = Field(
+        default=(), description="Faults of actuators and sensors, at most 1000."
     )
     links: Links = Field(default=Links(), description="Addresses, ports, signing, impairments.")
     origin: Origin = Field(
@@ -162,6 +165,8 @@ class Scenario(Model):
             disturbance=self.disturbance,
             wind=self.wind,
             sensors=self.sensors,
+            navigation=self.navigation,
+            origin=self.origin,
             seed=self.seed,
             uavs=tuple(
                 PlantUav(
@@ -190,6 +195,8 @@ class Scenario(Model):
             identity=self.identity,
             fleet=tuple(uavs),
             origin=self.origin,
+            navigation=self.navigation,
+            sensors=self.sensors.navigation,
             aircraft=self.aircraft_of(uav_id),
             controller=self.controller.with_servos(self.servos_of(uav_id)),
             trigger=self.trigger,
@@ -262,9 +269,14 @@ class Scenario(Model):
         aircraft = self.aircraft if uav_id is None else self.aircraft_of(uav_id)
         return Planner(aircraft, self.guidance, self.origin, self.formation)
 
-    def fault_commands(self) -> list[tuple[int, Fault]]:
+    def fault_commands(self) -> list[tuple[int, AnyFault]]:
         """Return UAV id and fault of each fault, in the order of the file."""
         return [(fault.uav, fault.command()) for fault in self.faults]
+
+    @property
+    def actuator_faults(self) -> tuple[ScenarioFault, ...]:
+        """The faults of actuators."""
+        return tuple(fault for fault in self.faults if isinstance(fault, ScenarioFault))
 
     def _formation_address(self, uav_id: int) -> str:
         return self.links.address(self.links.formation_base_port + uav_id)
@@ -273,17 +285,21 @@ class Scenario(Model):
     def _sections_fit_together(self) -> "Scenario":
         checks = (
             self._uav_problems,
-            self._aircraft_problems,
+            lambda: uncertainty_problems(self.aircraft, self.uncertainty, self.uavs),
             lambda: trigger_problems(self.controller, self.trigger, self.step_us),
-            self._law_problems,
+            lambda: aircraft_law_problems(self.aircraft, self.controller, self.uavs),
             lambda: plugin_problems(self.plugins, self.controller, self.trigger, self.guidance),
-            self._hardware_problems,
-            self._plant_problems,
+            lambda: hardware_problems(
+                self.sensors, self.navigation, self.servos, self.uavs, self.step_us
+            ),
+            lambda: simulator_problems(
+                self.plant, self.disturbance, self.uncertainty, self.uavs, self.step_us
+            ),
             self._network_problems,
             self._formation_problems,
             lambda: profile_problems(self.profile, self.mission is not None, self._limits),
             self._mission_problems,
-            lambda: fault_problems(self.faults, self._fault_limits),
+            lambda: fault_problems(self.faults, self._fault_limits, self._fallible_sensors),
             lambda: self.links.port_problems(self._ids),
         )
         Problems.check(problem for check in checks for problem in check())
@@ -296,48 +312,6 @@ class Scenario(Model):
         for i, uav in enumerate(self.uavs):
             limits = (uav.aircraft or self.aircraft).airspeed_limits
             yield from airspeed_problems(("uavs", i, "initial"), uav.initial.airspeed_m_s, limits)
-
-    def _aircraft_problems(self) -> Found:
-        try:
-            true_aircraft(self.aircraft, self.uncertainty)
-        except Problems as exc:
-            yield from (p._replace(loc=("uncertainty", *p.loc)) for p in exc.problems)
-        for i, uav in enumerate(self.uavs):
-            if uav.aircraft is not None:
-                try:
-                    true_aircraft(uav.aircraft, self.uncertainty)
-                except Problems as exc:
-                    for p in exc.problems:
-                        yield ("uavs", i, "aircraft"), f"the uncertainty {p.text}"
-
-    def _law_problems(self) -> Found:
-        if any(uav.aircraft is None for uav in self.uavs):
-            yield from law_problems(self.controller, self.aircraft)
-        for i, uav in enumerate(self.uavs):
-            if uav.aircraft is not None:
-                for loc, text in law_problems(self.controller, uav.aircraft):
-                    yield ("uavs", i, "aircraft"), f"{'.'.join(map(str, loc))}: {text}"
-
-    def _hardware_problems(self) -> Found:
-        for loc, text in sensor_problems(self.sensors, self.step_us):
-            yield ("sensors", *loc), text
-        for loc, text in servo_problems(self.servos, self.step_us):
-            yield ("servos", *loc), text
-        for i, uav in enumerate(self.uavs):
-            if uav.servos is not None:
-                for loc, text in servo_problems(uav.servos, self.step_us):
-                    yield ("uavs", i, "servos", *loc), text
-
-    def _plant_problems(self) -> Found:
-        yield from plant_problems(self.plant, self.step_us)
-        for i, uav in enumerate(self.uavs):
-            if uav.plant is not None:
-                for loc, text in plant_problems(uav.plant, self.step_us):
-                    yield ("uavs", i, *loc), text
-        for plant in [uav.plant or self.plant for uav in self.uavs]:
-            if not isinstance(plant, OwnPlant):
-                yield from truth_problems(plant, self.disturbance, self.uncertainty)
-                return
 
     def _network_problems(self) -> Found:
         edges = [(*edge.between, edge.weight) for edge in self.network.edges]
@@ -388,6 +362,14 @@ class Scenario(Model):
         limits = [(uav.aircraft or self.aircraft).airspeed_limits for uav in self.uavs]
         lowest, highest = max(one.min_m_s for one in limits), min(one.max_m_s for one in limits)
         return AirspeedLimits(lowest, highest)
+
+    @property
+    def _fallible_sensors(self) -> Mapping[str, int] | None:
+        """How many sensors of each name a UAV navigates by; None by its true state."""
+        if self.navigation == "true_state":
+            return None
+        units = units_of(self.sensors.navigation, self.step_us)
+        return Counter(FAULT_NAMES[unit.kind] for unit in units)
 
     @property
     def _fault_limits(self) -> dict[int, FaultLimits]:

@@ -1,12 +1,21 @@
 """Checks of references and faults of a scenario against the aircraft that are to fly them."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 
-from gcs.scenario.sections import Found, ProfileSegment, ScenarioFault
+from gcs.scenario.sections import (
+    Found,
+    ProfileSegment,
+    ScenarioFault,
+    ScenarioSensorFault,
+    overlap,
+    window_of,
+)
 from mavlink_defs.config.models import Loc
 from mavlink_defs.fault_kinds import FaultLimits
 from mavlink_defs.faults import MAX_FAULTS
 from mavlink_defs.profile import AirspeedLimits
+from mavlink_defs.sensor_faults import MAX_SENSOR_FAULTS
 
 
 def airspeed_problems(loc: Loc, airspeed_m_s: float, limits: AirspeedLimits) -> Found:
@@ -49,34 +58,69 @@ def profile_problems(
         yield from airspeed_problems(("profile", i), segment.airspeed_m_s, limits)
 
 
-def fault_problems(faults: Sequence[ScenarioFault], limits_of: Mapping[int, FaultLimits]) -> Found:
+def fault_problems(
+    faults: Sequence[ScenarioFault | ScenarioSensorFault],
+    limits_of: Mapping[int, FaultLimits],
+    sensors: Mapping[str, int] | None,
+) -> Found:
     """Yield what is wrong with faults.
 
     Args:
         faults: The faults.
         limits_of: Limits of the actuators, by UAV.
+        sensors: How many sensors each UAV navigates by, by name; None: it flies by its true state.
     """
+    rows: Counter[tuple[int, bool]] = Counter()
     for i, fault in enumerate(faults):
-        if sum(other.uav == fault.uav for other in faults[:i]) == MAX_FAULTS:
-            text = f"UAV {fault.uav} has more than {MAX_FAULTS} faults, as many as fit"
+        of_sensor = isinstance(fault, ScenarioSensorFault)
+        rows[fault.uav, of_sensor] += 1
+        if isinstance(fault, ScenarioSensorFault) and not fault.instance:
+            rows[fault.uav, True] += (sensors or {}).get(fault.sensor, 1) - 1
+        most = MAX_SENSOR_FAULTS if of_sensor else MAX_FAULTS
+        if rows[fault.uav, of_sensor] > most:
+            text = f"UAV {fault.uav} has more than {most} faults, as many as fit"
             yield ("faults", i, "uav"), text
         limits = limits_of.get(fault.uav)
         if limits is None:
             ids = ", ".join(map(str, limits_of))
             yield ("faults", i, "uav"), f"expected one of the UAVs {ids}, got {fault.uav}"
-        elif not limits.has(fault.actuator):
-            yield ("faults", i, "actuator"), f"the aircraft has no {fault.actuator}"
-        elif fault.value is not None:
-            kind, value = fault.value
-            low, high = kind.bounds(fault.actuator, limits)
-            if not low <= value <= high:
-                expected = f"[{low:g}, {high:g}] {kind.unit(fault.actuator)}"
-                text = f"expected {expected}, the aircraft's limits, got {value!r}"
-                yield ("faults", i, kind.key(fault.actuator)), text
+        elif isinstance(fault, ScenarioSensorFault):
+            yield from _sensor_problems(i, fault, sensors)
+        else:
+            yield from _actuator_problems(i, fault, limits)
         for j in range(i):
-            if fault.overlaps(faults[j]):
+            if overlap(fault, faults[j]):
+                name = fault.sensor if isinstance(fault, ScenarioSensorFault) else fault.actuator
                 text = (
-                    f"overlaps faults[{j}]: the {fault.actuator} of UAV {fault.uav} has a "
-                    f"fault in {faults[j].window} already, got {fault.window}"
+                    f"overlaps faults[{j}]: the {name} of UAV {fault.uav} has a "
+                    f"fault in {window_of(faults[j])} already, got {window_of(fault)}"
                 )
                 yield ("faults", i), text
+
+
+def _actuator_problems(i: int, fault: ScenarioFault, limits: FaultLimits) -> Found:
+    if not limits.has(fault.actuator):
+        yield ("faults", i, "actuator"), f"the aircraft has no {fault.actuator}"
+    elif fault.value is not None:
+        kind, value = fault.value
+        low, high = kind.bounds(fault.actuator, limits)
+        if not low <= value <= high:
+            expected = f"[{low:g}, {high:g}] {kind.unit(fault.actuator)}"
+            text = f"expected {expected}, the aircraft's limits, got {value!r}"
+            yield ("faults", i, kind.key(fault.actuator)), text
+
+
+def _sensor_problems(
+    i: int, fault: ScenarioSensorFault, sensors: Mapping[str, int] | None
+) -> Found:
+    if sensors is None:
+        text = (
+            f"with 'navigation: true_state' the aircraft has no {fault.sensor} that could fail; "
+            "set 'navigation: estimated'"
+        )
+        yield ("faults", i, "sensor"), text
+    elif not (there := sensors.get(fault.sensor, 0)):
+        yield ("faults", i, "sensor"), f"the aircraft has no {fault.sensor}: see sensors.navigation"
+    elif fault.instance > there:
+        text = f"expected 0 to {there}, as many as there are, got {fault.instance}"
+        yield ("faults", i, "instance"), text

@@ -5,9 +5,9 @@ Each part is checked by itself here; `gcs.scenario.model` checks that they fit t
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from ftc_autopilot.config import NEIGHBOUR_TIMEOUT_S, TelemetryClockKind
 from ftc_autopilot.control.config import FormationTrigger
@@ -28,6 +28,7 @@ from mavlink_defs.constants import FORMATION_BASE_PORT, GCS_PORT, LAST_SYSTEM, P
 from mavlink_defs.endpoint import EndpointError, parse_address
 from mavlink_defs.fault_spec import FaultSpec
 from mavlink_defs.profile import Segment
+from mavlink_defs.sensor_fault_spec import SensorFaultSpec
 from sitl_plant.aircraft_config import Aircraft
 from sitl_plant.config import InitialState
 from sitl_plant.hardware import Servos
@@ -100,22 +101,52 @@ class ProfileSegment(Model):
 
 
 class ScenarioFault(FaultSpec):
-    """A fault of one UAV of the fleet, in simulated time."""
+    """A fault of an actuator of one UAV of the fleet, in simulated time."""
 
     uav: SystemId
     start_s: float = quantity("s", ge=0.0, doc="Start, exclusive.")
 
-    @property
-    def window(self) -> str:
-        """The time window as a text."""
-        end = "...)" if self.end_s is None else f"{self.end_s:g}]"
-        return f"({self.start_s:g}, {end} s"
 
-    def overlaps(self, other: "ScenarioFault") -> bool:
-        """Return whether both act on the same actuator at some time."""
-        ends = [math.inf if fault.end_s is None else fault.end_s for fault in (self, other)]
-        same = (self.uav, self.actuator) == (other.uav, other.actuator)
-        return same and self.start_s < ends[1] and other.start_s < ends[0]
+class ScenarioSensorFault(SensorFaultSpec):
+    """A fault of a navigation sensor of one UAV of the fleet, in simulated time."""
+
+    uav: SystemId
+    start_s: float = quantity("s", ge=0.0, doc="Start, exclusive.")
+
+
+def _part(fault: Any) -> str:
+    """Return the tag of a fault of a scenario: whether a sensor or an actuator fails."""
+    has_sensor = "sensor" in fault if isinstance(fault, dict) else hasattr(fault, "sensor")
+    return "<sensor>" if has_sensor else "<actuator>"
+
+
+AnyScenarioFault = Annotated[
+    Annotated[ScenarioFault, Tag("<actuator>")] | Annotated[ScenarioSensorFault, Tag("<sensor>")],
+    Discriminator(_part),
+]
+"""A fault of a scenario: of a sensor if it has the key `sensor`."""
+
+
+def window_of(fault: ScenarioFault | ScenarioSensorFault) -> str:
+    """Return the time window of a fault as a text."""
+    end = "...)" if fault.end_s is None else f"{fault.end_s:g}]"
+    return f"({fault.start_s:g}, {end} s"
+
+
+def overlap(
+    one: ScenarioFault | ScenarioSensorFault, other: ScenarioFault | ScenarioSensorFault
+) -> bool:
+    """Return whether two faults act on the same actuator or sensor at some time."""
+    ends = [math.inf if fault.end_s is None else fault.end_s for fault in (one, other)]
+    at_once = one.start_s < ends[1] and other.start_s < ends[0]
+    if isinstance(one, ScenarioFault) and isinstance(other, ScenarioFault):
+        same = one.actuator == other.actuator
+    elif isinstance(one, ScenarioSensorFault) and isinstance(other, ScenarioSensorFault):
+        instances = {one.instance, other.instance}
+        same = one.sensor == other.sensor and (0 in instances or len(instances) == 1)
+    else:
+        same = False
+    return same and at_once and one.uav == other.uav
 
 
 class Impairments(Model):

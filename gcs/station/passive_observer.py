@@ -14,7 +14,8 @@ from mavlink_defs import dialect
 from mavlink_defs.constants import SURFACES
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.fault_kinds import FaultLimits
-from mavlink_defs.faults import InvalidParam, fault_from_params
+from mavlink_defs.faults import Fault, InvalidParam, fault_from_params
+from mavlink_defs.sensor_faults import AnyFault, sensor_fault_from_params, stays
 from mavlink_defs.services.fault_list import FaultList
 
 _ANY = FaultLimits(((-math.inf, math.inf),) * len(SURFACES), math.inf)
@@ -69,17 +70,20 @@ class PassiveObserver:
         known = state.faults or ()
         params = [getattr(command, f"param{i}") for i in range(1, 8)]
         if ack.command == dialect.MAV_CMD_FTC_CLEAR_FAULTS:
-            left = [f for f in known if params[0] not in {_ALL, f.actuator}]
+            left = [f for f in known if params[0] not in {_ALL, _actuator_of(f)}]
             return state.learn_faults(tuple(left), now)
-        if ack.command != dialect.MAV_CMD_FTC_SET_FAULT:
-            return []
+        time_s = state.time_s or 0.0
         try:
-            fault = fault_from_params(params, _ANY)
+            match ack.command:
+                case dialect.MAV_CMD_FTC_SET_FAULT:
+                    fault: AnyFault = fault_from_params(params, _ANY).resolved(time_s)
+                case dialect.MAV_CMD_FTC_SET_SENSOR_FAULT:
+                    fault = sensor_fault_from_params(params).resolved(time_s)
+                case _:
+                    return []
         except InvalidParam:
             return []
-        time_s = state.time_s or 0.0
-        fault = fault.resolved(time_s)
-        staying = [f for f in known if fault.coexists_with(f.actuator, f.start_s, f.end_s, time_s)]
+        staying = [f for f in known if stays(f, fault, time_s)]
         return state.learn_faults((*staying, fault), now)
 
     def _listed_one(
@@ -97,3 +101,7 @@ class PassiveObserver:
         if len(found) != self._counts.get(state.system):
             return []
         return state.learn_mission(tuple(item for _, item in sorted(found.items())), now)
+
+
+def _actuator_of(fault: AnyFault) -> int | None:
+    return fault.actuator if isinstance(fault, Fault) else None

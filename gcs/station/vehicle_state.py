@@ -16,9 +16,9 @@ from gcs.station.telemetry import PRIVATE, ReportedClock
 from mavlink_defs import dialect
 from mavlink_defs.constants import MODE_NAMES
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.faults import Fault
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.profile import Segment
+from mavlink_defs.sensor_faults import AnyFault
 from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.statustext import Text, TextAssembler
 from mavlink_defs.system_ids import systems_of
@@ -34,6 +34,8 @@ _TRY_AGAIN_S = 2.0
 _TEXTS_KEPT = 500
 _FAULT_COMMANDS = {
     dialect.MAV_CMD_FTC_SET_FAULT,
+    dialect.MAV_CMD_FTC_SET_SENSOR_FAULT,
+    dialect.MAV_CMD_INJECT_FAILURE,
     dialect.MAV_CMD_FTC_CLEAR_FAULTS,
     dialect.MAV_CMD_INJECT_FAILURE,
 }
@@ -81,7 +83,7 @@ class VehicleState:
         """Discard everything that belongs to the previous run of the vehicle."""
         self.counts = EventCounts()
         self.history = History()
-        self.faults: tuple[Fault, ...] | None = None
+        self.faults: tuple[AnyFault, ...] | None = None
         self.mission: Mission | None = None
         self.profile: tuple[Segment, ...] | None = None
         self.faults_due = self.profile_due = self.private_due = now
@@ -141,7 +143,7 @@ class VehicleState:
             notifications.append(self._notifications(now, "link", ERROR, text))
         return notifications
 
-    def learn_faults(self, faults: tuple[Fault, ...] | None, now: float) -> list[Notification]:
+    def learn_faults(self, faults: tuple[AnyFault, ...] | None, now: float) -> list[Notification]:
         """Record its answer to a request for its faults; None if there was none."""
         self.faults_due = now + (_TRY_AGAIN_S if faults is None else _FAULTS_REFRESH_S)
         before = self.faults
@@ -268,7 +270,7 @@ class VehicleState:
         return self._four(dialect.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS, "actuator")
 
     @property
-    def active_faults(self) -> tuple[Fault, ...]:
+    def active_faults(self) -> tuple[AnyFault, ...]:
         """The faults that are active now, in simulated time."""
         time_s = self.time_s or 0.0
         return tuple(f for f in self.faults or () if f.is_active(time_s))

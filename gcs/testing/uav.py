@@ -3,12 +3,12 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from gcs.station.fault_keys import fault_of
+from gcs.station.fault_keys import fault_of, sensor_fault_of
 from gcs.station.vehicle import Vehicle
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs.constants import ACTUATORS
-from mavlink_defs.faults import Fault
 from mavlink_defs.profile import Segment
+from mavlink_defs.sensor_faults import AnyFault
 from mavlink_defs.services.param import Param
 
 
@@ -97,12 +97,40 @@ class FlyingUav:
         """
         self._call(self.vehicle.set_fault(fault_of(actuator, start_s, **keys)))
 
+    def set_sensor_fault(
+        self,
+        sensor: str,
+        failure: str | None = None,
+        *,
+        instance: int = 0,
+        axis: str | None = None,
+        start_s: float | None = None,
+        **keys: float,
+    ) -> None:
+        """Set a fault of a navigation sensor, with the keys of a scenario's `faults`.
+
+        Args:
+            sensor: Its name.
+            failure: As of MAV_CMD_INJECT_FAILURE; None if a value says it.
+            instance: Number of the sensor from 1; 0 for all.
+            axis: Axis that is wrong; None for all.
+            start_s: Start in simulated time, exclusive; None for now [s].
+            **keys: Such as `bias_deg_s`, `fade_s`, `noise_factor`, `end_s`.
+
+        Raises:
+            BadInput: They do not describe a fault.
+        """
+        fault = sensor_fault_of(
+            sensor, failure, instance=instance, axis=axis, start_s=start_s, **keys
+        )
+        self._call(self.vehicle.set_fault(fault))
+
     def clear_faults(self, actuator: str | None = None) -> None:
         """Clear the faults of one actuator, or all."""
         index = None if actuator is None else ACTUATORS.index(actuator)
         self._call(self.vehicle.clear_faults(index))
 
-    def faults(self) -> tuple[Fault, ...]:
+    def faults(self) -> tuple[AnyFault, ...]:
         """Return its faults, including past and future ones."""
-        faults: tuple[Fault, ...] = self._call(self.vehicle.list_faults())
+        faults: tuple[AnyFault, ...] = self._call(self.vehicle.list_faults())
         return faults

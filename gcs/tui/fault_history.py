@@ -7,10 +7,14 @@ from typing import TypeAlias
 from gcs.station.notifications import Notification
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
-from mavlink_defs.faults import Fault
+from mavlink_defs.sensor_faults import AnyFault, SensorFault
 from mavlink_defs.services.machine import SystemId
 
-_SETTING = {dialect.MAV_CMD_FTC_SET_FAULT, dialect.MAV_CMD_INJECT_FAILURE}
+_SETTING = {
+    dialect.MAV_CMD_FTC_SET_FAULT,
+    dialect.MAV_CMD_FTC_SET_SENSOR_FAULT,
+    dialect.MAV_CMD_INJECT_FAILURE,
+}
 _CLEARING = {dialect.MAV_CMD_FTC_CLEAR_FAULTS, dialect.MAV_CMD_INJECT_FAILURE}
 
 
@@ -41,7 +45,7 @@ class FaultRecord:
     """
 
     system: int
-    fault: Fault
+    fault: AnyFault
     acknowledged: Acknowledgement | None = None
     gone_at: float | None = None
     gone: str = ""
@@ -57,7 +61,7 @@ class FaultRecord:
         return "active" if now <= self.fault.end_s else "over"
 
 
-_Known: TypeAlias = tuple[int, tuple[Fault, ...] | None]
+_Known: TypeAlias = tuple[int, tuple[AnyFault, ...] | None]
 
 
 class FaultHistory:
@@ -106,13 +110,15 @@ class FaultHistory:
             self._correct_starts(there, state.faults)
         new = [fault for fault in state.faults if fault not in (r.fault for r in there)]
         lost = [record for record in there if record.fault not in state.faults]
-        replaced = {fault.actuator for fault in new}
-        self._go([r for r in lost if r.fault.actuator in replaced], "replaced", at)
-        self._go([r for r in lost if r.fault.actuator not in replaced], "cleared", at)
+        replaced = {fault.target for fault in new}
+        self._go([r for r in lost if r.fault.target in replaced], "replaced", at)
+        self._go([r for r in lost if r.fault.target not in replaced], "cleared", at)
         while len(acks) > len(new):
             acks.popleft()  # of faults that were replaced before they were seen
-        for fault in new:
-            ack = acks.popleft() if acks else None
+        ack: Acknowledgement | None = None
+        for before_it, fault in zip((None, *new), new, strict=False):
+            if not _by_one_command(before_it, fault):
+                ack = acks.popleft() if acks else None
             self.records.append(FaultRecord(state.system, fault, ack))
 
     def forget(self) -> None:
@@ -127,7 +133,7 @@ class FaultHistory:
         """The latest record."""
         return self.records[-1] if self.records else None
 
-    def _correct_starts(self, records: list[FaultRecord], faults: tuple[Fault, ...]) -> None:
+    def _correct_starts(self, records: list[FaultRecord], faults: tuple[AnyFault, ...]) -> None:
         """Take over starts that differ though nobody set a fault: a log can only estimate "now"."""
         for record in records:
             if record.fault not in faults:
@@ -139,3 +145,10 @@ class FaultHistory:
             record.gone_at, record.gone = at, why
             if why == "cleared":
                 record.cleared = self._cleared.get(record.system)
+
+
+def _by_one_command(one: AnyFault | None, other: AnyFault) -> bool:
+    """Return whether one command set both: the same of two sensors of a kind."""
+    if not (isinstance(one, SensorFault) and isinstance(other, SensorFault)):
+        return False
+    return one._replace(instance=other.instance) == other

@@ -17,8 +17,7 @@ from gcs.tui.grid import Column, Grid, Row
 from gcs.tui.guard import CachedStatic, on
 from gcs.tui.requests import Outcome, VehicleAction
 from gcs.tui.view import FleetView, Panel
-from mavlink_defs.constants import ACTUATORS
-from mavlink_defs.faults import Fault
+from mavlink_defs.sensor_faults import AnyFault, SensorFault
 
 _ROLES = {
     "active": "bad",
@@ -86,7 +85,12 @@ class FaultsPanel(Panel, Horizontal):
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("n", "new", "new", tooltip="Go to the form for a new fault"),
-        Binding("delete,d", "clear", "clear", tooltip="Clear the faults of the chosen actuator"),
+        Binding(
+            "delete,d",
+            "clear",
+            "clear",
+            tooltip="Clear the faults of what has the chosen one",
+        ),
     ]
 
     def compose(self) -> ComposeResult:
@@ -126,13 +130,15 @@ class FaultsPanel(Panel, Horizontal):
         if record is None or record.gone_at is not None:
             self.app.notify("choose a fault that a vehicle still has", severity="warning")
             return
-        actuator = record.fault.actuator
+        fault, name = record.fault, record.fault.target
 
         async def act(vehicle: Vehicle, _: str) -> str:
-            await vehicle.clear_faults(actuator)
-            return f"faults of the {ACTUATORS[actuator]} cleared"
+            if isinstance(fault, SensorFault):
+                await vehicle.clear_sensor_faults(fault.unit.name, fault.instance)
+            else:
+                await vehicle.clear_faults(fault.actuator)
+            return f"faults of the {name} cleared"
 
-        name = ACTUATORS[actuator]
         question = f"Clear the faults of the {name} of UAV {record.system}, past ones too?"
         self.post_message(VehicleAction(f"clear {name}", [record.system], act, question=question))
 
@@ -151,7 +157,7 @@ class FaultsPanel(Panel, Horizontal):
 
 
 def set_fault(
-    systems: tuple[int, ...], fault: Fault, on_done: Callable[[Outcome], None] | None = None
+    systems: tuple[int, ...], fault: AnyFault, on_done: Callable[[Outcome], None] | None = None
 ) -> VehicleAction:
     """The action to set a fault."""
 
@@ -161,7 +167,7 @@ def set_fault(
             await vehicle.list_faults()  # "accepted" is shown when the list has it, for `repeat`
         return f"set: {fault.describe()}"
 
-    what = f"set {ACTUATORS[fault.actuator]} fault"
+    what = f"set {fault.target} fault"
     return VehicleAction(what, systems, act, on_done=on_done)
 
 
@@ -194,8 +200,8 @@ def repeat(view: FleetView) -> tuple[VehicleAction | None, str]:
     return set_fault((system,), last.fault), ""
 
 
-def _alike(a: Fault, b: Fault) -> bool:
-    return a._replace(start_s=0.0) == b._replace(start_s=0.0)
+def _alike(a: AnyFault, b: AnyFault) -> bool:
+    return type(a) is type(b) and a._replace(start_s=0.0) == b._replace(start_s=0.0)
 
 
 def _history(record: FaultRecord) -> str:

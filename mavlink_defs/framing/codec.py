@@ -1,6 +1,7 @@
 """Hot-path codec: the messages of every control step, packed and checked by compiled code.
 
-Four messages are hot: FTC_SIM_STATE, FTC_STEP_DONE, FTC_NEIGHBOUR and HIL_ACTUATOR_CONTROLS.
+Hot are FTC_SIM_STATE, FTC_STEP_DONE, FTC_NEIGHBOUR and HIL_ACTUATOR_CONTROLS, and of a flight by
+sensors HIL_SENSOR, HIL_GPS and FTC_SIM_STEP.
 Their layout comes from the generated dialect, and the bytes equal pymavlink's. All other
 messages are left to pymavlink.
 
@@ -79,6 +80,9 @@ NEIGHBOUR = payload_dtype(dialect.MAVLink_ftc_neighbour_message)
 ACTUATORS = payload_dtype(dialect.MAVLink_hil_actuator_controls_message)
 
 SIM_STATE_SIZE = SIM_STATE.itemsize
+SIM_STEP_SIZE = SIM_STEP.itemsize
+HIL_SENSOR_SIZE = HIL_SENSOR.itemsize
+HIL_GPS_SIZE = HIL_GPS.itemsize
 STEP_DONE_SIZE = STEP_DONE.itemsize
 NEIGHBOUR_SIZE = NEIGHBOUR.itemsize
 ACTUATORS_SIZE = ACTUATORS.itemsize
@@ -92,12 +96,18 @@ class MessageId(IntEnum):
     """Message ids of the hot messages."""
 
     SIM_STATE = dialect.MAVLink_ftc_sim_state_message.id
+    SIM_STEP = dialect.MAVLink_ftc_sim_step_message.id
+    SENSOR = dialect.MAVLink_hil_sensor_message.id
+    GPS = dialect.MAVLink_hil_gps_message.id
     STEP_DONE = dialect.MAVLink_ftc_step_done_message.id
     NEIGHBOUR = dialect.MAVLink_ftc_neighbour_message.id
     ACTUATORS = dialect.MAVLink_hil_actuator_controls_message.id
 
 
 _EXTRA_SIM_STATE = dialect.MAVLink_ftc_sim_state_message.crc_extra
+_EXTRA_SIM_STEP = dialect.MAVLink_ftc_sim_step_message.crc_extra
+_EXTRA_SENSOR = dialect.MAVLink_hil_sensor_message.crc_extra
+_EXTRA_GPS = dialect.MAVLink_hil_gps_message.crc_extra
 _EXTRA_STEP_DONE = dialect.MAVLink_ftc_step_done_message.crc_extra
 _EXTRA_NEIGHBOUR = dialect.MAVLink_ftc_neighbour_message.crc_extra
 _EXTRA_ACTUATORS = dialect.MAVLink_hil_actuator_controls_message.crc_extra
@@ -313,6 +323,12 @@ def _crc_extra(message_id: int) -> int:
         return _EXTRA_STEP_DONE
     if message_id == MessageId.NEIGHBOUR:
         return _EXTRA_NEIGHBOUR
+    if message_id == MessageId.SENSOR:
+        return _EXTRA_SENSOR
+    if message_id == MessageId.SIM_STEP:
+        return _EXTRA_SIM_STEP
+    if message_id == MessageId.GPS:
+        return _EXTRA_GPS
     return -1
 
 

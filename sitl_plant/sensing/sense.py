@@ -63,6 +63,15 @@ _NEW_BAROMETER = (
 )
 _NEW_PITOT = dialect.HIL_SENSOR_UPDATED_DIFF_PRESSURE
 
+NEW = {
+    GYRO: _NEW_GYRO,
+    ACCELEROMETER: _NEW_ACCELEROMETER,
+    MAGNETOMETER: _NEW_MAGNETOMETER,
+    BAROMETER: _NEW_BAROMETER,
+    PITOT: _NEW_PITOT,
+}
+"""Bits of `fields_updated` that a sample of each kind sets."""
+
 SITE = np.dtype(
     [
         ("latitude", "f8"),  # of the origin [deg]

@@ -11,6 +11,7 @@ from ftc_autopilot.control.controllers import Source, new_controllers
 from ftc_autopilot.control.reference import profile_record
 from ftc_autopilot.hot.link import new_link
 from ftc_autopilot.hot.loop import Loop, new_loops, run
+from ftc_autopilot.hot.navigation import new_navigation
 from gcs.scenario.model import Scenario
 from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP, FTC_SIM_FLAGS_RUNNING
 from mavlink_defs.endpoint import set_receive_timeout
@@ -43,7 +44,7 @@ class Rig:
         self.controllers.profiles[0] = profile_record(scenario.segments())
         for key, value in (("active", 1), ("follows", Source.PROFILE), ("start_step", 0)):
             self.controllers.guidance[0][key] = value
-        self.link = new_link(UAV, others, 1000, TIMEOUT_STEPS / 1000, 0)
+        self.link = new_link(UAV, others, 1000, TIMEOUT_STEPS / 1000, 0, new_navigation(config))
 
     def close(self) -> None:
         for sock in (self.plant, self.neighbour, self.own, self.formation, self.gcs):

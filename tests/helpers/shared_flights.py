@@ -2,7 +2,7 @@
 
 from copy import deepcopy
 
-from gcs.fleet.in_process import Flight, add_faults, begin, fly_in_process, fly_on
+from gcs.fleet.in_process import Flight, add_faults, begin, fly_in_process, fly_on, room_of
 from gcs.results.recording import Recording, Steps
 from gcs.scenario.model import Scenario
 
@@ -15,7 +15,7 @@ def fly_sharing_the_start(scenario: Scenario) -> Recording:
     if min(fault.start_s for fault in scenario.faults) < SHARED_S:
         return fly_in_process(scenario)
     first = round(SHARED_S * 1e6 / scenario.step_us)
-    steps = Steps.room(scenario.steps, len(scenario.uavs))
+    steps = room_of(scenario, scenario.steps)
     common = scenario.model_copy(update={"faults": (), "name": "shared", "description": ""})
     flown, before = _flown(common, first)
     for ours, theirs in zip(steps.part(0, first)[1:], before[1:], strict=True):
@@ -31,7 +31,7 @@ def _flown(scenario: Scenario, steps: int) -> tuple[Flight, Steps]:
     key = scenario.model_dump_json()
     if key not in _FLOWN:
         part = scenario.model_copy(update={"duration_s": steps * scenario.step_us / 1e6})
-        flight, room = begin(part), Steps.room(steps, len(part.uavs))
+        flight, room = begin(part), room_of(part, steps)
         assert fly_on(part, flight, room.part).steps == steps
         _FLOWN[key] = flight, room
     return _FLOWN[key]

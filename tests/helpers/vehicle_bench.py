@@ -6,6 +6,7 @@ from typing import Any
 from ftc_autopilot.control.controllers import Controllers, new_controllers
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.hot.link import new_link
+from ftc_autopilot.hot.navigation import new_navigation
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
@@ -27,7 +28,9 @@ class Bench:
         config = scenario.autopilot_config(UAV)
         config = config.model_copy(update={"gcs": config.gcs * stations})
         self.controllers: Controllers = new_controllers([config])
-        self.hot = HotState(new_link(UAV, config.neighbours, config.step_us, 0.25, 0))
+        self.hot = HotState(
+            new_link(UAV, config.neighbours, config.step_us, 0.25, 0, new_navigation(config))
+        )
         self.hot.measured["velocity"] = (40.0, 0.0, 0.0)
         self.hot.heard_s = float(heard)
         self.vehicle = Vehicle(config, self.hot, self.controllers)

@@ -122,6 +122,15 @@ def test_a_fault_for_some_time_acts_now(fleet: Up) -> None:
     assert fleet.gcs("fault", "clear", *uav, "--actuator", "elevator").returncode == 0
 
 
+def test_a_sensor_of_an_aircraft_that_flies_by_its_true_state_cannot_fail(fleet: Up) -> None:
+    sensor = ("fault", "set", "--uav", "1", "--sensor", "airspeed", "--failure", "off")
+    said = failed(fleet.gcs(*sensor), REFUSED)
+    assert "has no airspeed that could fail" in said
+    assert "navigation: estimated" in said
+    (listed,) = fleet.gcs_json("fault", "list", "--uav", "1")
+    assert not [fault for fault in listed["faults"] if "sensor" in fault]
+
+
 def test_refusals_have_the_vehicle_s_reason(fleet: Up) -> None:
     done = fleet.gcs("fault", "set", "rudder", "--uav", "1,3", "--bias-deg", "80", *SOMEDAY)
     said = failed(done, REFUSED).splitlines()

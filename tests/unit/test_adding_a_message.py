@@ -39,6 +39,7 @@ USE = """
 from ftc_autopilot.control.controllers import new_controllers
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.hot.link import new_link
+from ftc_autopilot.hot.navigation import new_navigation
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from gcs.scenario.model import load_scenario
 from gcs.station.telemetry import REQUESTED_S
@@ -47,7 +48,7 @@ from mavlink_defs.framing.frames import FramePacker, parse
 from tui_bench import Station, at_screen, live
 
 config = load_scenario("paper/scenario1").autopilot_config(1)
-hot = HotState(new_link(1, config.neighbours, config.step_us, 0.25, 0))
+hot = HotState(new_link(1, config.neighbours, config.step_us, 0.25, 0, new_navigation(config)))
 hot.measured["velocity"], hot.measured["time_usec"] = (40.0, 0.0, 0.0), 9_000_000
 (telemetry,) = Vehicle(config, hot, new_controllers([config]), 1.8e9).telemetry
 for number, interval_s in REQUESTED_S.items():

@@ -15,6 +15,7 @@ import numpy as np
 from gcs.errors import BadInput
 from gcs.lab.campaigns.distributions import Choice, Distribution, quantiles
 from gcs.lab.campaigns.model import Campaign, DrawnFault
+from gcs.lab.campaigns.sensor_faults import DrawnSensorFault
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -55,9 +56,15 @@ def _drawn(column: str, distribution: Distribution) -> Dimension:
     return Dimension(column, levels, lambda uniform, _: quantiles(distribution, uniform))
 
 
-def _of_fault(column: str, fault: DrawnFault, uav_ids: Sequence[int]) -> Iterator[Dimension]:
+def _of_fault(
+    column: str, fault: DrawnFault | DrawnSensorFault, uav_ids: Sequence[int]
+) -> Iterator[Dimension]:
     yield _chosen(f"{column}.uav", fault.uavs or uav_ids)
-    yield _chosen(f"{column}.actuator", fault.actuators)
+    if isinstance(fault, DrawnSensorFault):
+        yield _chosen(f"{column}.sensor", fault.sensors)
+        yield _chosen(f"{column}.instance", fault.instances)
+    else:
+        yield _chosen(f"{column}.actuator", fault.actuators)
     yield _chosen(f"{column}.kind", list(fault.kinds))
     yield _drawn(f"{column}.start_s", fault.start_s)
     if (lasts := fault.lasts_s) is not None:
@@ -68,14 +75,19 @@ def _of_fault(column: str, fault: DrawnFault, uav_ids: Sequence[int]) -> Iterato
             lambda uniform, drawn: drawn[f"{column}.start_s"] + length.values(uniform, drawn),
         )
 
+    by_kind = {kind: by for kind, by in fault.kinds.items() if by is not None}
+
     def severity(uniform: np.ndarray, drawn: dict[str, np.ndarray]) -> np.ndarray:
         kinds = drawn[f"{column}.kind"]
         values = np.zeros(len(uniform))
-        for kind, distribution in fault.kinds.items():
+        for kind, distribution in by_kind.items():
             values[kinds == kind] = quantiles(distribution, uniform[kinds == kind])
         return values
 
-    sizes = {len(by.values) for by in fault.kinds.values() if isinstance(by, Choice)}
+    sizes = {len(by.values) for by in by_kind.values() if isinstance(by, Choice)}
+    if isinstance(fault, DrawnSensorFault):
+        yield Dimension(f"{column}.value", max(sizes, default=None), severity)
+        return
     yield Dimension(f"{column}.severity", max(sizes, default=None), severity)
     if fault.frequency_hz is not None:
         yield _drawn(f"{column}.frequency_hz", fault.frequency_hz)

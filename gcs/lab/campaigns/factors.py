@@ -26,10 +26,13 @@ _DRAWN = ("factor.", "fault.")
 _PARTS = {
     "uav": "UAV",
     "actuator": "actuator",
+    "sensor": "sensor",
+    "instance": "number of the sensor",
     "kind": "kind",
     "start_s": "onset [s]",
     "end_s": "end [s]",
     "severity": "severity",
+    "value": "value, in the unit of the sensor's kind",
 }
 """Columns of a fault as readers see them."""
 

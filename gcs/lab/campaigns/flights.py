@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from gcs.lab.campaigns.distributions import Choice, Value, value_of
 from gcs.lab.campaigns.mark import Mark
 from gcs.lab.campaigns.model import LOSS, Campaign
+from gcs.lab.campaigns.sensor_faults import DrawnSensorFault
 from gcs.lab.campaigns.store import Outcome, results_schema
 from gcs.results.figures import FLIGHT_FIGURES, UAV_FIGURES, FlightSummary
 from gcs.scenario.code import code_digest, code_version
@@ -111,6 +112,9 @@ class Flights:
 
     def _fault(self, name: str, row: Row, aircraft: Mapping[str, Any]) -> dict[str, Any]:
         """Return a drawn fault as the scenario has it."""
+        if isinstance(fault := self.campaign.faults[name], DrawnSensorFault):
+            start = f"fault.{name}."
+            return fault.fault({key.removeprefix(start): row[key] for key in row if start in key})
         drawn = {key: row[f"fault.{name}.{key}"] for key in ("uav", "actuator", "start_s")}
         if (end_s := row[f"fault.{name}.end_s"]) is not None:
             drawn["end_s"] = end_s

@@ -7,9 +7,17 @@ Errors of a file are found as in a scenario, all at once; what needs the scenari
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
-from pydantic import AfterValidator, Field, StringConstraints, model_validator
+from pydantic import (
+    AfterValidator,
+    Discriminator,
+    Field,
+    StringConstraints,
+    Tag,
+    model_validator,
+)
 
 from gcs.lab.campaigns.distributions import Choice, Distribution, support
+from gcs.lab.campaigns.sensor_faults import DrawnSensorFault
 from gcs.scenario.settings import is_number
 from mavlink_defs.config.files import read, validate
 from mavlink_defs.config.inherit import with_values
@@ -102,6 +110,19 @@ class DrawnFault(Model):
         return found
 
 
+def _part(fault: Any) -> str:
+    """Return the tag of a drawn fault: whether a sensor or an actuator fails."""
+    has_sensors = "sensors" in fault if isinstance(fault, dict) else hasattr(fault, "sensors")
+    return "<sensor>" if has_sensors else "<actuator>"
+
+
+AnyDrawnFault = Annotated[
+    Annotated[DrawnFault, Tag("<actuator>")] | Annotated[DrawnSensorFault, Tag("<sensor>")],
+    Discriminator(_part),
+]
+"""A drawn fault: of a sensor if it has the key `sensors`."""
+
+
 class Kept(Model):
     """Flights whose trajectories are kept, in ``flights/ROW``."""
 
@@ -142,8 +163,8 @@ class Campaign(Model):
     factors: Annotated[dict[Name, Factor], AtMost(1000)] = Field(
         default={}, description="Drawn values, by name."
     )
-    faults: Annotated[dict[Name, DrawnFault], AtMost(1000)] = Field(
-        default={}, description="Drawn faults, by name."
+    faults: Annotated[dict[Name, AnyDrawnFault], AtMost(1000)] = Field(
+        default={}, description="Drawn faults, by name; one with `sensors` is of a sensor."
     )
     variants: Annotated[dict[VariantName, dict[str, Any]], AtMost(1000)] = Field(
         default={"base": {}},
@@ -165,7 +186,7 @@ class Campaign(Model):
                 found[*place, "lasts_s"] = fault.lasts_s
             if fault.frequency_hz is not None:
                 found[*place, "frequency_hz"] = fault.frequency_hz
-            found |= {(*place, "kinds", kind): by for kind, by in fault.kinds.items()}
+            found |= {(*place, "kinds", kind): by for kind, by in fault.kinds.items() if by}
         return found
 
     @model_validator(mode="after")

@@ -12,7 +12,7 @@ from gcs.lab.campaigns.distributions import Choice, support
 from gcs.lab.campaigns.draws import draw_table
 from gcs.lab.campaigns.flights import Flights, Row, variant_trees
 from gcs.lab.campaigns.mark import Mark
-from gcs.lab.campaigns.model import Campaign, campaign_tree
+from gcs.lab.campaigns.model import Campaign, DrawnFault, campaign_tree
 from gcs.lab.campaigns.store import results_schema
 from gcs.scenario.bundled import base_of
 from gcs.scenario.code import code_digest, code_version
@@ -220,7 +220,7 @@ def _of_faults(campaign: Campaign, scenario: Scenario) -> Iterator[Problem]:
     limits = {uav.id: scenario.aircraft_of(uav.id).fault_limits for uav in scenario.uavs}
     ids = list(limits)
     for name, fault in campaign.faults.items():
-        for i, actuator in enumerate(fault.actuators):
+        for i, actuator in enumerate(fault.actuators if isinstance(fault, DrawnFault) else ()):
             hit = [uav for uav in fault.uavs or ids if uav in limits]
             without = [str(uav) for uav in hit if not limits[uav].has(actuator)]
             if without:

@@ -15,7 +15,9 @@ Columns of the draws: ``row`` (int64), ``variant`` (string), ``draw`` (int64, th
 variant that flies it), ``seed`` (int64), ``factor.NAME`` (double; string where a value is none,
 with lists and mappings as JSON), and of drawn faults
 ``fault.NAME.uav`` (int64), ``.actuator``, ``.kind`` (string), ``.start_s``, ``.end_s`` (null for
-good), ``.severity`` (double). The results have these and `results_schema`'s.
+good), ``.severity`` (double); of a sensor's ``.sensor`` (string), ``.instance`` (int64) and
+``.value`` (double) in place of ``.actuator`` and ``.severity``. The results have these and
+`results_schema`'s.
 """
 
 import contextlib

@@ -8,6 +8,7 @@ import numpy as np
 from gcs.lab.theory.slopes import slopes
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
+from mavlink_defs.faults import Fault
 from sitl_plant.aerodynamics import control_effectiveness
 from sitl_plant.aircraft import aircraft_record
 from sitl_plant.aircraft_config import true_aircraft
@@ -233,7 +234,7 @@ def _faults(scenario: Scenario, uav_id: int, time_s: np.ndarray) -> tuple[np.nda
     """ρ of (13), (19), and whether a fault acts, by step and actuator; shapes (n, 4)."""
     rho, faulty = np.ones((len(time_s), 4)), np.zeros((len(time_s), 4), bool)
     for target, fault in scenario.fault_commands():
-        if target == uav_id:
+        if target == uav_id and isinstance(fault, Fault):  # of a sensor, this theory knows nothing
             end_s = math.inf if math.isnan(fault.end_s) else fault.end_s
             acts = (fault.start_s <= time_s) & (time_s < end_s)  # as `apply_faults`
             rho[acts, fault.actuator] = fault.effectiveness

@@ -116,7 +116,7 @@ def test_inject_failure_off_and_stuck_and_ok() -> None:
 @pytest.mark.parametrize(
     ("params", "result"),
     [
-        ((dialect.FAILURE_UNIT_SENSOR_GPS, OFF, 0), UNSUPPORTED),
+        ((dialect.FAILURE_UNIT_SENSOR_OPTICAL_FLOW, OFF, 0), UNSUPPORTED),
         ((SERVO, dialect.FAILURE_TYPE_GARBAGE, 0), UNSUPPORTED),
         ((SERVO, OFF, 9), DENIED),
         ((NAN, OFF, 0), UNSUPPORTED),

@@ -23,6 +23,7 @@ from vehicle_bench import Bench
 from ftc_autopilot.control.controllers import Controllers, new_controllers, reset_controllers
 from ftc_autopilot.hot.checkpoint import VEHICLE, open_checkpoint, restore, save
 from ftc_autopilot.hot.link import checkpoint_records, new_link
+from ftc_autopilot.hot.navigation import new_navigation
 from ftc_autopilot.vehicle.param_table import parameters_of
 from gcs.fleet.in_process import begin, fly_in_process, fly_on
 from gcs.results.recording import Recording, Steps
@@ -122,7 +123,7 @@ def test_a_law_keeps_its_state_over_a_restart_of_its_process(tmp_path: Path, way
     name = write_law(tmp_path, way)
     config = scenario(tmp_path, controller={"kind": name}).autopilot_config(1)
     controllers = new_controllers([config])
-    link = new_link(1, config.neighbours, config.step_us, 0.25, 0)
+    link = new_link(1, config.neighbours, config.step_us, 0.25, 0, new_navigation(config))
     records = checkpoint_records(link, controllers, np.zeros(1, VEHICLE))
     saved = open_checkpoint(tmp_path / "checkpoint", records, "same")
     state = controllers.states[0]["plugin"]["own"]["numbers"]

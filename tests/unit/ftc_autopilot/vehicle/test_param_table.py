@@ -11,6 +11,7 @@ from ftc_autopilot.control.controllers import NOT_STARTED, Controllers, new_cont
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.hot.link import new_link
+from ftc_autopilot.hot.navigation import new_navigation
 from ftc_autopilot.vehicle.param_table import parameters_of
 from gcs.scenario.model import Scenario
 from gcs.station.param_metadata import known_quantity
@@ -28,7 +29,9 @@ class Bench:
     def __init__(self, scenario: Scenario) -> None:
         config = scenario.autopilot_config(2)
         self.controllers: Controllers = new_controllers([config])
-        self.hot = HotState(new_link(2, config.neighbours, config.step_us, 0.25, 0))
+        self.hot = HotState(
+            new_link(2, config.neighbours, config.step_us, 0.25, 0, new_navigation(config))
+        )
         found = parameters_of(config, self.hot, self.controllers)
         self.parameters = {parameter.name: parameter for parameter in found}
 

@@ -13,6 +13,7 @@ from ftc_autopilot.common.geography import Origin, place_of
 from ftc_autopilot.control.controllers import new_controllers
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.hot.link import GCS, new_link
+from ftc_autopilot.hot.navigation import new_navigation
 from ftc_autopilot.vehicle.status_messages import VERSION
 from ftc_autopilot.vehicle.telemetry import DEFAULT_INTERVALS_US
 from ftc_autopilot.vehicle.vehicle import Vehicle
@@ -32,7 +33,9 @@ class Bench:
     def __init__(self, scenario: Scenario) -> None:
         config = scenario.autopilot_config(3)
         self.controllers = new_controllers([config])
-        self.hot = HotState(new_link(3, config.neighbours, config.step_us, 0.25, 0))
+        self.hot = HotState(
+            new_link(3, config.neighbours, config.step_us, 0.25, 0, new_navigation(config))
+        )
         state = self.hot.measured
         state["position"] = (1000.0, 0.0, -120.0)
         state["velocity"] = (40.0, 0.0, 0.0)

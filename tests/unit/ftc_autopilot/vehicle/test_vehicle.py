@@ -162,12 +162,20 @@ def test_guided_follows_set_points(scenario1: Scenario) -> None:
     assert bench.command(dialect.MAV_CMD_DO_CHANGE_SPEED, 0.0, 450.0) == DENIED
 
 
+@pytest.mark.parametrize(
+    "number",
+    [
+        dialect.MAV_CMD_FTC_SET_FAULT,
+        dialect.MAV_CMD_FTC_SET_SENSOR_FAULT,
+        dialect.MAV_CMD_INJECT_FAILURE,
+        dialect.MAV_CMD_FTC_CLEAR_FAULTS,
+    ],
+)
 def test_fault_commands_go_to_the_simulator_unread_and_its_answer_comes_back(
-    scenario1: Scenario,
+    number: int, scenario1: Scenario
 ) -> None:
     bench = Bench(scenario1)
     params = (2.0, 0.9, 0.0, 0.0, math.nan, math.nan, 0.0)
-    number = dialect.MAV_CMD_FTC_SET_FAULT
     answers = bench.say(dialect.MAVLink_command_long_message(UAV, 1, number, 0, *params))
     assert not of_type(answers, "COMMAND_ACK")
     (forwarded,) = of_type(bench.vehicle.simulator_messages(), "COMMAND_LONG")

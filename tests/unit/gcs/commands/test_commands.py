@@ -20,6 +20,7 @@ from mavlink_defs.framing.signing import make_key
 SCENARIO_1 = str(Path(__file__).parents[4] / "scenarios" / "paper" / "scenario1.yaml")
 NOWHERE = ("--connect", "udpout:127.0.0.1:1")
 SLOT = ("formation", "slot", *NOWHERE, "1", "2", "3")
+GYRO = ("fault", "set", "--sensor", "gyro", *NOWHERE)
 RUDDER = ("fault", "set", "rudder", "--effectiveness", "0.5", *NOWHERE)
 
 
@@ -48,6 +49,19 @@ def complaint(*arguments: str) -> str:
         ((*RUDDER, "--end-s", "2", "--for-s", "2"), "--for-s"),
         ((*RUDDER, "--for-s", "0"), "--for-s"),
         (("fault", "clear", "--actuator", "flaps", *NOWHERE), "flaps"),
+        (("fault", "set", *NOWHERE), "expected an actuator"),
+        (("fault", "set", "rudder", "--sensor", "gps", *NOWHERE), "got rudder and gps"),
+        ((*RUDDER, "--fade-s", "3"), "--fade-s: does not fit an actuator; is --sensor missing?"),
+        ((*GYRO, "--effectiveness", "0.5"), "--effectiveness: does not fit a sensor"),
+        ((*GYRO, "--bias-pa", "1"), "did you mean '--bias-deg-s'?"),
+        ((*GYRO, "--delayed-s", "2"), "--delayed-s: expected [0, 1] s, got 2"),
+        ((*GYRO, "--failure", "broken"), "broken"),
+        ((*GYRO, "--failure", "off", "--axis", "x"), "--axis: expected none"),
+        ((*GYRO, "--failure", "off", "--for-s", "0"), "--for-s"),
+        (GYRO, "expected a '--failure' or a value"),
+        (("fault", "clear", "--sensor", "pitot", *NOWHERE), "pitot"),
+        (("fault", "clear", "--instance", "1", *NOWHERE), "--instance: expected a --sensor"),
+        (("fault", "clear", "--sensor", "gps", "--actuator", "rudder", *NOWHERE), "--actuator"),
         (("status", "--uav", "x"), "--uav"),
         (("status", "--uav", "0"), "--uav"),
         (("status", "--uav", ""), "--uav"),

@@ -13,6 +13,7 @@ from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.triggers import MODES
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.hot.link import new_link
+from ftc_autopilot.hot.navigation import new_navigation
 from ftc_autopilot.vehicle.param_table import parameters_of
 from gcs.scenario.model import Scenario
 from gcs.station.param_file import READ_ONLY
@@ -38,7 +39,7 @@ def held_by(scenario: Scenario, **keys: Any) -> tuple[Param, ...]:
     given = {"formation": {"slots": {2: {}}}, "guidance": {"kind": "path"}} | keys
     tree = scenario.autopilot_config(2).model_dump() | given
     config = AutopilotConfig.model_validate(tree)
-    hot = HotState(new_link(2, config.neighbours, config.step_us, 0.25, 0))
+    hot = HotState(new_link(2, config.neighbours, config.step_us, 0.25, 0, new_navigation(config)))
     found = parameters_of(config, hot, new_controllers([config]))
     return tuple(Param(p.name, decimal_of_float32(p.get()), p.type) for p in found)
 

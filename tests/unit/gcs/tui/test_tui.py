@@ -14,7 +14,7 @@ from gcs.scenario.profile_file import load_profile
 from gcs.station.notifications import INFO, Notification
 from gcs.station.vehicle_state import VehicleState
 from gcs.tui.event_log import EventLog
-from gcs.tui.fault_form import read_fault
+from gcs.tui.fault_form import kinds_of, read_fault
 from gcs.tui.fault_history import FaultHistory
 from gcs.tui.formatting import count, number, percent, seconds, sparkline
 from gcs.tui.playback import Playback
@@ -24,6 +24,7 @@ from mavlink_defs import dialect
 from mavlink_defs.constants import Actuator
 from mavlink_defs.fault_kinds import FAULT_KINDS
 from mavlink_defs.faults import Fault
+from mavlink_defs.sensor_faults import SensorFault
 from mavlink_defs.services.machine import SystemId
 
 SCENARIO_1 = Path(__file__).parents[4] / "scenarios" / "paper" / "scenario1.yaml"
@@ -104,6 +105,22 @@ def test_a_form_that_cannot_be_sent_says_why(
     assert problem in "\n".join(read.problems)
 
 
+def test_a_form_of_a_sensor_is_read_and_has_the_values_that_it_says_by_itself() -> None:
+    def read(sensor: str, kind: str, **texts: str) -> object:
+        found = read_fault(sensor, kinds_of(sensor)[kind], texts)
+        return found.fault.describe() if found.fault else found.problems
+
+    assert read("airspeed", "stuck", value="5") == "airspeed stuck from now, until cleared"
+    assert read("airspeed", "fade") == "airspeed fades in 60 s from now, until cleared"
+    bias = read("gyro", "bias", value="-2,5", instance="1", axis="y", start_s="3", end_s="4")
+    assert bias == "gyro 1 y -2.5 deg/s in (3, 4] s"
+    assert read("gyro", "bias", effectiveness="0.5") == "gyro +3 deg/s from now, until cleared"
+    assert read("gyro", "drift") == ("drift °/s^2: expected a number, got nothing",)
+    assert read("gyro", "off", instance="one") == ("instance: expected a whole number, got 'one'",)
+    assert read("gyro", "bias", axis="w") == ("axis: expected 'x', 'y' or 'z', got 'w'",)
+    assert "scale" not in kinds_of("gps")
+
+
 # event_log and fault_history
 
 
@@ -159,6 +176,22 @@ def test_a_fault_is_in_the_history_as_soon_as_it_is_listed() -> None:
     for notification in station.fleet.vehicles[3].learn_faults((RUDDER,), station.time_s):
         source.receive(notification)
     assert source.fault_history.last is not None
+
+
+def test_one_command_for_all_gyros_is_one_acknowledgement() -> None:
+    fault_history, state = FaultHistory(OWN), VehicleState(SystemId(3, 1), 0.0)
+    fault_history.receive(ack(dialect.MAV_CMD_FTC_SET_SENSOR_FAULT), 50.0)
+    gyros = tuple(SensorFault(1, 1, 0.0, number, 12.0, math.inf) for number in (1, 2))
+    state.faults = gyros
+    fault_history.update(state, 51.0)
+    assert [r.acknowledged and r.acknowledged.at for r in fault_history.records] == [50.0, 50.0]
+    fault_history.receive(ack(dialect.MAV_CMD_INJECT_FAILURE), 60.0)
+    state.faults = gyros[1:]
+    fault_history.update(state, 61.0)
+    first, second = fault_history.records
+    assert (first.phase(61.0), second.phase(61.0)) == ("cleared", "active")
+    assert first.cleared is not None
+    assert first.cleared.at == 60.0
 
 
 def test_a_restarted_vehicle_has_lost_its_faults() -> None:

@@ -3,6 +3,7 @@
 import asyncio
 
 from textual.pilot import Pilot
+from textual.widgets import Input, Select
 from tui_bench import Station, at_screen, live, playback
 from waiting import answer, until, until_focused
 
@@ -11,6 +12,7 @@ from gcs.tui.app import Dashboard
 from gcs.tui.grid import Column, Grid, Row
 from gcs.tui.view import LiveSource
 from mavlink_defs.faults import Fault
+from mavlink_defs.sensor_faults import AnyFault
 
 
 def shown(app: Dashboard) -> str:
@@ -118,10 +120,10 @@ class FaultyVehicle:
 
     def __init__(self, source: LiveSource, system: int) -> None:
         self.system, self.refuses = system, False
-        self.faults: list[Fault] = []
+        self.faults: list[AnyFault] = []
         self._source = source
 
-    async def set_fault(self, fault: Fault) -> None:
+    async def set_fault(self, fault: AnyFault) -> None:
         if self.refuses:
             raise CommandRefused(f"UAV {self.system} refused", 1)
         self.faults.append(fault)
@@ -187,3 +189,33 @@ def test_the_fault_repeated_is_the_one_just_accepted() -> None:
         assert faults[0] == faults[1] != []
 
     at_screen(source, work, (80, 24))
+
+
+def test_the_fault_form_offers_what_a_sensor_has() -> None:
+    station = Station(1, 2, 3)
+    source = live(station)
+    for system in (1, 2, 3):
+        station.vehicles[system] = FaultyVehicle(source, system)
+
+    async def work(app: Dashboard, pilot: Pilot[None]) -> None:
+        await pilot.press("3", "n")
+        await until_focused(pilot, "actuator")
+        app.query_one("#actuator", Select).value = "gyro"
+        await until(pilot, lambda: app.query_one("#axis").display)
+        assert not app.query_one("#effectiveness").display
+        app.query_one("#fault-kind", Select).value = "bias"
+        await until(pilot, lambda: "bias °/s" in shown(app))
+        app.query_one("#axis", Input).value = "w"
+        await until(pilot, lambda: "axis: expected" in shown(app))
+        app.query_one("#axis", Input).value = "x"
+        await pilot.press("ctrl+s")
+        await until_focused(pilot, "fault-list")
+        await until(pilot, lambda: "gyro x +3 deg/s" in shown(app))
+        await pilot.press("d")
+        await until(pilot, lambda: "Clear the faults of the gyro of UAV 1" in shown(app))
+        await pilot.press("escape", "n")
+        app.query_one("#actuator", Select).value = "rudder"
+        await until(pilot, lambda: app.query_one("#effectiveness").display)
+        assert not app.query_one("#axis").display
+
+    at_screen(source, work, (100, 30))

@@ -1,0 +1,184 @@
+"""From the datagrams of sensors to the estimated state: HIL_SENSOR, HIL_GPS and FTC_SIM_STEP.
+
+Sensors are noted as they come. The step, which is sent last, brings the estimate up to it. In
+lockstep only with all sensors of the step: else the plant sends all of them again. In real time
+with what has come; a HIL_SENSOR that was lost counts as one without new samples.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ftc_autopilot.config import AutopilotConfig
+from ftc_autopilot.estimation.estimate import Estimator, EstimatorConfig, estimate, new_estimator
+from mavlink_defs.dialect import FTC_SIM_FLAGS_GPS, FTC_SIM_FLAGS_LOCKSTEP
+from mavlink_defs.framing.codec import HIL_GPS, HIL_SENSOR, SIM_STEP
+from mavlink_defs.framing.drop_reason import DropReason
+from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.memory import copy_record
+
+_NONE = -1
+
+ESTIMATED = 15
+"""Numbers of an estimate: position, velocity, attitude, rates, wind, as of SIM_STATE."""
+
+ARRIVALS = np.dtype(
+    [
+        ("step", "i8"),  # the newest that was estimated, -1: none
+        ("gps_usec", "i8"),  # time of the newest HIL_GPS [µs], -1: none
+        ("has_gps", "i8"),  # 1: it is not used yet
+    ]
+)
+"""What has come of the sensors' messages."""
+
+
+class Navigation(NamedTuple):
+    """Sensors as they were heard last, and the estimator; without IMUs none is used."""
+
+    arrivals: np.ndarray  # (1,), dtype ARRIVALS
+    imus: np.ndarray  # (m,), dtype HIL_SENSOR
+    gps: np.ndarray  # (1,), dtype HIL_GPS
+    sim_step: np.ndarray  # (1,), dtype SIM_STEP
+    estimator: Estimator
+
+
+def new_navigation(config: AutopilotConfig) -> Navigation:
+    """Return the navigation of an autopilot that has heard of no sensor."""
+    arrivals = np.zeros(1, ARRIVALS)
+    arrivals["step"] = arrivals["gps_usec"] = _NONE
+    estimated = config.navigation == "estimated"
+    return Navigation(
+        arrivals,
+        np.zeros(config.sensors.imus if estimated else 0, HIL_SENSOR),
+        np.zeros(1, HIL_GPS),
+        np.zeros(1, SIM_STEP),
+        estimator_of(config),
+    )
+
+
+def estimator_of(config: AutopilotConfig) -> Estimator:
+    """Return the estimator of an autopilot, before its first sample."""
+    known = EstimatorConfig(config.sensors, config.origin, config.step_us, config.aircraft)
+    return new_estimator(known)
+
+
+def reset_navigation(navigation: Navigation, config: AutopilotConfig) -> None:
+    """Forget the flight: sensors and estimate."""
+    fresh = new_navigation(config)
+    for array, initial in zip(
+        (*navigation[:-1], *navigation.estimator), (*fresh[:-1], *fresh.estimator), strict=True
+    ):
+        array[:] = initial
+
+
+@compiled
+def is_estimated(navigation: Navigation) -> bool:
+    """Return whether the state is estimated; else the plant sends the true one."""
+    return len(navigation.imus) > 0
+
+
+@compiled
+def note_sensor(navigation: Navigation, sensor: np.void) -> int:
+    """Note a received HIL_SENSOR; return 0, or a `DropReason`.
+
+    Args:
+        navigation: Of the autopilot.
+        sensor: Payload of dtype HIL_SENSOR.
+    """
+    imu = np.int64(sensor["id"])
+    if imu >= len(navigation.imus) or not _is_finite(sensor):
+        return DropReason.OUT_OF_RANGE
+    copy_record(navigation.imus[imu], sensor)
+    return 0
+
+
+@compiled
+def _is_finite(sensor: np.void) -> bool:
+    """Return whether all values of a HIL_SENSOR are numbers whose squares are finite."""
+    total = np.float32(0.0)
+    total += sensor["xacc"] ** 2 + sensor["yacc"] ** 2 + sensor["zacc"] ** 2
+    total += sensor["xgyro"] ** 2 + sensor["ygyro"] ** 2 + sensor["zgyro"] ** 2
+    total += sensor["xmag"] ** 2 + sensor["ymag"] ** 2 + sensor["zmag"] ** 2
+    total += sensor["abs_pressure"] ** 2 + sensor["diff_pressure"] ** 2
+    total += sensor["pressure_alt"] ** 2 + sensor["temperature"] ** 2
+    return bool(np.isfinite(total))
+
+
+@compiled
+def note_gps(navigation: Navigation, gps: np.void) -> int:
+    """Note a received HIL_GPS unless it is known; return 0, or a `DropReason`.
+
+    Args:
+        navigation: Of the autopilot.
+        gps: Payload of dtype HIL_GPS.
+    """
+    arrivals = navigation.arrivals[0]
+    time_usec = np.int64(gps["time_usec"])
+    if abs(np.int64(gps["lat"])) > 900_000_000 or abs(np.int64(gps["lon"])) > 1_800_000_000:
+        return DropReason.OUT_OF_RANGE
+    if time_usec > arrivals["gps_usec"]:  # else it was sent again with the step
+        arrivals["gps_usec"], arrivals["has_gps"] = time_usec, 1
+        copy_record(navigation.gps[0], gps)
+    return 0
+
+
+@compiled
+def is_complete(navigation: Navigation, sim_step: np.void) -> bool:
+    """Return whether a step can be flown: in lockstep with all of its sensors only.
+
+    Args:
+        navigation: Of the autopilot.
+        sim_step: Payload of dtype SIM_STEP.
+    """
+    flags, arrivals = np.int64(sim_step["flags"]), navigation.arrivals[0]
+    if flags & FTC_SIM_FLAGS_LOCKSTEP == 0 or np.int64(sim_step["step"]) <= arrivals["step"]:
+        return True
+    for imu in range(len(navigation.imus)):
+        if navigation.imus[imu]["time_usec"] != sim_step["time_usec"]:
+            return False
+    return flags & FTC_SIM_FLAGS_GPS == 0 or arrivals["has_gps"] == 1
+
+
+@compiled
+def navigate(navigation: Navigation, sim_step: np.void, measured: np.void) -> None:
+    """Bring the estimate up to a step; a step that was estimated is but noted again.
+
+    Args:
+        navigation: Of the autopilot.
+        sim_step: Payload of dtype SIM_STEP.
+        measured: The estimated state, of dtype SIM_STATE.
+    """
+    arrivals, own = navigation.arrivals[0], navigation.sim_step[0]
+    copy_record(own, sim_step)
+    own["flags"] = np.int64(own["flags"]) & ~FTC_SIM_FLAGS_GPS
+    step = np.int64(own["step"])
+    if step <= arrivals["step"]:
+        write_step(own, measured)
+        return
+    for imu in range(len(navigation.imus)):
+        if navigation.imus[imu]["time_usec"] != own["time_usec"]:
+            navigation.imus[imu]["fields_updated"] = 0  # it was lost: no sample is new
+    has_gps = arrivals["has_gps"] == 1
+    estimate(navigation.estimator, navigation.imus, navigation.gps[0], has_gps, own, measured)
+    arrivals["step"], arrivals["has_gps"] = step, 0
+
+
+@compiled
+def write_step(sim_step: np.void, measured: np.void) -> None:
+    """Write what an FTC_SIM_STEP has beyond the sensors into a state."""
+    measured["time_usec"], measured["step"] = sim_step["time_usec"], sim_step["step"]
+    measured["actuator_time_usec"] = sim_step["actuator_time_usec"]
+    measured["run"], measured["flags"] = sim_step["run"], sim_step["flags"]
+    for k in range(len(measured["silent"])):
+        measured["silent"][k] = sim_step["silent"][k]
+
+
+@compiled
+def write_estimate(measured: np.void, row: np.ndarray) -> None:
+    """Write an estimated state to a row of a recording, shape (ESTIMATED,)."""
+    for k in range(3):
+        row[k] = measured["position"][k]
+        row[3 + k] = measured["velocity"][k]
+        row[6 + k] = measured["attitude"][k]
+        row[9 + k] = measured["rates"][k]
+        row[12 + k] = measured["wind"][k]
