@@ -1,1 +1,0 @@
-"""An estimate of an aircraft's motion from what its sensors report."""
