@@ -163,7 +163,7 @@ def _compare(imus: np.ndarray, filters: np.ndarray, primary: int, assumed: np.vo
         imu["differs"] = imu["differs"] + 1 if too_far else 0
         if imu["differs"] == 0 or imu["reason"] != WELL:
             continue
-        worse = misfit(kalmans[primary]) - misfit(kalmans[k])
+        worse = misfit(filters[primary]) - misfit(filters[k])
         waited = imu["differs"] * step_s > _DECIDE_S
         if worse > _SIGNIFICANT or (waited and worse > 0.0):
             chosen = k

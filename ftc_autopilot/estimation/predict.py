@@ -74,8 +74,8 @@ def predict(kalman: np.void, rates: Vec3, force: Vec3, assumed: np.void) -> None
 def propagate(kalman: np.void, assumed: np.void) -> None:
     """Advance the covariance by the time since the last call: P ← F P Fᵀ + Q, Solà, section 5.4.3."""
     P = kalman["P"]
-    _rows(P, filter)
-    _columns(P, filter)
+    _rows(P, kalman)
+    _columns(P, kalman)
     _add_noise(P, kalman, assumed)
     kalman["elapsed"], kalman["turned"] = 0.0, 0.0
     for i in range(3):
