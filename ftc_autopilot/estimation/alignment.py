@@ -3,7 +3,8 @@
 Gravity in body axes is the acceleration less the specific force; that of an aircraft that does not
 speed up is ω × v, with the airspeed for v (M. Euston et al., A complementary filter for attitude
 estimation of a fixed-wing UAV, IROS 2008). It gives roll and pitch, the magnetic field
-then the heading. Level flight gives the angle of attack: the pitch angle.
+then the heading. Level flight gives the angle of attack: the pitch angle. The further its length
+is from that of gravity, the less it says: the aircraft speeds up or falls, and counts as level.
 """
 
 import math
@@ -27,9 +28,11 @@ from ftc_autopilot.estimation.state import (
     set_euler,
 )
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.vec3 import Vec3, cross, mul, sub
+from sitl_plant.vec3 import Vec3, cross, mul, norm, sub
 
 _TILT, _HEADING = math.radians(4.0), math.radians(6.0)
+_FAR_FROM_GRAVITY = 0.25  # of it
+_UNKNOWN_TILT = math.radians(15.0)
 _UNKNOWN_HEADING = math.radians(60.0)
 _TILT_IN_TURN = 0.2  # of the roll angle that is not known
 _AIR = 4.0  # m/s, velocity through the air
@@ -61,8 +64,9 @@ def align(
     x = kalman["x"]
     u = math.sqrt(max(2.0 * pressure / assumed["density"], 0.0))
     gravity = sub(cross(rates, (u, 0.0, 0.0)), force)
-    roll = math.atan2(gravity[1], gravity[2])
-    pitch = math.atan2(-gravity[0], math.hypot(gravity[1], gravity[2]))
+    trust = max(1.0 - abs(norm(gravity) / assumed["gravity"] - 1.0) / _FAR_FROM_GRAVITY, 0.0)
+    roll = trust * math.atan2(gravity[1], gravity[2])
+    pitch = trust * math.atan2(-gravity[0], math.hypot(gravity[1], gravity[2]))
     set_euler(kalman["quaternion"], roll, pitch, 0.0)
     level = mul(rotation(kalman["quaternion"]), field)  # yaw is what turns it into the field
     north, east = assumed["field"][0], assumed["field"][1]
@@ -83,9 +87,11 @@ def align(
         kalman["sum_force"][i] = 0.0
         for j in range(3):
             kalman["sum_R"][i, j] = 0.0
-    heading = _HEADING if has_heading else _UNKNOWN_HEADING
-    _spread(kalman["P"], _TILT + _TILT_IN_TURN * abs(roll), heading, assumed)
-    kalman["aligned"] = 1
+    tilt = trust * (_TILT + _TILT_IN_TURN * abs(roll)) + (1.0 - trust) * _UNKNOWN_TILT
+    dip = abs(assumed["field"][2]) / max(math.hypot(north, east), 1e-3)
+    heading = min(math.hypot(_HEADING, dip * tilt), _UNKNOWN_HEADING)
+    _spread(kalman["P"], tilt, heading if has_heading else _UNKNOWN_HEADING, assumed)
+    kalman["aligned"], kalman["placed"] = 1, 0
 
 
 @compiled

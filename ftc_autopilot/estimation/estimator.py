@@ -10,6 +10,7 @@ from ftc_autopilot.estimation.config import EstimatorConfig, parameters_of
 from ftc_autopilot.estimation.health import WELL, is_used, new_sensor_health, note_sample, note_test
 from ftc_autopilot.estimation.imus import IMU, judge_imus, note_imu, sample_of
 from ftc_autopilot.estimation.measurements import (
+    GATE,
     fuse_barometer,
     fuse_gnss,
     fuse_magnetometer,
@@ -225,6 +226,9 @@ def _aid(
             ratios[GNSS] = fuse_gnss(
                 kalman, position, velocity, estimator.past, assumed, is_used(sensors[GNSS])
             )
+            if kalman["placed"] == 0 and ratios[GNSS] < GATE:
+                kalman["placed"] = 1
+                kalman["owed"][:] = 0.0  # from a guess to a place, at once
         if slip:
             ratios[SIDESLIP] = fuse_sideslip(kalman, _SIDESLIP_EVERY_S, assumed)
     if fixed:

@@ -48,6 +48,7 @@ FILTER = np.dtype(
         ("entry", "i8"),  # of the memory, that comes next
         ("resets", "i8"),
         ("aligned", "i8"),
+        ("placed", "i8"),  # 1: a GNSS sample was fused
     ]
 )
 """One kalman, which runs by one IMU."""
