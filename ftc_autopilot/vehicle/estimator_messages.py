@@ -131,7 +131,7 @@ class EstimatorMessages:
         return _MOVING if self._report["dead_reckoning"] else _MOVING | _PLACED
 
     def healthy(self, sensors: int) -> int:
-        """Return those of a set of MAV_SYS_STATUS_SENSOR that are not excluded."""
+        """Return a set of MAV_SYS_STATUS_SENSOR without the excluded ones."""
         report = self._report
         if report is None:
             return sensors
@@ -145,7 +145,7 @@ class EstimatorMessages:
         return sensors
 
     def fitted(self, sensors: int) -> int:
-        """Return those of a set of MAV_SYS_STATUS_SENSOR that the aircraft has."""
+        """Return a set of MAV_SYS_STATUS_SENSOR without what the aircraft does not have."""
         if self._report is None:
             return sensors
         for sensor, bit in _HEALTH.items():
@@ -204,7 +204,7 @@ class EstimatorMessages:
     def _attitude_covariance(self, attitude: Sequence[float]) -> np.ndarray:
         """Return the covariance of roll, pitch and yaw [rad²], shape (3, 3).
 
-        From that of a small turn in NED axes, by the rates of the Euler angles 3-2-1 in a turn:
+        From the covariance of a small turn in NED axes, by the rates of the Euler angles 3-2-1 in a turn:
         J. Solà, Quaternion kinematics for the error-state Kalman filter, 2017, section 4.
         """
         if self._report is None:
