@@ -96,7 +96,7 @@ def test_the_layout_names_channels_that_there_are(tmp_path: Path) -> None:
     from gcs.fleet.foxglove_layout import layout_of
 
     layout = layout_of([uav.id for uav in load_scenario("paper/scenario1").uavs])
-    named = set(re.findall(r"/[a-z0-9/]+", layout))
+    named = set(re.findall(r'"(/[a-z0-9/]+)', layout))
     assert TOPICS - {f"/uav{i}/location" for i in (1, 2, 3)} | {"/texts", "/formation"} == named
     fields = set(re.findall(r"/uav\d+/state\.(\w+)", layout))
     assert fields == {f"error_{name}" for name in ("airspeed", "roll", "pitch", "yaw")}
