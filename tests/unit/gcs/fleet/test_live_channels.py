@@ -117,7 +117,9 @@ def test_others_are_not_published() -> None:
 
 
 @pytest.mark.parametrize("angles", [(0.0, 0.0, 0.0), (0.3, -0.4, 2.0), (-1.0, 0.7, -3.0)])
-def test_the_orientation_turns_the_axes_of_the_aircraft(angles: tuple[float, ...]) -> None:
+def test_the_orientation_turns_the_axes_of_the_aircraft(
+    angles: tuple[float, float, float],
+) -> None:
     """Compared with the rotation matrix of the plant, from forward, right, down to NED."""
     q = orientation(*angles)
     x, y, z, w = (float(each) for each in numbers_of(repr(q)))
@@ -130,7 +132,9 @@ def test_the_orientation_turns_the_axes_of_the_aircraft(angles: tuple[float, ...
     )
     to_enu = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
     from_flu = np.diag([1.0, -1.0, -1.0])
-    assert turned == pytest.approx(to_enu @ np.array(R1(angles)).reshape(3, 3) @ from_flu)
+    assert turned == pytest.approx(
+        to_enu @ np.reshape(np.asarray([*R1(angles)], float), (3, 3)) @ from_flu
+    )
 
 
 def numbers_of(text: str) -> list[str]:
