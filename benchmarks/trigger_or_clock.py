@@ -2,6 +2,7 @@
 
     python -m benchmarks.trigger_or_clock
     python -m benchmarks.trigger_or_clock --laws tube --turbulence moderate --seed 7
+    python -m benchmarks.trigger_or_clock --laws tube --set controller.tube_scale=0.7
 
 Another seed draws other gusts and noise. A clock tracks as well if no IAE of any UAV is more than
 1 % above the triggered flight's.
@@ -10,7 +11,7 @@ Another seed draws other gusts and noise. A clock tracks as well if no IAE of an
 import argparse
 import itertools
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -29,7 +30,8 @@ from gcs.lab.baselines.senders import (
 from gcs.results.figures import FlightSummary
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
-from mavlink_defs.config.inherit import merged
+from gcs.scenario.settings import values_of
+from mavlink_defs.config.inherit import merged, with_values
 from mavlink_defs.constants import N_CHANNELS
 
 SENDERS = (
@@ -52,13 +54,16 @@ def fly(scenario: Scenario) -> FlightSummary:
     return summarise(fly_in_process(scenario), scenario)
 
 
-def scenario_with(law: str, trigger: str, hardware: str, turbulence: str, **keys: Any) -> Scenario:
-    """Return scenario 1 with a law and its trigger, hardware, turbulence and other keys."""
+def scenario_with(
+    law: str, trigger: str, hardware: str, turbulence: str, values: Mapping[str, Any] | None = None
+) -> Scenario:
+    """Return scenario 1 with a law and its trigger, hardware, turbulence and values by key."""
     tree = scenario_tree("paper/scenario1")
     if hardware != "ideal":
         tree = merged(tree, scenario_tree(hardware))
     own = {"controller": {"kind": law}, "trigger": {"mode": trigger}}
-    return scenario_of(Path(law), merged(tree, own | {"wind": {"turbulence": turbulence}} | keys))
+    tree = merged(tree, own | {"wind": {"turbulence": turbulence}})
+    return scenario_of(Path(law), with_values(tree, values or {}, "--set"))
 
 
 def rows(options: argparse.Namespace) -> Iterator[str]:
@@ -66,9 +71,11 @@ def rows(options: argparse.Namespace) -> Iterator[str]:
     with ThreadPoolExecutor(options.jobs) as pool:
         chosen = [sender for sender in SENDERS if sender[0] in options.laws]
         conditions = itertools.product(chosen, options.hardware, options.turbulence)
-        keys = {} if options.seed is None else {"seed": options.seed}
+        values = values_of(options.set)
+        if options.seed is not None:
+            values["seed"] = options.seed
         for (law, trigger), hardware, turbulence in conditions:
-            scenario = scenario_with(law, trigger, hardware, turbulence, **keys)
+            scenario = scenario_with(law, trigger, hardware, turbulence, values)
             cells = compare(scenario, partial(pool.map, fly))
             yield f"| {law}, {trigger} | {hardware} | {turbulence} | {' | '.join(cells)} |"
 
@@ -112,6 +119,7 @@ def main() -> None:
     parser.add_argument("--hardware", nargs="+", default=HARDWARE, choices=HARDWARE)
     parser.add_argument("--turbulence", nargs="+", default=TURBULENCE, choices=TURBULENCE)
     parser.add_argument("--seed", type=int)
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     options = parser.parse_args()
     print(

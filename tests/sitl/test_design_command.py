@@ -64,6 +64,10 @@ def test_a_flight_is_recorded_and_identified(tmp_path: Path) -> None:
         (("identify", "x:y", "--cruise", "20"), "PLANT is 'x:y', expected"),
         (("identify", "own:aerosonde", "--cruise", "5"), "the elevator would have to pass"),
         (("identify", "own:aerosonde", "--cruise", "24", "-o", "other.yaml"), "already exists"),
+        (
+            ("design", "c172p", "--plant", "{kind: jsbsim, aircraft: zeppelin}", "-o", "new.yaml"),
+            "zeppelin",
+        ),
         (("identify", "--from", "none"), "--aircraft is missing"),
         (("identify", "--from", "none", "--aircraft", "aerosonde"), "none"),
     ],

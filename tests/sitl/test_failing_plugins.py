@@ -54,5 +54,9 @@ def test_a_law_that_fails_on_one_uav_leaves_the_others_and_their_supervision(
         assert "law.py:13: ValueError: asked to" in log.read_text()
         assert "Traceback" not in fleet.stop()[1]
     messages = [message for _, message in read_tlog(fleet.folder / "flight.tlog")]
-    texts = {(m.get_srcSystem(), m.text) for m in messages if m.get_type() == "STATUSTEXT"}
+    texts = {
+        (m.get_srcSystem(), str(m.to_dict()["text"]))
+        for m in messages
+        if m.get_type() == "STATUSTEXT"
+    }
     assert {uav for uav, text in texts if "law.py:Fragile" in text} == {2}

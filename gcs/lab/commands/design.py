@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ftc_autopilot.control.laws import KINDS
-from gcs.commands.common import QuietOption, flight_progress, warm_up
+from gcs.commands.common import QuietOption, check_simulators, flight_progress, warm_up
 from gcs.commands.options import options_of, with_options
 from gcs.errors import BadInput, FlightLost
 from gcs.lab.written_files import check_out, write_out
@@ -130,6 +130,7 @@ def design(
     console = console_of(quiet=options.quiet)
     text = text_of(made, options.command(Path(aircraft).name))
     scenario = scenario_of(options.out or "the design", plain(tree_of(made)))
+    check_simulators(scenario)
     for warning in made.warnings:
         console.print(f"warning: {warning}", soft_wrap=True)
     if options.out is not None:
