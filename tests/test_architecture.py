@@ -96,21 +96,24 @@ def test_the_core_runs_without_the_lab(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("package", "command"),
+    ("package", "command", "extra"),
     [
-        ("SALib", ("campaign", "campaigns/uncertainty")),
-        ("distributed", ("sweep", "paper/scenario1")),
-        ("jinja2", ("fly", "--campaign", "here", "--row", "1")),
+        ("SALib", ("campaign", "campaigns/uncertainty"), "lab"),
+        ("distributed", ("sweep", "paper/scenario1"), "lab"),
+        ("jinja2", ("fly", "--campaign", "here", "--row", "1"), "lab"),
+        ("aiohttp", ("web",), "web"),
+        ("textual_serve", ("web",), "web"),
+        ("foxglove", ("up", "paper/scenario1", "--free-ports", "--foxglove"), "foxglove"),
     ],
 )
 def test_a_missing_package_is_one_line(
-    package: str, command: tuple[str, ...], tmp_path: Path
+    package: str, command: tuple[str, ...], extra: str, tmp_path: Path
 ) -> None:
     done = run_without([package], tmp_path, "-m", "gcs", *command)
     assert done.returncode == 2
     first, hint = done.stderr.splitlines()
     assert package in first
-    assert hint == "hint: pip install 'ftc-sitl[lab]'"
+    assert hint == f"hint: pip install 'ftc-sitl[{extra}]'"
 
 
 def test_the_packages_match_the_extra() -> None:

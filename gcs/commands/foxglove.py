@@ -34,7 +34,8 @@ class FoxgloveServer:
     """The channels of a fleet, served to Foxglove.
 
     Attributes:
-        lines: How to open them, for the user.
+        url: Where clients connect.
+        lines: How to open it, for the user.
     """
 
     def __init__(self, scenario: Scenario, folder: Path, address: UdpAddress) -> None:
@@ -74,9 +75,10 @@ class FoxgloveServer:
             )
         except Exception as problem:  # the SDK's own, of whatever kind
             raise BadInput(f"--foxglove: cannot serve at {address}: {problem}") from problem
+        self.url = f"ws://{address}"
         self.lines = (
             f"Foxglove: open {self._server.app_url()}",
-            f"or a connection to ws://{address} in its desktop app; layout to import: {layout}",
+            f"or a connection to {self.url} in its desktop app; layout to import: {layout}",
         )
 
     def stop(self) -> None:

@@ -191,14 +191,20 @@ def _up(
 
     feeding: list[asyncio.Future[None]] = []
 
+    def feed_ended(feed: "asyncio.Future[None]") -> None:
+        if not feed.cancelled() and (problem := feed.exception()) is not None:
+            stderr.print(f"Foxglove gets no more data: {problem}; the fleet flies on")
+
     def ready() -> None:
         _announce(scenario, folder, hub, console, options)
         if server is not None:
             for line in server.lines:
                 console.print(f"  {line}", soft_wrap=True)
             feeding.append(asyncio.ensure_future(server.feed(hub)))
+            feeding[0].add_done_callback(feed_ended)
         if options.as_json:
-            print_json(_addresses(scenario, folder, hub))
+            served = {} if server is None else {"foxglove": server.url}
+            print_json(_addresses(scenario, folder, hub) | served)
 
     stderr = console_of()
     fleet = keep_up(

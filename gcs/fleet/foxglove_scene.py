@@ -1,6 +1,6 @@
 """The formation in Foxglove's 3D panel: arrows, ways and labels. Needs the extra `foxglove`.
 
-Foxglove's axes point east, north and up, those of an aircraft ahead, left and up.
+Axes of the scene point east, north and up; axes of an aircraft ahead, left and up.
 """
 
 import math
@@ -27,7 +27,7 @@ from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
 
 FRAME = "formation"
-"""Frame of the scene; its origin is that of the local frame."""
+"""Frame of the scene, with the origin of the local frame."""
 
 _WAY_S = 30.0
 _WAY_POINTS = 150

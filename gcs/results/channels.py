@@ -64,7 +64,7 @@ EVENT = Kind("event", "ftc_sitl.event", {"actuator": _TEXT, "value": _NUMBER, "c
 """A transmission: its actuator, the command sent [rad, N], and its number on that channel."""
 
 FAULTS = Kind("faults", "ftc_sitl.faults", dict.fromkeys(ACTUATORS, _TEXT))
-"""What the plant does to each actuator: "none", or the fault in words."""
+"""What the plant does to each actuator: "none", or the description of the fault."""
 
 _SECONDS: Mapping[str, Any] = {
     "type": "object",

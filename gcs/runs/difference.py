@@ -1,7 +1,9 @@
 """Two flights compared: what differs in their scenarios, and in what they did."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from rich import box
 from rich.table import Table
@@ -80,6 +82,55 @@ def difference(old: Flight, new: Flight) -> Iterator[Table | str]:
         yield "both were flown by the same code" if same else "they were flown by different codes"
 
 
+def difference_data(old: Flight, new: Flight) -> dict[str, Any]:
+    """Return the same as data for JSON: figures by name, in the units of summaries.
+
+    `scenario` is null if one of them has stored none, `same_code` if it is unknown.
+    """
+    flights = {"old": old, "new": new}
+    ids = sorted({uav.id for flight in flights.values() for uav in flight.summary.uavs})
+    known = bool(old.keys and new.keys)
+    return {
+        **{name: _ending_data(flight) for name, flight in flights.items()},
+        "uavs": [_uav_data(system, flights) for system in ids],
+        "scenario": {
+            name: {which: flight.keys.get(name) for which, flight in flights.items()}
+            for name in _differing(old, new)
+        }
+        if known
+        else None,
+        "same_code": old.digest == new.digest if old.digest and new.digest else None,
+    }
+
+
+def _ending_data(flight: Flight) -> dict[str, Any]:
+    outcome, reason = outcome_of(flight.summary)
+    return {
+        "folder": str(flight.folder),
+        "outcome": outcome,
+        "reason": reason or None,
+        "duration_s": flight.summary.duration_s,
+    }
+
+
+def _uav_data(system: int, flights: Mapping[str, Flight]) -> dict[str, Any]:
+    uavs = {name: flight.summary.uav(system) for name, flight in flights.items()}
+    by_name = {figure.name: figure for figure in UAV_FIGURES}
+    figures = {}
+    for name in _COMPARED:
+        values = {
+            which: None if uav is None else by_name[name].of(uav) for which, uav in uavs.items()
+        }
+        before, after = values["old"], values["new"]
+        change = None if before is None or after is None else after - before
+        figures[name] = {**values, "change": change}
+    diagnosis = {
+        which: None if uav is None else [asdict(one) for one in uav.diagnosis]
+        for which, uav in uavs.items()
+    }
+    return {"uav": system, "figures": figures, "diagnosis": diagnosis}
+
+
 def _figures(old: FlightSummary, new: FlightSummary) -> Table:
     """Return the figures of every UAV, with the change of each."""
     columns = (texts("UAV"), texts("figure"), *map(numbers, ("old", "new", "change", "in %")))
@@ -155,11 +206,21 @@ def _keys(old: Flight, new: Flight) -> Iterator[str]:
             "what differs in the scenarios is unknown"
         )
         return
-    names = [name for name in dict.fromkeys((*old.keys, *new.keys)) if name != "name"]
-    differing = [name for name in names if old.keys.get(name) != new.keys.get(name)]
+    differing = _differing(old, new)
     if not differing:
         yield "their scenarios are the same"
         return
-    yield f"{len(differing)} of {len(names)} keys of their scenarios differ, old → new:"
+    count = len(_compared_keys(old, new))
+    yield f"{len(differing)} of {count} keys of their scenarios differ, old → new:"
     for name in differing:
         yield f"  {name}: {old.keys.get(name, '-')} → {new.keys.get(name, '-')}"
+
+
+def _compared_keys(old: Flight, new: Flight) -> list[str]:
+    """Return the keys of both scenarios, but for their names."""
+    return [name for name in dict.fromkeys((*old.keys, *new.keys)) if name != "name"]
+
+
+def _differing(old: Flight, new: Flight) -> list[str]:
+    """Return the keys of the scenarios that differ."""
+    return [name for name in _compared_keys(old, new) if old.keys.get(name) != new.keys.get(name)]

@@ -238,15 +238,17 @@ def decide(
         confirm = limits.confirm
     else:
         moved = actuator["measured"] - actuator["stuck"]
-        if not is_throttle and not is_new and abs(moved) > limits.jump:  # it may be free again
+        may_return = actuator["decided_s"] > gains["return_start_s"]
+        arrived = may_return and not is_throttle and _has_arrived(actuator, moved, limits, gains)
+        jumped = abs(moved) > limits.jump and not arrived
+        if not is_throttle and not is_new and jumped:  # it may be free again
             actuator["decided_s"] = 0.0
             restart_instrument(actuator)
         actuator["stuck"] += dt / gains["mean_s"] * moved
         r = actuator["measured"] - actuator["commanded"]
         small = abs(r) < gains["quiet"] * limits.jump
         actuator["quiet_s"] = actuator["quiet_s"] + dt if small else 0.0
-        may_return = actuator["decided_s"] > gains["return_start_s"]
-        seen = may_return and _follows(actuator, limits, gains, is_throttle)
+        seen = arrived or (may_return and _follows(actuator, limits, gains, is_throttle))
         confirm = gains["return_confirm_s"]
         least = max(gains["weak_effectiveness"], gains["weak_sigma"] * found.dither_error)
         if on_trial and actuator["decided_s"] > gains["trial_least_s"] and found.by_dither > least:
@@ -325,6 +327,14 @@ def _is_lost(
         and actuator["var_y"] < min(flat, gains["min_response_ratio"] * actuator["var_u"])
         and actuator["suspect_s"] > 0.0
     )
+
+
+@compiled
+def _has_arrived(actuator: np.void, moved: float, limits: Limits, gains: np.void) -> bool:
+    """Return whether a lost surface has jumped most of the way to a command far away from it."""
+    way = actuator["commanded"] - (actuator["measured"] - moved)
+    is_far = abs(way) > gains["return_way"] * limits.jump
+    return bool(is_far and moved / way > gains["return_effectiveness"])
 
 
 @compiled

@@ -78,10 +78,16 @@ def probe(j: int, gains: np.void, state: np.void) -> float:
 
 
 @compiled
-def probed(j: int, gains: np.void, state: np.void) -> float:
-    """Return a command for the lost surface j: its position plus a movement [rad].
+def probed(j: int, base: float, gains: np.void, state: np.void) -> float:
+    """Return a command for the lost surface j: a position plus a movement [rad].
 
     At first it is moved far and fast, to find out whether it still has a share of its power.
+
+    Args:
+        j: The surface, number as FTC_ACTUATOR.
+        base: The position [rad]: where it is stuck, or where it should be once it moves again.
+        gains: Parameters, record made of `DiagnosisParameters`.
+        state: Record of dtype `DIAGNOSIS`.
     """
     actuator = state["actuators"][j]
     move = probe(j, gains, state)
@@ -91,4 +97,4 @@ def probed(j: int, gains: np.void, state: np.void) -> float:
         size: float = gains["trial_rad"][j]
         move = size if actuator["decided_s"] % (2.0 * half) < half else -size
         actuator["dither"] = move
-    return float(actuator["stuck"]) + move
+    return base + move

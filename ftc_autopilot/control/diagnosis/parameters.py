@@ -172,6 +172,9 @@ class DiagnosisParameters(Model):
     return_confirm_s: float = _time(0.05, "Return test: confirmation time.")
     quiet: float = _number(0.75, "Return test: a small residual, relative to the jump threshold.")
     return_effectiveness: float = _number(0.6, "Return test: least effectiveness, long memory.")
+    return_way: float = _number(
+        2.0, "Return test: a command far from where a surface was, in jump thresholds."
+    )
     weak_effectiveness: float = _number(0.13, "Return test: an actuator with less stays lost.")
     weak_sigma: float = _number(5.5, "Return test: standard errors between it and none.")
     return_r2: float = _number(0.6, "Return test: least coefficient of determination.")

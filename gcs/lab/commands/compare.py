@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gcs.terminal import console_of
+from gcs.errors import BadInput
+from gcs.terminal import console_of, print_json
 
 if TYPE_CHECKING:
     from gcs.lab.campaigns.findings import Findings
@@ -17,6 +18,7 @@ Examples:
 - gcs compare old new --fail-if 'worse p(success) at 99 %' --fail-if 'worse iae_roll at 99 %'
 - gcs compare old new --fail-if 'p(attitude_lost) > 0.02 at 95 %' --junit gate.xml
 - gcs compare runs/first runs/second    (two flights)
+- gcs compare runs/first runs/second --json | jq '.uavs[].figures.messages.change'
 
 Exit status: 0 no check failed, 1 one failed or a file cannot be written, 2 bad input.
 """
@@ -48,6 +50,9 @@ def compare(
     markdown: Annotated[
         Path | None, typer.Option(help="Write a summary for the page of a CI job.", metavar="FILE")
     ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Two flights: print JSON, nothing else.")
+    ] = False,
 ) -> None:
     """Test whether a campaign is worse than another one, or show how two flights differ.
 
@@ -57,14 +62,16 @@ def compare(
     condition, shows what could have escaped it.
 
     Of two flights: figures of every UAV, decisions of the diagnosis, and the keys in which their
-    scenarios differ. Nothing is tested, so the options do not apply.
+    scenarios differ. Nothing is tested, so of the options only --json applies.
     """
     from gcs.runs.difference import is_flight
 
     kinds = [is_flight(old), is_flight(new)]
     if any(kinds):
-        _compare_flights(old, new, kinds, [*(fail_if or ()), junit, markdown])
+        _compare_flights(old, new, kinds, [*(fail_if or ()), junit, markdown], as_json)
         return
+    if as_json:
+        raise BadInput("--json is of two flights", "campaigns have --junit and --markdown")
     from gcs.lab.campaigns.findings import findings_of
     from gcs.lab.campaigns.gate import DEFAULT, gate, parse_rules
     from gcs.lab.reports import gate as reports
@@ -87,14 +94,15 @@ def compare(
         raise typer.Exit(1)
 
 
-def _compare_flights(old: Path, new: Path, kinds: list[bool], options: list[object]) -> None:
+def _compare_flights(
+    old: Path, new: Path, kinds: list[bool], options: list[object], as_json: bool
+) -> None:
     """Show how two flights differ.
 
     Raises:
         BadInput: One of them is none, or has not ended; or an option is for campaigns.
     """
-    from gcs.errors import BadInput
-    from gcs.runs.difference import Flight, difference
+    from gcs.runs.difference import Flight, difference, difference_data
 
     if not all(kinds):
         folder, other = (old, new) if kinds[0] else (new, old)
@@ -104,6 +112,9 @@ def _compare_flights(old: Path, new: Path, kinds: list[bool], options: list[obje
     if any(option is not None for option in options):
         text = "--fail-if, --junit and --markdown test campaigns; a flight is a single draw"
         raise BadInput(text, "leave them out, or fly a campaign")
+    if as_json:
+        print_json(difference_data(Flight(old), Flight(new)))
+        return
     console = console_of(stderr=False)
     for part in difference(Flight(old), Flight(new)):
         console.print(part, soft_wrap=isinstance(part, str))
@@ -116,8 +127,6 @@ def _checked(old: "Findings", new: "Findings") -> list[str]:
         BadInput: A campaign is unfinished, or the new one lacks a variant: either would hide
             flights.
     """
-    from gcs.errors import BadInput
-
     problems = []
     for each in (old, new):
         ended = sum(map(len, each.ended.values()))

@@ -14,6 +14,7 @@ from mavlink_defs.runtime.jit import compiled
 from sitl_plant.aerodynamics import lateral
 from sitl_plant.aircraft import AircraftRecord
 from sitl_plant.rigid_body import angular_acceleration
+from sitl_plant.stops import range_of
 from sitl_plant.vec3 import Vec3, clamp, mat3, mul
 
 _AT_THE_STOP = 0.92  # of the stop
@@ -114,7 +115,8 @@ def driven_aileron(now: Step, gains: np.void, state: np.void, stops: tuple[float
         more = math.copysign(now.dt * gains["driving_rad_s"], state["rudder_mean"])
         driven = state["aileron_driven"] + more
         state["aileron_driven"] = clamp(driven, -_LARGEST_DRIVE, _LARGEST_DRIVE)
-    aileron: float = probed(AILERON, gains["diagnosis"], state["diagnosis"])
+    stuck = float(state["diagnosis"]["actuators"][AILERON]["stuck"])
+    aileron: float = probed(AILERON, stuck, gains["diagnosis"], state["diagnosis"])
     return aileron + float(state["aileron_driven"])
 
 
@@ -135,3 +137,29 @@ def aileron_for_roll(
     needed = (commanded[0] - by_itself - by_rudder * rudder["measured"]) / by_aileron
     corrected: float = (needed - aileron["offset"]) / aileron["effectiveness"]
     return corrected
+
+
+@compiled
+def waiting_rudder(
+    now: Step, aircraft: AircraftRecord, gains: np.void, diagnosis: np.void
+) -> float:
+    """Return what the lost rudder is sent [rad]: its position and a probe.
+
+    While the heading is so far off that its loop asks for the largest yaw rate, it is sent to the
+    stop that would turn it back: that costs nothing while it is stuck, and ends the turn at once
+    when it moves again.
+
+    Args:
+        now: The present step.
+        aircraft: Nominal aircraft.
+        gains: Parameters, record made of `Surviving`.
+        diagnosis: Record of dtype `DIAGNOSIS`.
+    """
+    base = float(diagnosis["actuators"][RUDDER]["stuck"])
+    error = now.errors.e[2]
+    if gains["K1"][2] * abs(error) > gains["rate_limit_rad_s"][2]:
+        room = gains["diagnosis"]["trial_rad"][RUDDER]  # for its movements
+        lowest, highest = range_of(aircraft, RUDDER)
+        yaw_by_rudder = now.motion.air.C[2][2]
+        base = lowest + room if error * yaw_by_rudder > 0.0 else highest - room
+    return float(probed(RUDDER, base, gains["diagnosis"], diagnosis))

@@ -12,6 +12,7 @@ from ftc_autopilot.control.laws.surviving.lateral import (
     driven_aileron,
     lateral_trim,
     rudder_for_roll,
+    waiting_rudder,
 )
 from ftc_autopilot.control.laws.surviving.longitudinal import pitch_trim, thrust_for_pitch
 from ftc_autopilot.control.step import ALL, Command, SignalsRecord, Step, Thresholds
@@ -81,15 +82,19 @@ def reconfigured(
         state["aileron_driven"], state["rudder_mean"] = 0.0, now.held[RUDDER]
         if no_rudder:
             aileron = aileron_for_roll(now, commanded, aircraft, diagnosis)
-    if no_rudder:
-        rudder = probed(RUDDER, gains["diagnosis"], diagnosis) if has_rudder else 0.0
+    if no_rudder and has_rudder:
+        rudder = waiting_rudder(now, aircraft, gains, diagnosis)
+    elif no_rudder:
+        rudder = 0.0
     if no_elevator:
         if abs(now.errors.e[1]) > gains["pitch_error_limit_rad"] and not no_throttle:
             state["gave_up_speed"] = 1
         if state["gave_up_speed"] == 0:  # as if it were healthy, for the moment when it is
             elevator += probe(ELEVATOR, gains["diagnosis"], diagnosis)
         else:
-            elevator = probed(ELEVATOR, gains["diagnosis"], diagnosis)
+            elevator = probed(
+                ELEVATOR, float(actuators[ELEVATOR]["stuck"]), gains["diagnosis"], diagnosis
+            )
             level = pitch_trim(now, aircraft, gains, diagnosis)
             thrust = thrust_for_pitch(now, level, aircraft, gains, state)
     else:

@@ -66,6 +66,19 @@ def test_figures_diagnosis_and_keys_that_differ_are_shown(pair: tuple[Path, Path
     assert "faults[0].uav: 3 → 2" in text
     assert "2 of " in text
     assert "new: heading lost, 0.05 s: UAV 2" in text
+    data = json.loads(compared("--json"))
+    assert [uav["figures"]["messages"]["change"] for uav in data["uavs"]] == [0, 7, 0]
+    assert data["uavs"][1]["figures"]["iae_roll"]["old"] == before
+    assert data["uavs"][1]["figures"]["iae_roll"]["new"] == 2 * before
+    assert data["uavs"][1]["figures"]["heading_lost_at_s"] == {
+        "old": None,
+        "new": 0.04,
+        "change": None,
+    }
+    assert data["uavs"][1]["diagnosis"] == {"old": [], "new": own["diagnosis"]}
+    assert data["scenario"].keys() == {"trigger.b2_deg", "faults[0].uav"}
+    assert (data["old"]["outcome"], data["new"]["outcome"]) == ("completed", "heading_lost")
+    assert data["same_code"] is True
 
 
 def test_a_flight_of_an_earlier_version_is_compared_by_its_figures(pair: tuple[Path, Path]) -> None:
@@ -73,6 +86,8 @@ def test_a_flight_of_an_earlier_version_is_compared_by_its_figures(pair: tuple[P
         (pair[0] / name).unlink()
     text = compared()
     assert "old has no scenario.yaml" in text
+    data = json.loads(compared("--json"))
+    assert data["scenario"] is data["same_code"] is None
     assert "code" not in text
 
 

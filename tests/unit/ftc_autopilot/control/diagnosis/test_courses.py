@@ -83,7 +83,7 @@ def test_one_actuator_alone(name: str) -> None:
         elif actuator["lost"] == 0:
             command = dithered(base, j, (-STOP, STOP), GAINS, state)
         else:
-            command = probed(j, GAINS, state)
+            command = probed(j, float(actuator["stuck"]), GAINS, state)
         sent.append((command, float(actuator["dither"])))
         received, _ = sent[-1 - case.late]
         fails = case.begin_s <= t < case.end_s

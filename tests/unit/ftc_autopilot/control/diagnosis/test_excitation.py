@@ -100,14 +100,13 @@ def test_a_lost_surface_is_tried_at_first_and_then_probed(j: int) -> None:
     """About where it is stuck: for 0.6 s far and fast to either side, then by the probe."""
     state = np.zeros(1, DIAGNOSIS)[0]
     state["age"], actuator = 0.2, state["actuators"][j]
-    actuator["stuck"] = -0.2
     trial, small = np.radians([10.0, 10.0, 12.0])[j], np.radians([2.0, 2.5, 4.0])[j]
     for halves in range(10):
         actuator["decided_s"] = (halves + 0.99) * HALVES[j]
         move = trial if halves % 2 == 0 else -trial
-        assert probed(j, GAINS, state) == pytest.approx(-0.2 + move)
+        assert probed(j, -0.2, GAINS, state) == pytest.approx(-0.2 + move)
         assert actuator["dither"] == pytest.approx(move)
     for decided_s in (0.6, 0.61, 9.0):
         actuator["decided_s"] = decided_s
-        assert probed(j, GAINS, state) == pytest.approx(-0.2 + small)
+        assert probed(j, -0.2, GAINS, state) == pytest.approx(-0.2 + small)
         assert actuator["dither"] == 0.0
