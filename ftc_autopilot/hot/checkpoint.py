@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ftc_autopilot.estimation.estimate import Estimator
+from ftc_autopilot.estimation.estimator import Estimator
 from mavlink_defs.config.output_files import naming
 from mavlink_defs.runtime.jit import compiled
 

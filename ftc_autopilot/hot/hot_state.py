@@ -43,7 +43,8 @@ class HotState:
         repeated: Events sent again, by channel.
         sequence: Frames sent to the plant.
         edge_changes: Neighbours dropped or restored.
-        measured: Last state, dtype `mavlink_defs.framing.codec.SIM_STATE`.
+        measured: Last state, received or estimated, dtype `mavlink_defs.framing.codec.SIM_STATE`.
+        navigation: Sensors and estimator.
         neighbours: System ids of the neighbours.
         edges: 1 for each neighbour that is heard, 0 for a dropped one, shape (degree,).
         drops: Datagrams dropped, by link (GCS, FORMATION, SIMULATOR, PLANT of
@@ -62,6 +63,7 @@ class HotState:
         self._both = link
         self._link, self._formation = _numbers(link.state), _numbers(link.formation.state)
         self.measured: np.void = link.simulator.measured[0]
+        self.navigation = link.navigation
         self._time_us = link.simulator.measured["time_usec"]
         self.neighbours: list[int] = link.formation.neighbours.tolist()
         self.edges = link.formation.edges

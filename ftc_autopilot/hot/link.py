@@ -241,7 +241,8 @@ def prepare_step(
     away = fresh and lockstep and state["away"] > 0
     ahead = passed_over = 0
     if fresh and not lockstep:
-        ahead = note_age(state, plant_fd, step, 1_000_000 // state["step_us"])
+        datagrams = len(link.navigation.imus) + 1
+        ahead = note_age(state, plant_fd, step, 1_000_000 // state["step_us"], datagrams)
         passed_over = step - state["step"] - 1 if state["step"] >= 0 else 0
     note_plant(formation, lockstep, passed_over, step + ahead, state["heard_s"])
     if fresh:

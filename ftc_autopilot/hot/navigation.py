@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ftc_autopilot.config import AutopilotConfig
-from ftc_autopilot.estimation.estimate import Estimator, EstimatorConfig, estimate, new_estimator
+from ftc_autopilot.estimation.estimator import Estimator, EstimatorConfig, estimate, new_estimator
 from mavlink_defs.dialect import FTC_SIM_FLAGS_GPS, FTC_SIM_FLAGS_LOCKSTEP
 from mavlink_defs.framing.codec import HIL_GPS, HIL_SENSOR, SIM_STEP
 from mavlink_defs.framing.drop_reason import DropReason
@@ -47,9 +47,11 @@ def new_navigation(config: AutopilotConfig) -> Navigation:
     arrivals = np.zeros(1, ARRIVALS)
     arrivals["step"] = arrivals["gps_usec"] = _NONE
     estimated = config.navigation == "estimated"
+    imus = np.zeros(config.sensors.imus if estimated else 0, HIL_SENSOR)
+    imus["time_usec"] = np.iinfo(np.uint64).max  # of no step
     return Navigation(
         arrivals,
-        np.zeros(config.sensors.imus if estimated else 0, HIL_SENSOR),
+        imus,
         np.zeros(1, HIL_GPS),
         np.zeros(1, SIM_STEP),
         estimator_of(config),

@@ -33,7 +33,7 @@ def forget_age(state: np.ndarray) -> None:
 
 
 @compiled
-def note_age(state: np.void, fd: int, step: int, second_steps: int) -> int:
+def note_age(state: np.void, fd: int, step: int, second_steps: int, datagrams: int = 1) -> int:
     """Note that the newest state that was received is acted on now, and the one before no more.
 
     Args:
@@ -41,6 +41,7 @@ def note_age(state: np.void, fd: int, step: int, second_steps: int) -> int:
         fd: Socket that all states were taken from.
         step: Step of the state.
         second_steps: Control periods in a second.
+        datagrams: How many the plant sends in a step, at least.
 
     Returns:
         How many steps the plant is ahead of the state, as far as is known.
@@ -49,7 +50,7 @@ def note_age(state: np.void, fd: int, step: int, second_steps: int) -> int:
     if before == _NONE or step > before + 1:
         lost = datagrams_lost(fd)
         if before != _NONE:
-            ahead = max(lost - state["lost"], 0)
+            ahead = max(lost - state["lost"], 0) // datagrams
         state["lost"] = lost
     state["acted_step"] = step
     passed = step - state["second_step"]

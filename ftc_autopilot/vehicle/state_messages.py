@@ -133,10 +133,10 @@ class StateMessages:
         return dialect.MAVLink_attitude_message(self._clock.boot_ms, *numbers)
 
     @message(dialect.MAVLink_attitude_quaternion_message, every_s=0.2)
-    def attitude_quaternion(self) -> MAVLink_message:
+    def attitudequaternion_of(self) -> MAVLink_message:
         """Return ATTITUDE_QUATERNION: body to NED, scalar first."""
         q1, q2, q3, q4, p, q, r = float32s(
-            (*_quaternion(*self._vector("attitude")), *self._vector("rates"))
+            (*quaternion_of(*self._vector("attitude")), *self._vector("rates"))
         )
         return dialect.MAVLink_attitude_quaternion_message(
             self._clock.boot_ms, q1, q2, q3, q4, p, q, r
@@ -145,7 +145,7 @@ class StateMessages:
     @message(dialect.MAVLink_attitude_target_message)
     def attitude_target(self) -> MAVLink_message:
         """Return ATTITUDE_TARGET: the filtered reference; the airspeed is in FTC_TRACKING."""
-        q = _quaternion(*self._signals["reference"][1:4].tolist())
+        q = quaternion_of(*self._signals["reference"][1:4].tolist())
         mask = (
             dialect.ATTITUDE_TARGET_TYPEMASK_BODY_ROLL_RATE_IGNORE
             | dialect.ATTITUDE_TARGET_TYPEMASK_BODY_PITCH_RATE_IGNORE
@@ -198,7 +198,7 @@ class StateMessages:
             dialect.MAV_FRAME_LOCAL_NED,
             dialect.MAV_FRAME_BODY_FRD,
             *(x, y, z),
-            float32s(_quaternion(*self._vector("attitude"))),
+            float32s(quaternion_of(*self._vector("attitude"))),
             *(u, v, w, p, q, r),
             unknown,
             unknown,
@@ -280,7 +280,7 @@ def _pulse(share: float) -> int:
     return whole_within(_ZERO_PWM_US + _SPAN_PWM_US * share, 1000, 2000)
 
 
-def _quaternion(roll: float, pitch: float, yaw: float) -> Sequence[float]:
+def quaternion_of(roll: float, pitch: float, yaw: float) -> Sequence[float]:
     """Return body to NED, scalar first, from angles [rad]; NaN if one is not finite."""
     if not math.isfinite(roll + pitch + yaw):
         return (math.nan,) * 4

@@ -7,6 +7,7 @@ from importlib.metadata import version
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.vehicle.battery import CELLS, CURRENT_CA, battery_at
 from ftc_autopilot.vehicle.clock import VehicleClock
+from ftc_autopilot.vehicle.estimator_messages import EstimatorMessages
 from ftc_autopilot.vehicle.message import message
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
@@ -39,7 +40,6 @@ _SENSORS = (
     | dialect.MAV_SYS_STATUS_PREARM_CHECK
     | _ACTUATORS
 )
-_ALL_KNOWN = 0b11_0111_1111  # EKF_STATUS_REPORT.flags
 _UINT16, _UNKNOWN_I16 = 2**16 - 1, 2**15 - 1  # the former also: no such cell
 _VOLTAGES = 10  # of BATTERY_STATUS
 
@@ -51,11 +51,12 @@ class StatusMessages:
         self,
         config: AutopilotConfig,
         actuators_healthy: Callable[[], bool],
+        estimator: EstimatorMessages,
         frames_dropped: Callable[[], int],
         clock: VehicleClock,
     ) -> None:
         self._actuators_healthy, self._frames_dropped = actuators_healthy, frames_dropped
-        self._clock = clock
+        self._clock, self._estimator = clock, estimator
         self._system = config.id
         self._capabilities = _CAPABILITIES | config.param_capability
 
@@ -81,16 +82,17 @@ class StatusMessages:
         stream=dialect.MAV_DATA_STREAM_EXTENDED_STATUS,
     )
     def sys_status(self) -> MAVLink_message:
-        """Return SYS_STATUS: all is well, but what the diagnosis of the actuators finds.
+        """Return SYS_STATUS: all is well, but what the diagnosis and the estimator exclude.
 
         It counts drops on the ground stations' links.
         """
-        health = _SENSORS if self._actuators_healthy() else _SENSORS & ~_ACTUATORS
+        present = self._estimator.fitted(_SENSORS)
+        health = present if self._actuators_healthy() else present & ~_ACTUATORS
         battery = battery_at(self._clock.boot_us / 1e6)
         return dialect.MAVLink_sys_status_message(
-            _SENSORS,
-            _SENSORS,
-            health,
+            present,
+            present,
+            self._estimator.healthy(health),
             0,  # load
             CELLS * battery.cell_mv,
             CURRENT_CA,
@@ -120,12 +122,6 @@ class StatusMessages:
             battery.time_left_s,
             dialect.MAV_BATTERY_CHARGE_STATE_OK,
         )
-
-    @staticmethod
-    @message(dialect.MAVLink_ekf_status_report_message)
-    def ekf_status_report() -> MAVLink_message:
-        """Return EKF_STATUS_REPORT: the state is no estimate."""
-        return dialect.MAVLink_ekf_status_report_message(_ALL_KNOWN, 0.0, 0.0, 0.0, 0.0, 0.0)
 
     @staticmethod
     @message(dialect.MAVLink_extended_sys_state_message, every_s=1.0)

@@ -13,6 +13,7 @@ from collections.abc import Callable, Collection, Sequence
 
 from ftc_autopilot.vehicle.controller_messages import ControllerMessages
 from ftc_autopilot.vehicle.diagnosis_messages import DiagnosisMessages
+from ftc_autopilot.vehicle.estimator_messages import EstimatorMessages
 from ftc_autopilot.vehicle.formation_messages import FormationMessages
 from ftc_autopilot.vehicle.message import declared_in
 from ftc_autopilot.vehicle.mission import Mission
@@ -28,6 +29,7 @@ MAKERS = (
     PathMessages,
     ControllerMessages,
     DiagnosisMessages,
+    EstimatorMessages,
     FormationMessages,
     StatusMessages,
     Mission,

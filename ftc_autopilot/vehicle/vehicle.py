@@ -19,6 +19,7 @@ from ftc_autopilot.vehicle.clock import VehicleClock
 from ftc_autopilot.vehicle.commands import Commands, Handler, PlaceHandler
 from ftc_autopilot.vehicle.controller_messages import ControllerMessages
 from ftc_autopilot.vehicle.diagnosis_messages import DiagnosisMessages
+from ftc_autopilot.vehicle.estimator_messages import EstimatorMessages
 from ftc_autopilot.vehicle.flight_path import FlightPath, VehicleHome
 from ftc_autopilot.vehicle.formation_messages import FormationMessages
 from ftc_autopilot.vehicle.guided import Guided
@@ -104,13 +105,19 @@ class Vehicle:
         self._formation = FormationMessages(config, hot, controllers, self.say)
         self._old_states = OldStates(hot)
         self._clock = VehicleClock(round(unix_s * 1e6))
+        self._estimator = EstimatorMessages(hot, config.origin, self._home, self._clock)
         makers = (
             StateMessages(hot, controllers, config.origin, self._home, self._clock),
             self._controller,
             self._diagnosis,
+            self._estimator,
             self._formation,
             StatusMessages(
-                config, self._diagnosis.healthy, lambda: int(hot.drops[GCS].sum()), self._clock
+                config,
+                self._diagnosis.healthy,
+                self._estimator,
+                lambda: int(hot.drops[GCS].sum()),
+                self._clock,
             ),
             PathMessages(hot, controllers, config.origin, path, self._clock),
             self._mission,
@@ -389,9 +396,10 @@ class Vehicle:
         """Announce what has changed since the last report."""
         self._report_resumption()
         self._report_edges()
-        services = (self._old_states, self._controller, self._diagnosis, self._formation)
-        for severity, text in (change for service in services for change in service.changes()):
-            self.say(severity, text)
+        flying = self._old_states, self._controller, self._diagnosis, self._estimator
+        for service in (*flying, self._formation):
+            for severity, text in service.changes():
+                self.say(severity, text)
 
     def _report_resumption(self) -> None:
         """Announce once from which checkpoint the flight resumes, and how old it is."""

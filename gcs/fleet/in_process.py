@@ -20,7 +20,7 @@ from ftc_autopilot.control.stepping import (
     hear,
     publish_own_state,
 )
-from ftc_autopilot.estimation.estimate import Estimator, estimate
+from ftc_autopilot.estimation.estimator import Estimator, estimate
 from ftc_autopilot.hot.navigation import estimator_of, write_estimate
 from ftc_autopilot.plugins.loading import PluginError
 from gcs.errors import BadInput

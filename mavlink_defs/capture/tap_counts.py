@@ -43,7 +43,7 @@ STATE = np.dtype(
         ("window_s", "f8"),
         ("first_s", "f8"),  # time of the first datagram [s], NaN before
         ("last_s", "f8"),  # latest time of a datagram [s]
-        ("simulated_s", "f8"),  # of the newest running FTC_SIM_STATE [s], NaN before
+        ("simulated_s", "f8"),  # of the newest running step [s], NaN before
         ("flows", "i8"),  # rows in use
         ("streams", "i8"),
         ("uavs", "i8"),
@@ -102,6 +102,7 @@ class Counts(NamedTuple):
     recent: np.ndarray  # ring of what lies within the window, dtype RECENT; stream -1: a datagram
     payload: np.ndarray  # buffer of a payload
     sim_state: np.ndarray  # views of `payload`
+    sim_step: np.ndarray
     actuators: np.ndarray
 
 
@@ -114,7 +115,8 @@ def new_counts(window_s: float, room: int = _ROOM) -> Counts:
     """
     state = np.zeros(1, STATE)
     state["window_s"], state["first_s"], state["simulated_s"] = window_s, np.nan, np.nan
-    payload = np.zeros(max(codec.SIM_STATE_SIZE, codec.ACTUATORS_SIZE), np.uint8)
+    sizes = codec.SIM_STATE_SIZE, codec.SIM_STEP_SIZE, codec.ACTUATORS_SIZE
+    payload = np.zeros(max(sizes), np.uint8)
     return Counts(
         state=state,
         flows=np.zeros(room, FLOW),
@@ -129,6 +131,7 @@ def new_counts(window_s: float, room: int = _ROOM) -> Counts:
         recent=np.zeros(room, RECENT),
         payload=payload,
         sim_state=payload[: codec.SIM_STATE_SIZE].view(codec.SIM_STATE),
+        sim_step=payload[: codec.SIM_STEP_SIZE].view(codec.SIM_STEP),
         actuators=payload[: codec.ACTUATORS_SIZE].view(codec.ACTUATORS),
     )
 
@@ -287,12 +290,11 @@ def _count_frame(counts: Counts, time_s: float, flow: int, frame: np.ndarray, si
         _copy_payload(counts.payload, frame)
         _note_transmission(_uav_of(counts, key), counts.actuators[0])
     elif message_id == MessageId.SIM_STATE:
-        uav = _uav_of(counts, key)
         _copy_payload(counts.payload, frame)
-        state = counts.sim_state[0]
-        if state["flags"] & _RUNNING:
-            _note_step(uav, int(np.int64(state["step"])), int(np.int64(state["run"])))
-            counts.state[0]["simulated_s"] = np.float64(state["time_usec"]) / 1e6
+        _note_state(counts, key, counts.sim_state[0])
+    elif message_id == MessageId.SIM_STEP:
+        _copy_payload(counts.payload, frame)
+        _note_state(counts, key, counts.sim_step[0])
     elif message_id == _EVENTS:
         row_of_uav = _row_of_uav(counts, key)
         copy_bytes(counts.reports[row_of_uav], 0, frame, 0, size)
@@ -340,8 +342,17 @@ def _copy_payload(payload: np.ndarray, frame: np.ndarray) -> None:
 
 
 @compiled
+def _note_state(counts: Counts, key: int, state: np.void) -> None:
+    """Note an FTC_SIM_STATE, or an FTC_SIM_STEP, of a UAV."""
+    uav = _uav_of(counts, key)
+    if state["flags"] & _RUNNING:
+        _note_step(uav, int(np.int64(state["step"])), int(np.int64(state["run"])))
+        counts.state[0]["simulated_s"] = np.float64(state["time_usec"]) / 1e6
+
+
+@compiled
 def _note_step(uav: np.void, step: int, run: int) -> None:
-    """Note a control period, by its FTC_SIM_STATE; another run is another flight."""
+    """Note a control period, by its state or step; another run is another flight."""
     if uav["has_steps"] != 0 and run == uav["run"]:
         uav["first_step"] = min(uav["first_step"], step)
         uav["last_step"] = max(uav["last_step"], step)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from flying import arrays_of, fly_well, star_tree, summary_of, write_scenario
+from flying import arrays_of, fly_well, scenario_tree, star_tree, summary_of, write_scenario
 
 pytestmark = pytest.mark.sitl
 
@@ -99,6 +99,23 @@ def test_flights_with_everything_realistic_are_equal_bit_for_bit(tmp_path: Path)
     assert np.all(np.ptp(flown["wind"], axis=0) > 0.1)
     true = flown["state"][..., 6:9]
     assert np.abs(flown["attitude"] - true).max() > np.radians(0.05)
+
+
+def test_flights_by_sensors_are_equal_bit_for_bit(tmp_path: Path) -> None:
+    wind = {"steady": {"north_m_s": 3.0, "east_m_s": -4.0}, "turbulence": "light"}
+    tree = scenario_tree(duration_s=3.0, faults=FAULTS[:1], navigation="estimated", wind=wind)
+    scenario = write_scenario(tmp_path, tree)
+    udp, in_process = tmp_path / "udp", tmp_path / "in_process"
+    fly_well(scenario, "--quiet", "--free-ports", "--record=npz", "--out", udp)
+    fly_well(scenario, "--quiet", "--in-process", "--record=npz", "--out", in_process)
+    for name in ("events.npz", "trajectory.npz"):
+        assert_equal_bit_for_bit(*(arrays_of(folder / name) for folder in (udp, in_process)))
+    flown = arrays_of(udp / "trajectory.npz")
+    apart = np.abs(flown["estimates"][..., :12] - flown["state"])
+    assert np.isfinite(apart).all()
+    assert apart[1000:].max(axis=(0, 1)).min() > 0.0  # no estimate is the truth
+    summaries = [summary_of(folder) for folder in (udp, in_process)]
+    assert summaries[0]["uavs"] == summaries[1]["uavs"]
 
 
 @pytest.mark.parametrize(

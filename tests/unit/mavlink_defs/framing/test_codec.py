@@ -14,6 +14,9 @@ from mavlink_defs.framing.drop_reason import DropReason
 
 HOT: dict[int, tuple[np.dtype[np.void], type]] = {
     codec.MessageId.SIM_STATE: (codec.SIM_STATE, dialect.MAVLink_ftc_sim_state_message),
+    codec.MessageId.SIM_STEP: (codec.SIM_STEP, dialect.MAVLink_ftc_sim_step_message),
+    codec.MessageId.SENSOR: (codec.HIL_SENSOR, dialect.MAVLink_hil_sensor_message),
+    codec.MessageId.GPS: (codec.HIL_GPS, dialect.MAVLink_hil_gps_message),
     codec.MessageId.STEP_DONE: (codec.STEP_DONE, dialect.MAVLink_ftc_step_done_message),
     codec.MessageId.NEIGHBOUR: (codec.NEIGHBOUR, dialect.MAVLink_ftc_neighbour_message),
     codec.MessageId.ACTUATORS: (codec.ACTUATORS, dialect.MAVLink_hil_actuator_controls_message),

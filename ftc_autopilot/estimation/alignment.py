@@ -1,0 +1,123 @@
+"""A coarse first estimate of an aircraft in flight, from one sample of its sensors.
+
+Gravity in body axes is the acceleration less the specific force; that of an aircraft that does not
+speed up is ω × v, with the airspeed for v (M. Euston et al., A complementary filter for attitude
+estimation of a fixed-wing UAV, IROS 2008). It gives roll and pitch, the magnetic field
+then the heading. Level flight gives the angle of attack: the pitch angle. The further its length
+is from that of gravity, the less it says: the aircraft speeds up or falls, and counts as level.
+"""
+
+import math
+
+import numpy as np
+
+from ftc_autopilot.estimation.predict import VERTICAL_WIND
+from ftc_autopilot.estimation.state import (
+    BARO_ERROR,
+    FORCE_BIAS,
+    GNSS_ERROR,
+    GYRO_BIAS,
+    MAG_BIAS,
+    PHI,
+    PITOT_SCALE,
+    POS,
+    VEL,
+    WIND,
+    N,
+    rotation,
+    set_euler,
+)
+from mavlink_defs.runtime.jit import compiled
+from sitl_plant.vec3 import Vec3, cross, mul, norm, sub
+
+_TILT, _HEADING = math.radians(4.0), math.radians(6.0)
+_FAR_FROM_GRAVITY = 0.25  # of it
+_UNKNOWN_TILT = math.radians(15.0)
+_UNKNOWN_HEADING = math.radians(60.0)
+_TILT_IN_TURN = 0.2  # of the roll angle that is not known
+_AIR = 4.0  # m/s, velocity through the air
+_WIND = 6.0  # m/s
+_PLACE = 1e4  # m
+
+
+@compiled
+def align(
+    kalman: np.void,
+    rates: Vec3,
+    force: Vec3,
+    field: Vec3,
+    pressure: float,
+    altitude: float,
+    assumed: np.void,
+) -> None:
+    """Begin a filter.
+
+    Args:
+        kalman: Record of dtype `FILTER`, whose `resets` stay.
+        rates: Sample of the gyro [rad/s].
+        force: Sample of the accelerometer [m/s²].
+        field: Sample of the magnetometer [gauss]; zero: none.
+        pressure: Differential pressure [Pa].
+        altitude: Pressure altitude [m, above sea level].
+        assumed: Record of dtype `PARAMETERS`.
+    """
+    x = kalman["x"]
+    u = math.sqrt(max(2.0 * pressure / assumed["density"], 0.0))
+    gravity = sub(cross(rates, (u, 0.0, 0.0)), force)
+    trust = max(1.0 - abs(norm(gravity) / assumed["gravity"] - 1.0) / _FAR_FROM_GRAVITY, 0.0)
+    roll = trust * math.atan2(gravity[1], gravity[2])
+    pitch = trust * math.atan2(-gravity[0], math.hypot(gravity[1], gravity[2]))
+    set_euler(kalman["quaternion"], roll, pitch, 0.0)
+    level = mul(rotation(kalman["quaternion"]), field)  # yaw is what turns it into the field
+    north, east = assumed["field"][0], assumed["field"][1]
+    has_heading = field[0] != 0.0 or field[1] != 0.0 or field[2] != 0.0
+    yaw = math.atan2(east, north) - math.atan2(level[1], level[0]) if has_heading else 0.0
+    set_euler(kalman["quaternion"], roll, pitch, yaw)
+    for k in range(N):
+        x[k], kalman["owed"][k] = 0.0, 0.0
+    speed = u / max(math.cos(pitch), 0.5)
+    x[VEL], x[VEL + 1] = speed * math.cos(yaw), speed * math.sin(yaw)
+    x[POS + 2] = assumed["altitude"] - altitude
+    for k in range(3):
+        kalman["rates"][k], kalman["force"][k] = rates[k], force[k]
+    for k in range(7):
+        kalman["travel"][k] = 0.0
+    kalman["elapsed"], kalman["turned"] = 0.0, 0.0
+    for i in range(3):
+        kalman["sum_force"][i] = 0.0
+        for j in range(3):
+            kalman["sum_R"][i, j] = 0.0
+    tilt = trust * (_TILT + _TILT_IN_TURN * abs(roll)) + (1.0 - trust) * _UNKNOWN_TILT
+    dip = abs(assumed["field"][2]) / max(math.hypot(north, east), 1e-3)
+    heading = min(math.hypot(_HEADING, dip * tilt), _UNKNOWN_HEADING)
+    _spread(kalman["P"], tilt, heading if has_heading else _UNKNOWN_HEADING, assumed)
+    kalman["aligned"], kalman["placed"] = 1, 0
+
+
+@compiled
+def _spread(P: np.ndarray, tilt: float, heading: float, assumed: np.void) -> None:
+    """Write the covariance of a coarse estimate: velocity is that through the air, and wind."""
+    for r in range(N):
+        for c in range(N):
+            P[r, c] = 0.0
+    for i in range(3):
+        P[PHI + i, PHI + i] = tilt * tilt
+        P[VEL + i, VEL + i] = _AIR * _AIR
+        P[POS + i, POS + i] = _PLACE * _PLACE
+        P[GYRO_BIAS + i, GYRO_BIAS + i] = assumed["gyro_bias"]
+        P[FORCE_BIAS + i, FORCE_BIAS + i] = assumed["force_bias"]
+        P[MAG_BIAS + i, MAG_BIAS + i] = assumed["magnetometer_bias"]
+        P[GNSS_ERROR + i, GNSS_ERROR + i] = assumed["gnss_error"][i]
+        wind = _WIND * _WIND if i < 2 else VERTICAL_WIND[0] ** 2
+        P[WIND + i, WIND + i] = wind
+        P[VEL + i, VEL + i] += wind
+        P[VEL + i, WIND + i] = wind
+        P[WIND + i, VEL + i] = wind
+    P[PHI + 2, PHI + 2] = heading * heading
+    P[POS + 2, POS + 2] = assumed["barometer_bias"] + assumed["barometer"]
+    P[BARO_ERROR, BARO_ERROR] = assumed["barometer_bias"]
+    P[POS + 2, BARO_ERROR] = assumed[
+        "barometer_bias"
+    ]  # D is altitude of the origin + error - reading
+    P[BARO_ERROR, POS + 2] = assumed["barometer_bias"]
+    P[PITOT_SCALE, PITOT_SCALE] = assumed["pitot_scale"]

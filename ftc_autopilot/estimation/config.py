@@ -1,0 +1,194 @@
+"""What the estimator assumes of its sensors, the air and the aircraft, as compiled code sees it."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from mavlink_defs.origin import Origin
+from sitl_plant.aircraft_config import Aircraft
+from sitl_plant.navigation_sensors import NavigationSensors
+from sitl_plant.sensing.errors import gauss_markov, white_noise
+from sitl_plant.sensing.geomagnetism import magnetic_field
+
+_DEGREE = math.radians(1.0)
+_CM, _DEGE7_M = 0.01, 0.011
+"""Resolutions of HIL_GPS: of the velocity [m/s], of the position [m]."""
+_PA_PER_M = 11.3
+"""Change of the static pressure with altitude, at 600 m in the standard atmosphere [Pa/m]."""
+_LEAST_GYRO, _LEAST_ACCELEROMETER = 2e-3, 2e-2
+"""Noise that samples have at least, in the tests of it [rad/s, m/s²]: float32, and the motion."""
+
+PARAMETERS = np.dtype(
+    [
+        ("step_us", "i8"),
+        ("gravity", "f8"),  # m/s²
+        ("density", "f8"),  # of the air [kg/m³]
+        ("field", "f8", (3,)),  # magnetic, NED [gauss]
+        ("latitude", "f8"),  # of the origin [deg]
+        ("longitude", "f8"),
+        ("altitude", "f8"),  # m
+        # sensors: variances of noise
+        ("gyro_density", "f8"),  # angle random walk² [rad²/s]
+        ("force_density", "f8"),  # velocity random walk² [m²/s³]
+        ("gyro_noise", "f8"),  # standard deviation of a sample [rad/s]
+        ("force_noise", "f8"),  # [m/s²]
+        ("turning", "f8"),  # scale and misalignment of the gyro, variance per rad turned [rad]
+        ("gyro_bias", "f8"),  # turn-on variance
+        ("force_bias", "f8"),
+        ("gyro_walk", "f8"),  # variance per second
+        ("force_walk", "f8"),
+        ("magnetometer", "f8"),  # gauss²
+        ("magnetometer_bias", "f8"),
+        ("barometer", "f8"),  # m²
+        ("barometer_bias", "f8"),
+        ("barometer_walk", "f8"),
+        ("pitot", "f8"),  # Pa²
+        ("pitot_bias", "f8"),  # Pa²
+        ("pitot_scale", "f8"),
+        ("gnss_position", "f8", (3,)),  # m²
+        ("gnss_error", "f8", (3,)),  # variance of the correlated error [m²]
+        ("gnss_correlation", "f8"),  # s
+        ("gnss_velocity", "f8", (3,)),  # m²/s²
+        ("has_magnetometer", "i8"),
+        ("has_pitot", "i8"),
+        ("imus", "i8"),
+        # the aircraft: side force and lift over mass and dynamic pressure
+        ("side", "f8"),  # S cY_beta / m [m²/kg]
+        ("lift0", "f8"),  # S cL0 / m
+        ("lift", "f8"),  # S cL_alpha / m
+        # the air and the outputs
+        ("wind_walk", "f8"),  # m²/s³
+        ("smoothing", "f8"),  # time constant in which corrections reach the output [s]
+        ("rate_filter", "f8"),  # gain of a step of the low pass of the rates
+        ("force_filter", "f8"),
+    ]
+)
+"""What the filter assumes, in SI units and rad."""
+
+
+class EstimatorConfig(NamedTuple):
+    """What an estimator needs to know.
+
+    Attributes:
+        sensors: The sensors, with their errors.
+        origin: Where north = east = down = 0 lies.
+        step_us: Control period [µs].
+        aircraft: The nominal aircraft: gravity, density of the air, lift and side force.
+        wind_walk_m_s_sqrt_s: Random walk of the wind [m/s/sqrt(s)]; EKF2_WIND_NSD of PX4 is 0.05.
+        smoothing_s: Time constant in which corrections of the filter reach its output; EKF2_TAU_VEL
+            of PX4 is 0.25 s.
+        rate_cutoff_hz: Low pass of the rates; IMU_GYRO_CUTOFF of PX4 is 40 Hz.
+        force_cutoff_hz: Low pass of the specific force; IMU_ACCEL_CUTOFF of PX4 is 30 Hz.
+    """
+
+    sensors: NavigationSensors
+    origin: Origin
+    step_us: int
+    aircraft: Aircraft
+    wind_walk_m_s_sqrt_s: float = 0.1
+    smoothing_s: float = 0.25
+    rate_cutoff_hz: float = 40.0
+    force_cutoff_hz: float = 30.0
+
+
+def parameters_of(config: EstimatorConfig) -> np.ndarray:
+    """Return what the filter assumes, one record of dtype `PARAMETERS`, shape (1,)."""
+    record = np.zeros(1, PARAMETERS)
+    own = record[0]
+    period_s = config.step_us / 1e6
+    own["step_us"] = config.step_us
+    own["gravity"] = config.aircraft.gravity_m_s2
+    own["density"] = config.aircraft.air_density_kg_m3
+    own["field"] = magnetic_field(config.origin)
+    own["latitude"] = config.origin.latitude_deg
+    own["longitude"] = config.origin.longitude_deg
+    own["altitude"] = config.origin.altitude_m
+    _imu(own, config.sensors, period_s)
+    _air_data(own, config.sensors)
+    _gnss(own, config.sensors)
+    _aircraft(own, config.aircraft)
+    own["wind_walk"] = config.wind_walk_m_s_sqrt_s**2
+    own["smoothing"] = config.smoothing_s
+    for name, cutoff in (
+        ("rate_filter", config.rate_cutoff_hz),
+        ("force_filter", config.force_cutoff_hz),
+    ):
+        own[name] = -math.expm1(-2.0 * math.pi * cutoff * period_s)
+    return record
+
+
+def _imu(own: np.void, sensors: NavigationSensors, period_s: float) -> None:
+    gyro, force = sensors.gyro, sensors.accelerometer
+    gyro_noise = white_noise(gyro.noise_density_deg_s_sqrt_hz * _DEGREE, period_s)
+    gyro_noise = math.hypot(gyro_noise, _rounding(gyro.resolution_deg_s * _DEGREE))
+    force_noise = white_noise(force.noise_density_m_s2_sqrt_hz, period_s)
+    force_noise = math.hypot(force_noise, _rounding(force.resolution_m_s2))
+    own["imus"] = sensors.imus
+    own["gyro_noise"] = math.hypot(gyro_noise, _LEAST_GYRO)
+    own["force_noise"] = math.hypot(force_noise, _LEAST_ACCELEROMETER)
+    own["gyro_density"] = gyro_noise**2 * period_s + 1e-12
+    own["force_density"] = force_noise**2 * period_s + 1e-8
+    own["turning"] = gyro.scale_error**2 + 2.0 * (gyro.misalignment_deg * _DEGREE) ** 2
+    own["gyro_bias"] = (gyro.turn_on_bias_deg_s * _DEGREE) ** 2 + 1e-10
+    g = own["gravity"]
+    own["force_bias"] = (
+        force.turn_on_bias_m_s2**2
+        + (force.scale_error * g) ** 2
+        + (force.misalignment_deg * _DEGREE * g) ** 2
+        + 1e-8
+    )
+    walk = gauss_markov(gyro.bias_instability_deg_h * _DEGREE / 3600.0)
+    own["gyro_walk"] = 2.0 * walk**2 / gyro.correlation_s + 1e-14
+    walk = gauss_markov(force.bias_instability_m_s2)
+    own["force_walk"] = 2.0 * walk**2 / force.correlation_s + 1e-10
+
+
+def _air_data(own: np.void, sensors: NavigationSensors) -> None:
+    magnetometer, barometer, pitot = sensors.magnetometer, sensors.barometer, sensors.pitot
+    field = float(np.linalg.norm(own["field"]))
+    own["has_magnetometer"], own["has_pitot"] = magnetometer.fitted, pitot.fitted
+    own["magnetometer"] = (
+        magnetometer.noise_gauss**2 + _rounding(magnetometer.resolution_gauss) ** 2 + 1e-8
+    )
+    own["magnetometer_bias"] = (
+        magnetometer.hard_iron_gauss**2
+        + magnetometer.bias_instability_gauss**2
+        + field**2 * magnetometer.scale_error**2 / 3.0
+        + field**2 * 2.0 / 3.0 * (magnetometer.misalignment_deg * _DEGREE) ** 2
+        + 1e-8
+    )
+    own["barometer"] = (barometer.noise_pa**2 + 0.1) / _PA_PER_M**2
+    own["barometer_bias"] = (
+        barometer.turn_on_bias_pa**2 + barometer.bias_instability_pa**2 + 0.1
+    ) / _PA_PER_M**2
+    own["barometer_walk"] = (
+        2.0 * barometer.bias_instability_pa**2 / barometer.correlation_s / _PA_PER_M**2 + 1e-8
+    )
+    own["pitot"] = pitot.noise_pa**2 + _rounding(pitot.resolution_pa) ** 2 + 0.01
+    own["pitot_bias"] = pitot.turn_on_bias_pa**2 + pitot.bias_instability_pa**2
+    own["pitot_scale"] = pitot.scale_error**2 + 1e-8
+
+
+def _gnss(own: np.void, sensors: NavigationSensors) -> None:
+    gnss = sensors.gnss
+    flat, high = gnss.horizontal_noise_m**2, gnss.vertical_noise_m**2
+    own["gnss_position"] = [flat + _DEGE7_M**2, flat + _DEGE7_M**2, high + _DEGE7_M**2]
+    flat, high = gnss.horizontal_error_m**2, gnss.vertical_error_m**2
+    own["gnss_error"] = [flat + 1e-4, flat + 1e-4, high + 1e-4]
+    own["gnss_correlation"] = gnss.correlation_s
+    flat = gnss.horizontal_velocity_noise_m_s**2 + _rounding(_CM) ** 2
+    high = gnss.vertical_velocity_noise_m_s**2 + _rounding(_CM) ** 2
+    own["gnss_velocity"] = [flat, flat, high]
+
+
+def _aircraft(own: np.void, aircraft: Aircraft) -> None:
+    area = aircraft.wing_area_m2 / aircraft.mass_kg
+    own["side"] = area * aircraft.coefficients.cY_beta
+    own["lift0"] = area * aircraft.coefficients.cL0
+    own["lift"] = area * aircraft.coefficients.cL_alpha
+
+
+def _rounding(resolution: float) -> float:
+    """Return the standard deviation of the error of rounding to a resolution."""
+    return resolution / math.sqrt(12.0)

@@ -1,0 +1,297 @@
+"""The estimator: what an autopilot with sensors flies by in place of the true state."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ftc_autopilot.estimation.alignment import align
+from ftc_autopilot.estimation.config import EstimatorConfig, parameters_of
+from ftc_autopilot.estimation.health import WELL, is_used, new_sensor_health, note_sample, note_test
+from ftc_autopilot.estimation.imus import IMU, judge_imus, note_imu, sample_of
+from ftc_autopilot.estimation.measurements import (
+    GATE,
+    fuse_barometer,
+    fuse_gnss,
+    fuse_magnetometer,
+    fuse_pitot,
+    fuse_sideslip,
+    past_travel,
+)
+from ftc_autopilot.estimation.output import REPORT, hand_over, pay, write_motion, write_report
+from ftc_autopilot.estimation.predict import predict
+from ftc_autopilot.estimation.state import (
+    BARO,
+    FILTER,
+    FORCE_BIAS,
+    GNSS,
+    GYRO_BIAS,
+    HISTORY_S,
+    MAG,
+    PITOT,
+    POS,
+    SIDESLIP,
+    TRAVEL,
+    VEL,
+    N,
+)
+from mavlink_defs import dialect
+from mavlink_defs.origin import EARTH_RADIUS_M
+from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.memory import copy_record
+from sitl_plant.sensing.standard_air import altitude_of
+from sitl_plant.vec3 import Vec3
+
+__all__ = ["Estimator", "EstimatorConfig", "estimate", "new_estimator"]
+
+_NEW_FIELD = (
+    dialect.HIL_SENSOR_UPDATED_XMAG
+    | dialect.HIL_SENSOR_UPDATED_YMAG
+    | dialect.HIL_SENSOR_UPDATED_ZMAG
+)
+_NEW_PRESSURE = dialect.HIL_SENSOR_UPDATED_ABS_PRESSURE
+_NEW_PITOT = dialect.HIL_SENSOR_UPDATED_DIFF_PRESSURE
+_FIX_3D = 3
+_PA = 100.0  # in one hPa
+_SIDESLIP_EVERY_S = 0.05
+_LONGEST_GAP = 200  # steps without data after which the estimate begins anew
+_MEMORY_S = 0.2  # longer than the latency
+_POSITION_GROWTH, _VELOCITY_ERROR = 1.0, 1.0  # m/s, of dead reckoning, when a receiver is back
+
+PROGRESS = np.dtype([("step", "i8"), ("run", "i8"), ("imu", "i8"), ("without_gnss", "f8")])
+"""Last step [number], its run, the IMU flown by, time since the last GNSS sample [s]."""
+
+
+class Estimator(NamedTuple):
+    """All arrays, without owners: they can be copied and saved."""
+
+    parameters: np.ndarray  # (1,), dtype PARAMETERS
+    progress: np.ndarray  # (1,), dtype PROGRESS
+    filters: np.ndarray  # (imus,), dtype FILTER
+    imus: np.ndarray  # (imus,), dtype IMU
+    sensors: np.ndarray  # (5,), dtype health.SENSOR
+    history: np.ndarray  # (imus, entries, TRAVEL)
+    past: np.ndarray  # (TRAVEL,)
+    report: np.ndarray  # (1,), dtype REPORT
+
+
+def new_estimator(config: EstimatorConfig) -> Estimator:
+    """Return an estimator before its first sample."""
+    n = config.sensors.imus
+    entries = math.ceil((config.sensors.gnss.latency_s + _MEMORY_S) / HISTORY_S)
+    progress = np.zeros(1, PROGRESS)
+    progress["step"] = -1
+    return Estimator(
+        parameters_of(config),
+        progress,
+        np.zeros(n, FILTER),
+        np.zeros(n, IMU),
+        new_sensor_health(config.sensors, config.step_us),
+        np.zeros((n, entries, TRAVEL)),
+        np.zeros(TRAVEL),
+        np.zeros(1, REPORT),
+    )
+
+
+@compiled
+def estimate(
+    estimator: Estimator,
+    imus: np.ndarray,
+    gps: np.void,
+    has_gps: bool,
+    sim_step: np.void,
+    measured: np.void,
+) -> None:
+    """Take what the sensors report in a step, and write the motion that the laws fly by.
+
+    A second call for the same step changes nothing.
+
+    Args:
+        estimator: Updated in place; its `report` is about this step.
+        imus: Payloads of HIL_SENSOR, one for each IMU, shape (imus,).
+        gps: Payload of HIL_GPS.
+        has_gps: Whether that came in this step.
+        sim_step: Payload of FTC_SIM_STEP.
+        measured: Payload of FTC_SIM_STATE, written.
+    """
+    progress, assumed = estimator.progress[0], estimator.parameters[0]
+    step, run = int(sim_step["step"]), int(sim_step["run"])
+    gap = step - progress["step"]
+    if progress["step"] < 0 or run != progress["run"] or gap < 0 or gap > _LONGEST_GAP:
+        _begin(estimator, imus, assumed)
+        gap = 1
+    elif gap > 0:
+        for k in range(len(imus)):
+            note_imu(estimator.imus[k], imus[k], assumed)
+        for _ in range(gap):
+            _advance(estimator, assumed)
+    if gap > 0:
+        _aid(estimator, imus[0], gps, has_gps, int(sim_step["time_usec"]), assumed, step)
+        _switch(estimator, assumed)
+    progress["step"], progress["run"] = step, run
+    kalman, report = estimator.filters[progress["imu"]], estimator.report[0]
+    write_motion(kalman, report["quaternion"], measured)
+    write_report(kalman, estimator.imus, estimator.sensors, progress["imu"], report)
+    report["step"], report["run"] = step, run
+    measured["time_usec"] = sim_step["time_usec"]
+    measured["actuator_time_usec"] = sim_step["actuator_time_usec"]
+    measured["step"] = sim_step["step"]
+    measured["run"] = sim_step["run"]
+    measured["flags"] = sim_step["flags"]
+    for k in range(32):
+        measured["silent"][k] = sim_step["silent"][k]
+
+
+@compiled
+def _begin(estimator: Estimator, imus: np.ndarray, assumed: np.void) -> None:
+    first, progress = imus[0], estimator.progress[0]
+    if progress["step"] >= 0:
+        estimator.report[0]["resets"] += 1
+    progress["imu"], progress["without_gnss"] = 0, 0.0
+    field = float(first["xmag"]), float(first["ymag"]), float(first["zmag"])
+    updated = int(first["fields_updated"])
+    altitude = assumed["altitude"]
+    if updated & _NEW_PRESSURE:
+        altitude = altitude_of(float(first["abs_pressure"]))
+    for k in range(len(imus)):
+        for _ in range(3):
+            note_imu(estimator.imus[k], imus[k], assumed)
+        estimator.imus[k]["noise"][:] = 1.0
+        estimator.imus[k]["same"][:] = 0
+        rates, force = sample_of(estimator.imus[k])
+        pressure = _PA * float(first["diff_pressure"])
+        align(estimator.filters[k], rates, force, field, pressure, altitude, assumed)
+        estimator.filters[k]["trends"][:] = 0.0
+        estimator.history[k, :, :] = 0.0
+
+
+@compiled
+def _advance(estimator: Estimator, assumed: np.void) -> None:
+    """Advance all filters by one step."""
+    estimator.progress[0]["without_gnss"] += assumed["step_us"] / 1e6
+    for k in range(len(estimator.filters)):
+        if estimator.imus[k]["reason"] != WELL and k != estimator.progress[0]["imu"]:
+            continue
+        kalman = estimator.filters[k]
+        rates, force = sample_of(estimator.imus[k])
+        predict(kalman, rates, force, assumed)
+        pay(kalman, assumed)
+        if kalman["elapsed"] == 0.0:
+            history = estimator.history[k]
+            for j in range(TRAVEL):
+                history[kalman["entry"] % len(history), j] = kalman["travel"][j]
+            kalman["entry"] += 1
+
+
+@compiled
+def _aid(
+    estimator: Estimator,
+    first: np.void,
+    gps: np.void,
+    has_gps: bool,
+    time_us: int,
+    assumed: np.void,
+    step: int,
+) -> None:
+    """Fuse what has come from the sensors beside the IMUs."""
+    sensors, updated = estimator.sensors, int(first["fields_updated"])
+    field = float(first["xmag"]), float(first["ymag"]), float(first["zmag"])
+    note_sample(sensors[MAG], (updated & _NEW_FIELD) == _NEW_FIELD, field[0], field[1], field[2])
+    barometric = float(first["abs_pressure"])
+    note_sample(sensors[BARO], (updated & _NEW_PRESSURE) != 0, barometric, 0.0, 0.0)
+    pressure = _PA * float(first["diff_pressure"])
+    note_sample(sensors[PITOT], (updated & _NEW_PITOT) != 0, pressure, 0.0, 0.0)
+    fixed = has_gps and gps["fix_type"] >= _FIX_3D
+    note_sample(sensors[GNSS], fixed, float(gps["lat"]), float(gps["lon"]), float(gps["alt"]))
+    position, velocity = _place(gps, assumed)
+    age = (time_us - int(gps["time_usec"])) / 1e6 if fixed else 0.0
+    slip = step * assumed["step_us"] % int(1e6 * _SIDESLIP_EVERY_S) == 0
+    primary = estimator.progress[0]["imu"]
+    if fixed and estimator.progress[0]["without_gnss"] > 2.0:
+        _loosen(estimator)
+    for k in range(len(estimator.filters)):
+        if estimator.imus[k]["reason"] != WELL and k != primary:
+            continue
+        kalman = estimator.filters[k]
+        ratios = kalman["ratios"]
+        if sensors[MAG]["fresh"] == 1:
+            ratios[MAG] = fuse_magnetometer(kalman, field, assumed, is_used(sensors[MAG]))
+        if sensors[BARO]["fresh"] == 1:
+            altitude = altitude_of(max(barometric, 1.0))
+            ratios[BARO] = fuse_barometer(kalman, altitude, assumed, is_used(sensors[BARO]))
+        if sensors[PITOT]["fresh"] == 1:
+            ratios[PITOT] = fuse_pitot(kalman, pressure, assumed, is_used(sensors[PITOT]))
+        if fixed:
+            past_travel(estimator.history[k], kalman["travel"], age, estimator.past)
+            ratios[GNSS] = fuse_gnss(
+                kalman, position, velocity, estimator.past, assumed, is_used(sensors[GNSS])
+            )
+            if kalman["placed"] == 0 and ratios[GNSS] < GATE:
+                kalman["placed"] = 1
+                kalman["owed"][:] = 0.0  # from a guess to a place, at once
+        if slip:
+            ratios[SIDESLIP] = fuse_sideslip(kalman, _SIDESLIP_EVERY_S, assumed)
+    if fixed:
+        estimator.progress[0]["without_gnss"] = 0.0
+    for s in range(1, len(sensors)):
+        if sensors[s]["fresh"] == 1:
+            note_test(sensors[s], estimator.filters[primary]["ratios"][s])
+
+
+@compiled
+def _loosen(estimator: Estimator) -> None:
+    """Widen the covariance after dead reckoning: the wind may have turned."""
+    gap = estimator.progress[0]["without_gnss"]
+    for kalman in estimator.filters:
+        P = kalman["P"]
+        for i in range(2):
+            P[POS + i, POS + i] += (_POSITION_GROWTH * gap) ** 2
+            P[VEL + i, VEL + i] += _VELOCITY_ERROR**2
+
+
+@compiled
+def _place(gps: np.void, assumed: np.void) -> tuple[Vec3, Vec3]:
+    """Return position [m] and velocity [m/s], NED, of an HIL_GPS payload."""
+    north = math.radians(gps["lat"] / 1e7 - assumed["latitude"]) * EARTH_RADIUS_M
+    degrees = (gps["lon"] / 1e7 - assumed["longitude"] + 180.0) % 360.0 - 180.0
+    east = math.radians(degrees) * EARTH_RADIUS_M * math.cos(math.radians(assumed["latitude"]))
+    down = assumed["altitude"] - gps["alt"] / 1e3
+    return (north, east, down), (gps["vn"] / 100.0, gps["ve"] / 100.0, gps["vd"] / 100.0)
+
+
+@compiled
+def _switch(estimator: Estimator, assumed: np.void) -> None:
+    """Fly by another IMU if this one is not well, and give one that is well again its filter."""
+    progress, filters, imus = estimator.progress[0], estimator.filters, estimator.imus
+    before = int(progress["imu"])
+    primary = judge_imus(imus, filters, before, assumed)
+    if primary != before:
+        hand_over(filters[before], filters[primary])
+        progress["imu"] = primary
+    for k in range(len(imus)):
+        if k != primary and imus[k]["reason"] != WELL:
+            _follow(estimator, k, primary, assumed)
+
+
+@compiled
+def _follow(estimator: Estimator, k: int, primary: int, assumed: np.void) -> None:
+    """Keep the filter of an excluded IMU like the one flown by, but for its biases."""
+    kalman, other = estimator.filters[k], estimator.filters[primary]
+    if other["elapsed"] != 0.0:
+        return
+    biases = (
+        (kalman["x"][9], kalman["x"][10], kalman["x"][11]),
+        (kalman["x"][12], kalman["x"][13], kalman["x"][14]),
+    )
+    copy_record(kalman, other)
+    P = kalman["P"]
+    for j in range(3):
+        kalman["x"][GYRO_BIAS + j], kalman["x"][FORCE_BIAS + j] = biases[0][j], biases[1][j]
+        for c in range(N):
+            P[GYRO_BIAS + j, c] = P[c, GYRO_BIAS + j] = 0.0
+            P[FORCE_BIAS + j, c] = P[c, FORCE_BIAS + j] = 0.0
+        P[GYRO_BIAS + j, GYRO_BIAS + j] = assumed["gyro_bias"]
+        P[FORCE_BIAS + j, FORCE_BIAS + j] = assumed["force_bias"]
+    for row in range(estimator.history.shape[1]):
+        for j in range(TRAVEL):
+            estimator.history[k, row, j] = estimator.history[primary, row, j]

@@ -1,0 +1,71 @@
+"""One scalar measurement into the filter.
+
+Measurements are fused one by one, which is the same as all at once if their errors are independent
+(P. D. Groves, Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems, 2nd ed.,
+2013, section 3.2.7). With K = P h / S the covariance after it is P - (P h)(P h)ᵀ / S, symmetric as
+it stands; each pair of elements is computed once.
+"""
+
+import math
+
+import numpy as np
+
+from ftc_autopilot.estimation.state import PHI, N, turn_world
+from mavlink_defs.runtime.jit import compiled, inlined
+
+_LEAST = 1e-14  # variance that rounding leaves at least
+
+
+@inlined
+def clear(kalman: np.void) -> np.ndarray:
+    """Return the row of the measurement matrix, all 0."""
+    h: np.ndarray = kalman["h"]
+    for k in range(N):
+        h[k] = 0.0
+    return h
+
+
+@compiled
+def innovation_variance(kalman: np.void, variance: float) -> float:
+    """Return S = hᵀ P h + variance, and keep P h for `correct`."""
+    P, h, Ph = kalman["P"], kalman["h"], kalman["Ph"]
+    total = variance
+    for k in range(N):
+        Ph[k] = 0.0
+    for j in range(N):
+        if h[j] != 0.0:
+            for k in range(N):
+                Ph[k] += h[j] * P[j, k]
+    for j in range(N):
+        total += h[j] * Ph[j]
+    return total
+
+
+@compiled
+def correct(kalman: np.void, innovation: float, S: float) -> None:
+    """Correct the estimate by an innovation of variance S; `innovation_variance` comes before.
+
+    The attitude is corrected at once, and the small change of the error's axes that comes with it,
+    the Jacobian of Solà's section 6.3, is left out, as is usual.
+    """
+    P, Ph, x, owed = kalman["P"], kalman["Ph"], kalman["x"], kalman["owed"]
+    gain = innovation / S
+    turn_world(kalman["quaternion"], (gain * Ph[PHI], gain * Ph[PHI + 1], gain * Ph[PHI + 2]))
+    for k in range(N):
+        owed[k] += gain * Ph[k]
+        if k > PHI + 2:
+            x[k] += gain * Ph[k]
+        row = Ph[k] / S
+        for j in range(k, N):
+            value = P[k, j] - row * Ph[j]
+            P[k, j] = value
+            P[j, k] = value
+        if not P[k, k] > _LEAST:
+            P[k, k] = _LEAST
+
+
+@compiled
+def normalised(innovation: float, S: float) -> float:
+    """Return the squared innovation in units of its variance; inf if it is no number."""
+    ratio = innovation * innovation / S
+    return ratio if ratio >= 0.0 else math.inf

@@ -1,0 +1,191 @@
+"""Which IMU to fly by: tests of each one's samples, and of the difference between two.
+
+Each IMU drives a filter of its own, as in PX4's EKF2 with several instances: the magnetometer and
+the GNSS receiver show which of two that differ is wrong.
+"""
+
+import math
+
+import numpy as np
+
+from ftc_autopilot.estimation.health import INCONSISTENT, NOISY, SILENT, STUCK, WELL
+from ftc_autopilot.estimation.state import FORCE_BIAS, GYRO_BIAS
+from mavlink_defs import dialect
+from mavlink_defs.runtime.jit import compiled
+from sitl_plant.vec3 import Vec3
+
+IMU = np.dtype(
+    [
+        ("reason", "i8"),  # why it is excluded; 0: it is not
+        ("silent", "i8"),  # steps without a sample of gyro and accelerometer
+        ("same", "i8", (2,)),  # samples in a row that are the same: gyro, accelerometer
+        ("samples", "f8", (3, 6)),  # the last three of gyro and accelerometer
+        ("noise", "f8", (2,)),  # mean squared second difference over that of healthy ones
+        ("apart", "f8", (6,)),  # filtered difference from the one flown by
+        ("differs", "i8"),  # steps for which that has been too large
+        ("well", "i8"),  # steps for which nothing is the matter
+    ]
+)
+"""One IMU and what tells whether it is well."""
+
+_GYRO = (
+    dialect.HIL_SENSOR_UPDATED_XGYRO
+    | dialect.HIL_SENSOR_UPDATED_YGYRO
+    | dialect.HIL_SENSOR_UPDATED_ZGYRO
+)
+_ACCELEROMETER = (
+    dialect.HIL_SENSOR_UPDATED_XACC
+    | dialect.HIL_SENSOR_UPDATED_YACC
+    | dialect.HIL_SENSOR_UPDATED_ZACC
+)
+_MOST_SILENT_S, _TAKE_BACK_S, _DECIDE_S = 0.03, 2.0, 0.35
+_MOST_SAME = 30  # samples
+_NOISE_S, _APART_S = 0.05, 0.03  # time constants
+_MOST_NOISE = 9.0  # times the variance of a healthy one
+_MOST_SQUARE = 30.0  # of one second difference: steps of the motion are no noise
+_MOST_APART = math.radians(1.0), 0.4  # rad/s, m/s²
+_APART_PER_UNIT = 0.01, 0.01  # of the size of what is measured: scale errors, misalignments
+_SIGNIFICANT = 6.0  # difference of the filters' misfits
+
+
+@compiled
+def note_imu(imu: np.void, sample: np.void, assumed: np.void) -> None:
+    """Take a sample of an IMU, hold the last one if there is none, and test it.
+
+    Args:
+        imu: Record of dtype `IMU`.
+        sample: Payload of HIL_SENSOR.
+        assumed: Record of dtype `PARAMETERS`.
+    """
+    rows, updated = imu["samples"], int(sample["fields_updated"])
+    new = (updated & _GYRO) == _GYRO, (updated & _ACCELEROMETER) == _ACCELEROMETER
+    imu["silent"] = 0 if new[0] and new[1] else imu["silent"] + 1
+    rates = float(sample["xgyro"]), float(sample["ygyro"]), float(sample["zgyro"])
+    force = float(sample["xacc"]), float(sample["yacc"]), float(sample["zacc"])
+    noises = assumed["gyro_noise"], assumed["force_noise"]
+    gain = assumed["step_us"] / 1e6 / _NOISE_S
+    for part in range(2):
+        if not new[part]:
+            continue
+        value = rates if part == 0 else force
+        same, square = True, 0.0
+        for axis in range(3):
+            k = 3 * part + axis
+            same = same and value[axis] == rows[0, k]
+            rows[2, k], rows[1, k], rows[0, k] = rows[1, k], rows[0, k], value[axis]
+            second = rows[0, k] - 2.0 * rows[1, k] + rows[2, k]
+            square += min(second * second / (6.0 * noises[part] ** 2), _MOST_SQUARE) / 3.0
+        imu["same"][part] = imu["same"][part] + 1 if same else 0
+        imu["noise"][part] += gain * (square - imu["noise"][part])
+
+
+@compiled
+def sample_of(imu: np.void) -> tuple[Vec3, Vec3]:
+    """Return the last sample of an IMU: angular velocity [rad/s], specific force [m/s²]."""
+    row = imu["samples"][0]
+    return (row[0], row[1], row[2]), (row[3], row[4], row[5])
+
+
+@compiled
+def judge_imus(imus: np.ndarray, filters: np.ndarray, primary: int, assumed: np.void) -> int:
+    """Test all IMUs; return the one to fly by.
+
+    Args:
+        imus: Records of dtype `IMU`, shape (n,).
+        filters: Their filters, dtype `FILTER`, shape (n,).
+        primary: The one flown by so far.
+        assumed: Record of dtype `PARAMETERS`.
+    """
+    step_s = assumed["step_us"] / 1e6
+    all_noisy = True
+    for k in range(len(imus)):
+        all_noisy = all_noisy and _is_noisy(imus[k])
+    for k in range(len(imus)):
+        imu = imus[k]
+        reason = WELL
+        if imu["silent"] * step_s > _MOST_SILENT_S:
+            reason = SILENT
+        elif assumed["gyro_density"] > 1e-10 and max(imu["same"][0], imu["same"][1]) > _MOST_SAME:
+            reason = STUCK
+        elif _is_noisy(imu) and not all_noisy:
+            reason = NOISY
+        _conclude(imu, reason, step_s)
+    if imus[primary]["reason"] != WELL:
+        for k in range(len(imus)):
+            if imus[k]["reason"] == WELL:
+                primary = k
+                break
+    return _compare(imus, filters, primary, assumed)
+
+
+@compiled
+def _is_noisy(imu: np.void) -> bool:
+    return bool(max(imu["noise"][0], imu["noise"][1]) > _MOST_NOISE)
+
+
+@compiled
+def _conclude(imu: np.void, reason: int, step_s: float) -> None:
+    """Exclude an IMU at once; take it back when it has been well for some time."""
+    differs = imu["reason"] == INCONSISTENT and imu["differs"] > 0
+    if reason != WELL:
+        imu["reason"], imu["well"] = reason, 0
+    elif differs:
+        imu["well"] = 0
+    else:
+        imu["well"] += 1
+        if imu["well"] * step_s > _TAKE_BACK_S:
+            imu["reason"] = WELL
+
+
+@compiled
+def _compare(imus: np.ndarray, filters: np.ndarray, primary: int, assumed: np.void) -> int:
+    """Compare each IMU with the one flown by; of two that differ, exclude the misfit."""
+    step_s = assumed["step_us"] / 1e6
+    one, bias = imus[primary]["samples"][0], filters[primary]["x"]
+    chosen = primary
+    for k in range(len(imus)):
+        if k == primary:
+            imus[k]["differs"] = 0
+            continue
+        imu, other, other_bias = imus[k], imus[k]["samples"][0], filters[k]["x"]
+        too_far = False
+        for part in range(2):
+            at = GYRO_BIAS if part == 0 else FORCE_BIAS
+            size = 0.0
+            for axis in range(3):
+                size = max(size, abs(one[3 * part + axis]))
+            for axis in range(3):
+                j = 3 * part + axis
+                gap = (other[j] - other_bias[at + axis]) - (one[j] - bias[at + axis])
+                imu["apart"][j] += step_s / _APART_S * (gap - imu["apart"][j])
+                limit = _MOST_APART[part] + _APART_PER_UNIT[part] * size
+                too_far = too_far or abs(imu["apart"][j]) > limit
+        imu["differs"] = imu["differs"] + 1 if too_far else 0
+        if imu["differs"] == 0 or imu["reason"] != WELL:
+            continue
+        worse = misfit(filters[primary]) - misfit(filters[k])
+        waited = imu["differs"] * step_s > _DECIDE_S
+        if worse > _SIGNIFICANT or (waited and worse > 0.0):
+            chosen = k
+        elif worse < -_SIGNIFICANT or waited:
+            imu["reason"], imu["well"] = INCONSISTENT, 0
+    if chosen != primary:
+        imus[primary]["reason"], imus[primary]["well"] = INCONSISTENT, 0
+        imus[primary]["differs"] = 1
+        imus[chosen]["differs"] = 0
+        for j in range(6):
+            imus[primary]["apart"][j] = -imus[chosen]["apart"][j]
+    return chosen
+
+
+@compiled
+def misfit(kalman: np.void) -> float:
+    """Return how far innovations of the last 0.2 s are from a mean of 0: a sum of squares.
+
+    Each running mean with gain a has the variance a / (2 - a) of one innovation.
+    """
+    total = 0.0
+    for k in range(6):
+        gain = 0.05 if k < 3 else 0.5
+        total += kalman["trends"][k] ** 2 * (2.0 - gain) / gain
+    return total

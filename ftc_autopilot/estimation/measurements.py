@@ -1,0 +1,255 @@
+"""What the filter expects of each measurement, and how that depends on its errors.
+
+For the global attitude error, a column c of R, which is a body axis in NED, has the true direction
+c + phi × c; so the component of a vector a along it changes by phi · (c × a).
+"""
+
+import math
+
+import numpy as np
+
+from ftc_autopilot.estimation.fuse import clear, correct, innovation_variance, normalised
+from ftc_autopilot.estimation.state import (
+    BARO_ERROR,
+    FORCE_BIAS,
+    GNSS_ERROR,
+    MAG_BIAS,
+    PHI,
+    PITOT_SCALE,
+    POS,
+    VEL,
+    WIND,
+    rotation,
+)
+from mavlink_defs.runtime.jit import compiled
+from sitl_plant.vec3 import Mat3, Vec3, cross, dot, norm, sub, vec3
+
+GATE = 25.0
+"""Largest squared normalised innovation that is fused: 5 standard deviations, which one of 1.7
+million normal values exceeds (chi-square quantile of one degree of freedom)."""
+
+_TREND_OF_FIELD, _TREND_OF_VELOCITY = 0.05, 0.5
+"""Gains of running means of innovations, over 0.2 s each at their usual rates."""
+_MOST_NORMAL = 10.0
+_SLOWEST = 3.0  # m/s: below it, a pitot tube and the side force say nothing
+_SIDE_DISTURBANCE = 0.15  # m/s², what else than sideslip makes side force
+_SIDE_MODEL = 0.3  # relative error of the coefficient
+_SIDESLIP = math.radians(10.0)  # without a measurement
+_SIDE_CORRELATION_S = 0.5  # of these errors
+
+
+@compiled
+def column(R: Mat3, k: int) -> Vec3:
+    """Return a column of a rotation matrix: a body axis in NED."""
+    return R[0][k], R[1][k], R[2][k]
+
+
+@compiled
+def through_air(x: np.ndarray) -> Vec3:
+    """Return the velocity through the air, NED [m/s]."""
+    return x[VEL] - x[WIND], x[VEL + 1] - x[WIND + 1], x[VEL + 2] - x[WIND + 2]
+
+
+@compiled
+def _fuse_tested(kalman: np.void, innovation: float, variance: float, use: bool) -> float:
+    """Fuse one value if it is to be used and passes its test; return the normalised square."""
+    S = innovation_variance(kalman, variance)
+    ratio = normalised(innovation, S)
+    kalman["normal"] = innovation / math.sqrt(S)
+    if use and ratio < GATE:
+        correct(kalman, innovation, S)
+    return ratio
+
+
+@compiled
+def _note_trend(kalman: np.void, k: int, gain: float) -> None:
+    """Take the last normalised innovation into its running mean."""
+    normal = min(max(kalman["normal"], -_MOST_NORMAL), _MOST_NORMAL)
+    kalman["trends"][k] += gain * (normal - kalman["trends"][k])
+
+
+@compiled
+def fuse_magnetometer(kalman: np.void, sample: Vec3, assumed: np.void, use: bool) -> float:
+    """Fuse the magnetic field [gauss, body axes]: m = Rᵀ B + b, with the field B of the place and the bias b.
+
+    Returns:
+        The largest squared normalised innovation of the three axes.
+    """
+    B, worst = vec3(assumed["field"]), 0.0
+    for axis in range(3):  # tests come first: a bad sample is left out as a whole
+        worst = max(worst, _magnetic(kalman, axis, sample, B, assumed, False))
+        _note_trend(kalman, axis, _TREND_OF_FIELD)
+    if use and worst < GATE:
+        for axis in range(3):
+            _magnetic(kalman, axis, sample, B, assumed, True)
+    return worst
+
+
+@compiled
+def _magnetic(
+    kalman: np.void, axis: int, sample: Vec3, B: Vec3, assumed: np.void, use: bool
+) -> float:
+    h, c = clear(kalman), column(rotation(kalman["quaternion"]), axis)
+    lever = cross(c, B)
+    for k in range(3):
+        h[PHI + k] = lever[k]
+    h[MAG_BIAS + axis] = 1.0
+    innovation = sample[axis] - dot(c, B) - kalman["x"][MAG_BIAS + axis]
+    return _fuse_tested(kalman, innovation, assumed["magnetometer"], use)
+
+
+@compiled
+def fuse_barometer(kalman: np.void, altitude: float, assumed: np.void, use: bool) -> float:
+    """Fuse a pressure altitude [m, above sea level]: altitude of the origin - D + error."""
+    h, x = clear(kalman), kalman["x"]
+    h[POS + 2], h[BARO_ERROR] = -1.0, 1.0
+    innovation = altitude - assumed["altitude"] + x[POS + 2] - x[BARO_ERROR]
+    return _fuse_tested(kalman, innovation, assumed["barometer"], use)
+
+
+@compiled
+def fuse_pitot(kalman: np.void, pressure: float, assumed: np.void, use: bool) -> float:
+    """Fuse a differential pressure [Pa]: (1 + s) ρ u²/2, with u the airspeed along the x axis.
+
+    PX4's EKF2 fuses a true airspeed instead, with the same dependence on velocity and wind.
+    """
+    h, x, density = clear(kalman), kalman["x"], assumed["density"]
+    c, a = column(rotation(kalman["quaternion"]), 0), through_air(x)
+    u = dot(c, a)
+    if u < _SLOWEST:
+        return 0.0
+    slope = density * u * (1.0 + x[PITOT_SCALE])
+    lever = cross(c, a)
+    for k in range(3):
+        h[PHI + k] = slope * lever[k]
+        h[VEL + k] = slope * c[k]
+        h[WIND + k] = -slope * c[k]
+    h[PITOT_SCALE] = 0.5 * density * u * u
+    expected = 0.5 * density * u * u * (1.0 + x[PITOT_SCALE])
+    return _fuse_tested(kalman, pressure - expected, assumed["pitot"], use)
+
+
+@compiled
+def fuse_sideslip(kalman: np.void, period_s: float, assumed: np.void) -> float:
+    """Fuse the sideslip that the side force shows: f_y = (S cY_beta / m) (ρ V²/2) beta.
+
+    PX4's EKF2 fuses a sideslip of zero; here the nominal aircraft's side force says how much there
+    is, as far as it can, and a sideslip within ±10° otherwise. Errors of the coefficient, and what
+    else pushes to the side, last: their variance is that of a white noise of the same density.
+
+    Args:
+        kalman: Record of dtype `FILTER`.
+        period_s: Time between two calls [s].
+        assumed: Record of dtype `PARAMETERS`.
+    """
+    h, x = clear(kalman), kalman["x"]
+    c, a = column(rotation(kalman["quaternion"]), 1), through_air(x)
+    V = norm(a)
+    if V < _SLOWEST:
+        return 0.0
+    per_rad = assumed["side"] * 0.5 * assumed["density"] * V * V
+    own, prior = V * V, (V * _SIDESLIP) ** 2
+    shown = 0.0
+    if per_rad != 0.0:
+        shown = kalman["force"][1] * V / per_rad
+        own = (_SIDE_DISTURBANCE * V / per_rad) ** 2 + (_SIDE_MODEL * shown) ** 2
+        shown *= prior / (prior + own)
+    variance = own * prior / (own + prior) * 2.0 * _SIDE_CORRELATION_S / period_s
+    lever = cross(c, a)
+    for k in range(3):
+        h[PHI + k] = lever[k]
+        h[VEL + k] = c[k]
+        h[WIND + k] = -c[k]
+    return _fuse_tested(kalman, shown - dot(c, a), variance, True)
+
+
+@compiled
+def past_travel(history: np.ndarray, now: np.ndarray, age: float, past: np.ndarray) -> None:
+    """Write the integrals of a time in the past, between two entries linearly.
+
+    Args:
+        history: The last entries in a ring, shape (depth, 7); `travel` of dtype `FILTER`.
+        now: The integrals now, shape (7,).
+        age: How long ago it was [s].
+        past: Written, shape (7,).
+    """
+    time = now[6] - age
+    for k in range(7):
+        past[k] = now[k]
+    later = now[6]
+    before = -1.0
+    for row in range(len(history)):
+        t = history[row, 6]
+        if t <= time and t > before:
+            before = t
+    for row in range(len(history)):
+        t = history[row, 6]
+        if t > time and t <= later:
+            later = t
+            for k in range(7):
+                past[k] = history[row, k]
+    for row in range(len(history)):
+        if history[row, 6] == before and before >= 0.0 and later > before:
+            share = (later - time) / (later - before)
+            for k in range(7):
+                past[k] += share * (history[row, k] - past[k])
+            break
+
+
+@compiled
+def fuse_gnss(
+    kalman: np.void, position: Vec3, velocity: Vec3, past: np.ndarray, assumed: np.void, use: bool
+) -> float:
+    """Fuse a sample of the GNSS receiver of some time ago.
+
+    It is compared with where the filter says now that it was then: the estimate of now less what
+    the accelerometer measured since. PX4's EKF2 runs its whole filter late instead. The noise that
+    came since is left out of the covariance: in 0.2 s 1 mm/s, where the velocity has 50 mm/s.
+
+    Args:
+        kalman: Record of dtype `FILTER`.
+        position: Position then, NED [m].
+        velocity: Velocity then, NED [m/s].
+        past: `travel` then, shape (7,).
+        assumed: Record of dtype `PARAMETERS`.
+        use: Whether it is fused if it passes its test.
+
+    Returns:
+        The largest squared normalised innovation.
+    """
+    worst = 0.0
+    for part in range(6):
+        value = position[part] if part < 3 else velocity[part - 3]
+        worst = max(worst, _gnss(kalman, part, value, past, assumed, False))
+        if part >= 3:
+            _note_trend(kalman, part, _TREND_OF_VELOCITY)
+    if use and worst < GATE:
+        for part in range(6):
+            value = position[part] if part < 3 else velocity[part - 3]
+            _gnss(kalman, part, value, past, assumed, True)
+    return worst
+
+
+@compiled
+def _gnss(
+    kalman: np.void, part: int, value: float, past: np.ndarray, assumed: np.void, use: bool
+) -> float:
+    h, x, travel = clear(kalman), kalman["x"], kalman["travel"]
+    age = travel[6] - past[6]
+    if part < 3:
+        then = travel[3 + part] - past[3 + part] - travel[part] * age  # less v age: since then
+        expected = x[POS + part] - x[VEL + part] * age - then + x[GNSS_ERROR + part]
+        h[POS + part], h[VEL + part], h[GNSS_ERROR + part] = 1.0, -age, 1.0
+        return _fuse_tested(kalman, value - expected, assumed["gnss_position"][part], use)
+    axis = part - 3
+    R = rotation(kalman["quaternion"])
+    pushed = sub(vec3(travel), vec3(past))
+    expected = x[VEL + axis] - pushed[axis]
+    pushed = pushed[0], pushed[1], pushed[2] - assumed["gravity"] * age
+    h[VEL + axis] = 1.0
+    before, after = (axis + 2) % 3, (axis + 1) % 3
+    h[PHI + before] = pushed[after]  # (pushed × phi), the component of this axis
+    h[PHI + after] = -pushed[before]
+    for k in range(3):
+        h[FORCE_BIAS + k] = R[axis][k] * age
+    return _fuse_tested(kalman, value - expected, assumed["gnss_velocity"][axis], use)

@@ -1,0 +1,217 @@
+"""The autopilot's link to a plant that sends what sensors report, over real loopback sockets.
+
+The sensors' messages are made by pymavlink's own dialect, as another simulator would make them.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from link_bench import LOCKSTEP, NOTHING_APPLIED, UAV, Rig
+from pymavlink.dialects.v20 import common
+
+from ftc_autopilot.hot.link import SIMULATOR, reset_link
+from gcs.scenario.model import Scenario
+from mavlink_defs import dialect
+from mavlink_defs.dialect import FTC_SIM_FLAGS_GPS, FTC_SIM_FLAGS_RUNNING
+from mavlink_defs.framing import codec
+from mavlink_defs.framing.drop_reason import DropReason
+from mavlink_defs.framing.hot_link import Outcome
+
+ALL_OF_IMU_0 = 0b1_1111_1111_1111
+GYRO_AND_ACCELEROMETER = 0b11_1111
+ORIGIN = {"lat": 473_566_100, "lon": 85_191_400, "alt": 1_488_000}
+
+
+class SensorRig(Rig):
+    """A link to a plant that sends sensors, of level flight at 40 m/s and 1000 m to the north."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        super().__init__(scenario)
+        self._sender = common.MAVLink(None, UAV, 25)
+
+    def send(self, message: Any) -> None:
+        frame = message.pack(self._sender)
+        self._sender.seq = (self._sender.seq + 1) % 256
+        self.plant.sendto(frame, self.own.getsockname())
+
+    def send_sensor(self, step: int, imu: int = 0, xgyro: float = 0.0) -> None:
+        first = imu == 0
+        self.send(
+            common.MAVLink_hil_sensor_message(
+                1000 * step,
+                *(0.0, 0.0, -9.81),
+                *(xgyro, 0.0, 0.0),
+                *((0.2, 0.0, 0.4) if first else (0.0, 0.0, 0.0)),
+                898.7 if first else 0.0,
+                9.8 if first else 0.0,
+                1000.0 if first else 0.0,
+                8.5 if first else 0.0,
+                ALL_OF_IMU_0 if first else GYRO_AND_ACCELEROMETER,
+                imu,
+            )
+        )
+
+    def send_gps(self, measured: int) -> None:
+        place, velocity = ORIGIN.values(), (4000, 4000, 0, 0, 0)
+        self.send(common.MAVLink_hil_gps_message(1000 * measured, 3, *place, 80, 80, *velocity, 14))
+
+    def send_step(self, step: int, flags: int = LOCKSTEP, run: int = 7) -> None:
+        silent = [0] * 32
+        self.send(
+            dialect.MAVLink_ftc_sim_step_message(
+                1000 * step, NOTHING_APPLIED, step, run, flags, silent
+            )
+        )
+
+    def send_all(self, step: int, flags: int = LOCKSTEP, run: int = 7) -> None:
+        self.send_sensor(step, 0)
+        self.send_sensor(step, 1)
+        self.send_step(step, flags, run)
+
+    def answers(self) -> list[int]:
+        """Handle all that waits, and return what the plant hears."""
+        for _ in range(8):
+            self.run()
+        return self.heard(self.plant)
+
+    def drops(self, reason: DropReason) -> int:
+        return int(self.link.drops[SIMULATOR, -reason])
+
+    def estimate(self) -> tuple[Any, ...]:
+        measured = self.link.simulator.measured[0]
+        return tuple(measured[name].tolist() for name in ("position", "velocity", "attitude"))
+
+
+@pytest.fixture
+def rig(scenario1: Scenario) -> Iterator[SensorRig]:
+    rig = SensorRig(scenario1.model_copy(update={"navigation": "estimated"}))
+    yield rig
+    rig.close()
+
+
+def is_answered(rig: SensorRig) -> bool:
+    return codec.MessageId.STEP_DONE in rig.answers()
+
+
+def test_a_step_with_all_sensors_is_answered(rig: SensorRig) -> None:
+    rig.send_neighbour_state(0)
+    rig.send_all(0)
+    assert rig.answers() == [codec.MessageId.ACTUATORS, codec.MessageId.STEP_DONE]
+    assert int(rig.link.state[0]["step"]) == 0
+    assert not rig.link.drops.any()
+    _, velocity, attitude = rig.estimate()
+    assert np.isfinite([*velocity, *attitude]).all()
+
+
+@pytest.mark.parametrize("lost", [0, 1])
+def test_in_lockstep_a_step_that_lacks_an_imu_waits_until_all_is_sent_again(
+    rig: SensorRig, lost: int
+) -> None:
+    rig.send_neighbour_state(0)
+    rig.send_all(0)
+    assert is_answered(rig)
+    rig.send_neighbour_state(1)
+    rig.send_sensor(1, 1 - lost)
+    rig.send_step(1)
+    assert rig.answers() == []
+    rig.send_all(1)
+    assert is_answered(rig)
+
+
+def test_in_lockstep_a_step_that_lacks_its_gps_sample_waits(rig: SensorRig) -> None:
+    rig.send_neighbour_state(0)
+    rig.send_all(0)
+    assert is_answered(rig)
+    rig.send_neighbour_state(1)
+    rig.send_all(1, LOCKSTEP | FTC_SIM_FLAGS_GPS)
+    assert rig.answers() == []
+    rig.send_sensor(1, 0)
+    rig.send_sensor(1, 1)
+    rig.send_gps(0)
+    rig.send_step(1, LOCKSTEP | FTC_SIM_FLAGS_GPS)
+    assert is_answered(rig)
+    assert int(rig.link.state[0]["flags"]) == LOCKSTEP
+
+
+def test_in_real_time_a_step_is_flown_with_what_has_come(rig: SensorRig) -> None:
+    for step in range(3):
+        rig.send_sensor(step, 0)
+        if step != 1:
+            rig.send_sensor(step, 1)
+        rig.send_step(step, FTC_SIM_FLAGS_RUNNING)
+        rig.answers()
+        assert int(rig.link.state[0]["step"]) == step
+    assert int(rig.link.navigation.arrivals[0]["step"]) == 2
+
+
+def test_every_step_that_waits_is_estimated_and_the_newest_is_flown(rig: SensorRig) -> None:
+    rig.send_all(0, FTC_SIM_FLAGS_RUNNING)
+    rig.answers()
+    for step in range(1, 6):
+        rig.send_sensor(step, 0, xgyro=1.0)
+        rig.send_sensor(step, 1, xgyro=1.0)
+        rig.send_step(step, FTC_SIM_FLAGS_RUNNING)
+    before = int(rig.controllers.states[0]["steps"])
+    rig.answers()
+    assert int(rig.link.state[0]["step"]) == 5
+    assert int(rig.controllers.states[0]["steps"]) == before + 1
+    _, _, (roll, _, _) = rig.estimate()
+    alone = SensorRig.estimate(rig)
+    assert roll == alone[2][0] != 0.0
+
+
+def test_the_same_step_again_changes_no_estimate(rig: SensorRig) -> None:
+    rig.send_neighbour_state(0)
+    rig.send_all(0)
+    assert is_answered(rig)
+    before = [array.copy() for array in rig.link.navigation.estimator]
+    estimate = rig.estimate()
+    rig.send_all(0)
+    assert rig.answers() == [codec.MessageId.STEP_DONE]
+    assert rig.estimate() == estimate
+    for array, earlier in zip(rig.link.navigation.estimator, before, strict=True):
+        assert array.tobytes() == earlier.tobytes()
+
+
+def test_sensors_out_of_range_are_dropped_and_counted(rig: SensorRig) -> None:
+    rig.send_sensor(0, 0, xgyro=float("nan"))
+    rig.send_sensor(0, 2)
+    rig.send(common.MAVLink_hil_gps_message(0, 3, 910_000_000, 0, 0, *([0] * 7), 14))
+    rig.send_sensor(0, 1)
+    rig.send_step(0)
+    assert rig.answers() == []
+    assert rig.drops(DropReason.OUT_OF_RANGE) == 3
+
+
+def test_what_belongs_to_the_other_way_to_fly_is_unexpected(
+    rig: SensorRig, scenario1: Scenario
+) -> None:
+    rig.send_state(0)
+    rig.run()
+    assert rig.drops(DropReason.UNEXPECTED) == 1
+    true = SensorRig(scenario1)
+    true.send_all(0)
+    assert true.answers() == []
+    assert true.drops(DropReason.UNEXPECTED) == 3
+    true.close()
+
+
+def test_sensors_of_another_aircraft_are_refused(rig: SensorRig) -> None:
+    rig._sender = common.MAVLink(None, UAV + 1, 25)
+    rig.send_all(0)
+    assert rig.answers() == []
+    assert rig.drops(DropReason.STRANGER) == 3
+
+
+def test_another_plant_process_restarts_the_flight(rig: SensorRig) -> None:
+    rig.send_neighbour_state(0)
+    rig.send_all(0)
+    rig.answers()
+    rig.send_all(0, run=8)
+    outcomes = [rig.run() for _ in range(3)]
+    assert Outcome.RESTARTED in outcomes
+    reset_link(rig.link)
+    rig.send_all(0, run=8)
+    assert is_answered(rig)
