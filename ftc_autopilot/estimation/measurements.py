@@ -112,6 +112,10 @@ def fuse_pitot(kalman: np.void, pressure: float, assumed: np.void, use: bool) ->
     """Fuse a differential pressure [Pa]: (1 + s) ρ u²/2, with u the airspeed along the x axis.
 
     PX4's EKF2 fuses a true airspeed instead, with the same dependence on velocity and wind.
+
+    How u depends on the attitude changes with each correction of the velocity across, and the
+    covariance does not follow: after a coarse guess, the tube would seem to show the heading. So
+    the attitude's share counts as noise.
     """
     h, x, density = clear(kalman), kalman["x"], assumed["density"]
     c, a = column(rotation(kalman["quaternion"]), 0), through_air(x)
@@ -119,14 +123,15 @@ def fuse_pitot(kalman: np.void, pressure: float, assumed: np.void, use: bool) ->
     if u < _SLOWEST:
         return 0.0
     slope = density * u * (1.0 + x[PITOT_SCALE])
-    lever = cross(c, a)
+    lever, noise = cross(c, a), assumed["pitot"]
     for k in range(3):
         h[PHI + k] = slope * lever[k]
         h[VEL + k] = slope * c[k]
         h[WIND + k] = -slope * c[k]
+        noise += (slope * lever[k]) ** 2 * kalman["P"][PHI + k, PHI + k]
     h[PITOT_SCALE] = 0.5 * density * u * u
     expected = 0.5 * density * u * u * (1.0 + x[PITOT_SCALE])
-    return _fuse_tested(kalman, pressure - expected, assumed["pitot"], use)
+    return _fuse_tested(kalman, pressure - expected, noise, use)
 
 
 @compiled

@@ -138,7 +138,7 @@ def is_complete(navigation: Navigation, sim_step: np.void) -> bool:
     for imu in range(len(navigation.imus)):
         if navigation.imus[imu]["time_usec"] != sim_step["time_usec"]:
             return False
-    return flags & FTC_SIM_FLAGS_GPS == 0 or arrivals["has_gps"] == 1
+    return bool(flags & FTC_SIM_FLAGS_GPS == 0 or arrivals["has_gps"] == 1)
 
 
 @compiled

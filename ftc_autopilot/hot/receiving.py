@@ -110,7 +110,8 @@ def _receive_sensors(message_id: int, link: AutopilotLink) -> Outcome:
         NONE or RESTARTED.
     """
     state, simulator, navigation = link.state[0], link.simulator, link.navigation
-    received, problem = simulator.received, int(DropReason.UNEXPECTED)
+    received = simulator.received
+    problem: int = DropReason.UNEXPECTED
     is_step = message_id == MessageId.SIM_STEP
     if system_of(received) != simulator.system:
         problem = DropReason.STRANGER
