@@ -70,7 +70,7 @@ def _note_trend(kalman: np.void, k: int, gain: float) -> None:
 
 @compiled
 def fuse_magnetometer(kalman: np.void, sample: Vec3, assumed: np.void, use: bool) -> float:
-    """Fuse the magnetic field [gauss, body axes]: m = Rᵀ B + b, with the field B of the place and the bias b.
+    """Fuse the magnetic field [gauss, body axes]: m = Rᵀ B + b, with B of the place and a bias b.
 
     Returns:
         The largest squared normalised innovation of the three axes.
