@@ -43,6 +43,7 @@ SENSOR = np.dtype(
 
 _SILENT_S, _SAME_S, _FAILED_S, _TAKE_BACK_S = 0.5, 0.5, 0.3, 1.0
 _LEAST_SAMPLES = 3
+_TAKE_BACK_GATE = 9.0  # squared normalised innovation of an excluded one that is well: 3 sigma
 
 
 def new_sensor_health(sensors: NavigationSensors, step_us: int) -> np.ndarray:
@@ -90,7 +91,8 @@ def note_sample(sensor: np.void, fresh: bool, x: float, y: float, z: float) -> N
 @compiled
 def note_test(sensor: np.void, ratio: float) -> None:
     """Note the squared normalised innovation of a sample, and exclude or take back the sensor."""
-    if ratio < GATE and (sensor["most_same"] == 0 or sensor["same"] < 3):
+    gate = GATE if sensor["reason"] == WELL else _TAKE_BACK_GATE
+    if ratio < gate and (sensor["most_same"] == 0 or sensor["same"] < 3):
         sensor["failed"] = 0
         sensor["passed"] += 1
         if sensor["reason"] > ABSENT and sensor["passed"] >= sensor["take_back"]:

@@ -29,12 +29,12 @@ ICING = np.dtype(
 
 _MEAN_S, _NOW_S = 15.0, 0.4
 _LEARN_S = 8.0  # before it judges
-_LEAST_CHANGE = 1.8  # m/s, of the wind along the x axis
-_LEAST_SHARE = 0.5  # of the change of the ratio that icing explains
+_LEAST_CHANGE = 1.5  # m/s, of the wind along the x axis
+_LEAST_SHARE = 0.3  # of the change of the ratio that icing explains
 _AGREE_S = 0.3
 _LEAST_LIFT = 0.02  # of the coefficient of lift, times S / m [m²/kg]
 _SLOWEST = 5.0  # m/s
-RESTORED = 1.0
+RESTORED = 0.5
 """Standard deviation of the wind after it has been set back to its mean [m/s]."""
 
 
