@@ -19,7 +19,12 @@ from ftc_autopilot.hot.checkpoint import VEHICLE, map_array, open_checkpoint, re
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.hot.link import GCS, PLANT, RECORD, SIMULATOR, checkpoint_records, new_link
 from ftc_autopilot.hot.loop import Loop
-from ftc_autopilot.hot.navigation import ESTIMATED, new_navigation, reset_navigation
+from ftc_autopilot.hot.navigation import (
+    ESTIMATED,
+    new_navigation,
+    reset_navigation,
+    with_shared_history,
+)
 from ftc_autopilot.hot.recorder import RECORD_ROWS, Recorder
 from ftc_autopilot.hot.state_age import forget_age
 from ftc_autopilot.vehicle.gcs_signing import GcsSigning
@@ -157,7 +162,10 @@ class Autopilot:
         rows = len(link.estimates) * ESTIMATED
         estimates = map_array(path.with_suffix(".estimates"), np.dtype("f8"), rows)
         self._link = link._replace(
-            checkpoint=checkpoint, record=record, estimates=estimates.reshape(-1, ESTIMATED)
+            checkpoint=checkpoint,
+            record=record,
+            estimates=estimates.reshape(-1, ESTIMATED),
+            navigation=with_shared_history(link.navigation, path.with_suffix(".history"), resumes),
         )
         if resumes:
             state = link.state[0]

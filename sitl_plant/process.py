@@ -89,7 +89,7 @@ class Plant:
                 self._fleet.faults[i],
                 self._fleet.applied[i],
                 uav.aircraft.fault_limits,
-                sensor_commands(self._fleet, i),
+                sensor_commands(self._fleet.sensing.faults, i),
             )
             for i, uav in enumerate(config.uavs)
         ]

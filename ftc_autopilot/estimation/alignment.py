@@ -28,7 +28,7 @@ from ftc_autopilot.estimation.state import (
     set_euler,
 )
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.vec3 import Vec3, cross, mul, norm, sub
+from sitl_plant.vec3 import Vec3, cross, mul, norm, sub, vec3
 
 _TILT, _HEADING = math.radians(4.0), math.radians(6.0)
 _FAR_FROM_GRAVITY = 0.25  # of it
@@ -90,12 +90,13 @@ def align(
     tilt = trust * (_TILT + _TILT_IN_TURN * abs(roll)) + (1.0 - trust) * _UNKNOWN_TILT
     dip = abs(assumed["field"][2]) / max(math.hypot(north, east), 1e-3)
     heading = min(math.hypot(_HEADING, dip * tilt), _UNKNOWN_HEADING)
-    _spread(kalman["P"], tilt, heading if has_heading else _UNKNOWN_HEADING, assumed)
+    heading = heading if has_heading else _UNKNOWN_HEADING
+    _spread(kalman["P"], tilt, heading, vec3(x[VEL:]), assumed)
     kalman["aligned"], kalman["placed"] = 1, 0
 
 
 @compiled
-def _spread(P: np.ndarray, tilt: float, heading: float, assumed: np.void) -> None:
+def _spread(P: np.ndarray, tilt: float, heading: float, air: Vec3, assumed: np.void) -> None:
     """Write the covariance of a coarse estimate: velocity is that through the air, and wind."""
     for r in range(N):
         for c in range(N):
@@ -114,6 +115,7 @@ def _spread(P: np.ndarray, tilt: float, heading: float, assumed: np.void) -> Non
         P[VEL + i, WIND + i] = wind
         P[WIND + i, VEL + i] = wind
     P[PHI + 2, PHI + 2] = heading * heading
+    _turn_with_attitude(P, air)
     P[POS + 2, POS + 2] = assumed["barometer_bias"] + assumed["barometer"]
     P[BARO_ERROR, BARO_ERROR] = assumed["barometer_bias"]
     P[POS + 2, BARO_ERROR] = assumed[
@@ -121,3 +123,19 @@ def _spread(P: np.ndarray, tilt: float, heading: float, assumed: np.void) -> Non
     ]  # D is altitude of the origin + error - reading
     P[BARO_ERROR, POS + 2] = assumed["barometer_bias"]
     P[PITOT_SCALE, PITOT_SCALE] = assumed["pitot_scale"]
+
+
+@compiled
+def _turn_with_attitude(P: np.ndarray, air: Vec3) -> None:
+    """Let the velocity through the air, known in body axes, turn with the attitude: phi × a.
+
+    Without it a pitot tube would seem to show the heading.
+    """
+    variances = P[PHI, PHI], P[PHI + 1, PHI + 1], P[PHI + 2, PHI + 2]
+    J = ((0.0, air[2], -air[1]), (-air[2], 0.0, air[0]), (air[1], -air[0], 0.0))
+    for i in range(3):
+        for j in range(3):
+            P[VEL + i, PHI + j] = J[i][j] * variances[j]
+            P[PHI + j, VEL + i] = J[i][j] * variances[j]
+            for k in range(3):
+                P[VEL + i, VEL + j] += J[i][k] * variances[k] * J[j][k]

@@ -16,6 +16,8 @@ _CM, _DEGE7_M = 0.01, 0.011
 """Resolutions of HIL_GPS: of the velocity [m/s], of the position [m]."""
 _PA_PER_M = 11.3
 """Change of the static pressure with altitude, at 600 m in the standard atmosphere [Pa/m]."""
+_MARGIN = 1.5
+"""Of variances of errors that turn with the aircraft, for what a linear filter makes of them."""
 _LEAST_GYRO, _LEAST_ACCELEROMETER = 2e-3, 2e-2
 """Noise that samples have at least, in the tests of it [rad/s, m/s²]: float32, and the motion."""
 
@@ -129,7 +131,7 @@ def _imu(own: np.void, sensors: NavigationSensors, period_s: float) -> None:
     own["force_noise"] = math.hypot(force_noise, _LEAST_ACCELEROMETER)
     own["gyro_density"] = gyro_noise**2 * period_s + 1e-12
     own["force_density"] = force_noise**2 * period_s + 1e-8
-    own["turning"] = gyro.scale_error**2 + 2.0 * (gyro.misalignment_deg * _DEGREE) ** 2
+    own["turning"] = _MARGIN * (gyro.scale_error**2 + 2.0 * (gyro.misalignment_deg * _DEGREE) ** 2)
     own["gyro_bias"] = (gyro.turn_on_bias_deg_s * _DEGREE) ** 2 + 1e-10
     g = own["gravity"]
     own["force_bias"] = (
@@ -151,11 +153,12 @@ def _air_data(own: np.void, sensors: NavigationSensors) -> None:
     own["magnetometer"] = (
         magnetometer.noise_gauss**2 + _rounding(magnetometer.resolution_gauss) ** 2 + 1e-8
     )
-    own["magnetometer_bias"] = (
+    misaligned = field * magnetometer.misalignment_deg * _DEGREE
+    own["magnetometer_bias"] = _MARGIN * (
         magnetometer.hard_iron_gauss**2
         + magnetometer.bias_instability_gauss**2
-        + field**2 * magnetometer.scale_error**2 / 3.0
-        + field**2 * 2.0 / 3.0 * (magnetometer.misalignment_deg * _DEGREE) ** 2
+        + (field * magnetometer.scale_error) ** 2 / 3.0
+        + misaligned**2
         + 1e-8
     )
     own["barometer"] = (barometer.noise_pa**2 + 0.1) / _PA_PER_M**2

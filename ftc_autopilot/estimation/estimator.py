@@ -7,8 +7,16 @@ import numpy as np
 
 from ftc_autopilot.estimation.alignment import align
 from ftc_autopilot.estimation.config import EstimatorConfig, parameters_of
-from ftc_autopilot.estimation.health import WELL, is_used, new_sensor_health, note_sample, note_test
-from ftc_autopilot.estimation.imus import IMU, judge_imus, note_imu, sample_of
+from ftc_autopilot.estimation.health import (
+    INCONSISTENT,
+    exclude,
+    is_used,
+    new_sensor_health,
+    note_sample,
+    note_test,
+)
+from ftc_autopilot.estimation.icing import ICING, is_icing, restore_wind
+from ftc_autopilot.estimation.imus import IMU, judge_imus, note_imu, runs, sample_of
 from ftc_autopilot.estimation.measurements import (
     GATE,
     fuse_barometer,
@@ -72,6 +80,7 @@ class Estimator(NamedTuple):
     sensors: np.ndarray  # (5,), dtype health.SENSOR
     history: np.ndarray  # (imus, entries, TRAVEL)
     past: np.ndarray  # (TRAVEL,)
+    icing: np.ndarray  # (1,), dtype ICING
     report: np.ndarray  # (1,), dtype REPORT
 
 
@@ -89,6 +98,7 @@ def new_estimator(config: EstimatorConfig) -> Estimator:
         new_sensor_health(config.sensors, config.step_us),
         np.zeros((n, entries, TRAVEL)),
         np.zeros(TRAVEL),
+        np.zeros(1, ICING),
         np.zeros(1, REPORT),
     )
 
@@ -168,9 +178,10 @@ def _begin(estimator: Estimator, imus: np.ndarray, assumed: np.void) -> None:
 @compiled
 def _advance(estimator: Estimator, assumed: np.void) -> None:
     """Advance all filters by one step."""
-    estimator.progress[0]["without_gnss"] += assumed["step_us"] / 1e6
+    step_s = assumed["step_us"] / 1e6
+    estimator.progress[0]["without_gnss"] += step_s
     for k in range(len(estimator.filters)):
-        if estimator.imus[k]["reason"] != WELL and k != estimator.progress[0]["imu"]:
+        if not (runs(estimator.imus[k], step_s) or k == estimator.progress[0]["imu"]):
             continue
         kalman = estimator.filters[k]
         rates, force = sample_of(estimator.imus[k])
@@ -205,12 +216,13 @@ def _aid(
     note_sample(sensors[GNSS], fixed, float(gps["lat"]), float(gps["lon"]), float(gps["alt"]))
     position, velocity = _place(gps, assumed)
     age = (time_us - int(gps["time_usec"])) / 1e6 if fixed else 0.0
+    step_s = assumed["step_us"] / 1e6
     slip = step * assumed["step_us"] % int(1e6 * _SIDESLIP_EVERY_S) == 0
     primary = estimator.progress[0]["imu"]
     if fixed and estimator.progress[0]["without_gnss"] > 2.0:
         _loosen(estimator)
     for k in range(len(estimator.filters)):
-        if estimator.imus[k]["reason"] != WELL and k != primary:
+        if not (runs(estimator.imus[k], step_s) or k == primary):
             continue
         kalman = estimator.filters[k]
         ratios = kalman["ratios"]
@@ -233,6 +245,13 @@ def _aid(
             ratios[SIDESLIP] = fuse_sideslip(kalman, _SIDESLIP_EVERY_S, assumed)
     if fixed:
         estimator.progress[0]["without_gnss"] = 0.0
+    if slip and is_used(sensors[PITOT]) and is_used(sensors[GNSS]):
+        icing = estimator.icing[0]
+        if is_icing(estimator.filters[primary], icing, _SIDESLIP_EVERY_S, assumed):
+            exclude(sensors[PITOT], INCONSISTENT)
+            for kalman in estimator.filters:
+                restore_wind(kalman, icing)
+            icing["age"], icing["suspicious"] = 0.0, 0.0
     for s in range(1, len(sensors)):
         if sensors[s]["fresh"] == 1:
             note_test(sensors[s], estimator.filters[primary]["ratios"][s])
@@ -269,7 +288,7 @@ def _switch(estimator: Estimator, assumed: np.void) -> None:
         hand_over(filters[before], filters[primary])
         progress["imu"] = primary
     for k in range(len(imus)):
-        if k != primary and imus[k]["reason"] != WELL:
+        if k != primary and not runs(imus[k], assumed["step_us"] / 1e6):
             _follow(estimator, k, primary, assumed)
 
 

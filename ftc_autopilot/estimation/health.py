@@ -4,7 +4,6 @@ A sensor is excluded when samples stop, when they stay the same, or when several
 innovation test; it is taken back when as many as in `_TAKE_BACK_S` pass.
 """
 
-import math
 from typing import Final
 
 import numpy as np
@@ -44,6 +43,7 @@ SENSOR = np.dtype(
 
 _SILENT_S, _SAME_S, _FAILED_S, _TAKE_BACK_S = 0.5, 0.5, 0.3, 1.0
 _LEAST_SAMPLES = 3
+_TAKE_BACK_GATE = 9.0  # squared normalised innovation of an excluded one that is well: 3 sigma
 
 
 def new_sensor_health(sensors: NavigationSensors, step_us: int) -> np.ndarray:
@@ -77,7 +77,7 @@ def note_sample(sensor: np.void, fresh: bool, x: float, y: float, z: float) -> N
     if not fresh:
         sensor["silent"] += 1
         if sensor["silent"] > sensor["most_silent"] and sensor["reason"] != ABSENT:
-            _exclude(sensor, SILENT)
+            exclude(sensor, SILENT)
         return
     sensor["silent"] = 0
     value = sensor["value"]
@@ -85,13 +85,14 @@ def note_sample(sensor: np.void, fresh: bool, x: float, y: float, z: float) -> N
     sensor["same"] = sensor["same"] + 1 if same else 0
     value[0], value[1], value[2] = x, y, z
     if sensor["most_same"] > 0 and sensor["same"] > sensor["most_same"]:
-        _exclude(sensor, STUCK)
+        exclude(sensor, STUCK)
 
 
 @compiled
 def note_test(sensor: np.void, ratio: float) -> None:
     """Note the squared normalised innovation of a sample, and exclude or take back the sensor."""
-    if ratio < GATE and (sensor["most_same"] == 0 or sensor["same"] < 3):
+    gate = GATE if sensor["reason"] == WELL else _TAKE_BACK_GATE
+    if ratio < gate and (sensor["most_same"] == 0 or sensor["same"] < 3):
         sensor["failed"] = 0
         sensor["passed"] += 1
         if sensor["reason"] > ABSENT and sensor["passed"] >= sensor["take_back"]:
@@ -102,11 +103,12 @@ def note_test(sensor: np.void, ratio: float) -> None:
         return
     sensor["failed"] += 1
     if sensor["failed"] >= sensor["most_failed"] and sensor["reason"] == WELL:
-        _exclude(sensor, INCONSISTENT)
+        exclude(sensor, INCONSISTENT)
 
 
 @compiled
-def _exclude(sensor: np.void, reason: int) -> None:
+def exclude(sensor: np.void, reason: int) -> None:
+    """Exclude a sensor for one of the reasons above."""
     sensor["reason"], sensor["passed"] = reason, 0
 
 
@@ -114,9 +116,3 @@ def _exclude(sensor: np.void, reason: int) -> None:
 def is_used(sensor: np.void) -> bool:
     """Return whether a sensor's samples are fused."""
     return bool(sensor["reason"] == WELL)
-
-
-@compiled
-def chi_square_tail(x: float) -> float:
-    """Return the probability that a squared normal value exceeds x."""
-    return math.erfc(math.sqrt(0.5 * x))

@@ -21,6 +21,9 @@ IMU = np.dtype(
         ("same", "i8", (2,)),  # samples in a row that are the same: gyro, accelerometer
         ("samples", "f8", (3, 6)),  # the last three of gyro and accelerometer
         ("noise", "f8", (2,)),  # mean squared second difference over that of healthy ones
+        ("fast", "f8", (6,)),  # filtered samples, over 15 ms and over 0.2 s
+        ("slow", "f8", (6,)),
+        ("jump", "f8"),  # what the two differed in when a difference between IMUs appeared
         ("apart", "f8", (6,)),  # filtered difference from the one flown by
         ("differs", "i8"),  # steps for which that has been too large
         ("well", "i8"),  # steps for which nothing is the matter
@@ -40,7 +43,9 @@ _ACCELEROMETER = (
 )
 _MOST_SILENT_S, _TAKE_BACK_S, _DECIDE_S = 0.03, 2.0, 0.35
 _MOST_SAME = 30  # samples
-_NOISE_S, _APART_S = 0.05, 0.03  # time constants
+_NOISE_S, _APART_S, _FAST_S, _SLOW_S = 0.05, 0.03, 0.015, 0.2  # time constants
+_JUMPED = 4.0  # what a jump of one of two IMUs counts against it, as a misfit of its filter
+_RECONSIDER_S = 3.0  # for which the filter of an IMU that differs runs on
 _MOST_NOISE = 9.0  # times the variance of a healthy one
 _MOST_SQUARE = 30.0  # of one second difference: steps of the motion are no noise
 _MOST_APART = math.radians(1.0), 0.4  # rad/s, m/s²
@@ -63,7 +68,8 @@ def note_imu(imu: np.void, sample: np.void, assumed: np.void) -> None:
     rates = float(sample["xgyro"]), float(sample["ygyro"]), float(sample["zgyro"])
     force = float(sample["xacc"]), float(sample["yacc"]), float(sample["zacc"])
     noises = assumed["gyro_noise"], assumed["force_noise"]
-    gain = assumed["step_us"] / 1e6 / _NOISE_S
+    step_s = assumed["step_us"] / 1e6
+    gain = step_s / _NOISE_S
     for part in range(2):
         if not new[part]:
             continue
@@ -73,6 +79,8 @@ def note_imu(imu: np.void, sample: np.void, assumed: np.void) -> None:
             k = 3 * part + axis
             same = same and value[axis] == rows[0, k]
             rows[2, k], rows[1, k], rows[0, k] = rows[1, k], rows[0, k], value[axis]
+            imu["fast"][k] += step_s / _FAST_S * (value[axis] - imu["fast"][k])
+            imu["slow"][k] += step_s / _SLOW_S * (value[axis] - imu["slow"][k])
             second = rows[0, k] - 2.0 * rows[1, k] + rows[2, k]
             square += min(second * second / (6.0 * noises[part] ** 2), _MOST_SQUARE) / 3.0
         imu["same"][part] = imu["same"][part] + 1 if same else 0
@@ -149,6 +157,7 @@ def _compare(imus: np.ndarray, filters: np.ndarray, primary: int, assumed: np.vo
             continue
         imu, other, other_bias = imus[k], imus[k]["samples"][0], filters[k]["x"]
         too_far = False
+        widest = 0.0
         for part in range(2):
             at = GYRO_BIAS if part == 0 else FORCE_BIAS
             size = 0.0
@@ -160,22 +169,42 @@ def _compare(imus: np.ndarray, filters: np.ndarray, primary: int, assumed: np.vo
                 imu["apart"][j] += step_s / _APART_S * (gap - imu["apart"][j])
                 limit = _MOST_APART[part] + _APART_PER_UNIT[part] * size
                 too_far = too_far or abs(imu["apart"][j]) > limit
+                if abs(imu["apart"][j]) > widest * limit:
+                    widest = abs(imu["apart"][j]) / limit
+                    if imu["differs"] == 0:
+                        imu["jump"] = abs(imu["fast"][j] - imu["slow"][j])
+                        imus[primary]["jump"] = abs(
+                            imus[primary]["fast"][j] - imus[primary]["slow"][j]
+                        )
         imu["differs"] = imu["differs"] + 1 if too_far else 0
-        if imu["differs"] == 0 or imu["reason"] != WELL:
+        if imu["differs"] == 0 or not runs(imu, step_s):
             continue
         worse = misfit(filters[primary]) - misfit(filters[k])
+        if imu["reason"] != WELL:
+            if worse > 2.0 * _SIGNIFICANT:  # the wrong one of the two was excluded
+                chosen = k
+            continue
+        worse += _JUMPED if imus[primary]["jump"] > imu["jump"] else -_JUMPED
         waited = imu["differs"] * step_s > _DECIDE_S
         if worse > _SIGNIFICANT or (waited and worse > 0.0):
             chosen = k
         elif worse < -_SIGNIFICANT or waited:
             imu["reason"], imu["well"] = INCONSISTENT, 0
     if chosen != primary:
+        imus[chosen]["reason"] = WELL
         imus[primary]["reason"], imus[primary]["well"] = INCONSISTENT, 0
         imus[primary]["differs"] = 1
         imus[chosen]["differs"] = 0
         for j in range(6):
             imus[primary]["apart"][j] = -imus[chosen]["apart"][j]
     return chosen
+
+
+@compiled
+def runs(imu: np.void, step_s: float) -> bool:
+    """Return whether the filter of an IMU runs: one that differs is watched for a while."""
+    differs = imu["reason"] == INCONSISTENT and imu["differs"] > 0
+    return bool(imu["reason"] == WELL or (differs and imu["differs"] * step_s < _RECONSIDER_S))
 
 
 @compiled

@@ -31,6 +31,7 @@ million normal values exceeds (chi-square quantile of one degree of freedom)."""
 _TREND_OF_FIELD, _TREND_OF_VELOCITY = 0.05, 0.5
 """Gains of running means of innovations, over 0.2 s each at their usual rates."""
 _MOST_NORMAL = 10.0
+_SETTLED, _LONGEST_SETTLING_S = math.radians(4.0), 3.0
 _SLOWEST = 3.0  # m/s: below it, a pitot tube and the side force say nothing
 _SIDE_DISTURBANCE = 0.15  # m/s², what else than sideslip makes side force
 _SIDE_MODEL = 0.3  # relative error of the coefficient
@@ -42,6 +43,14 @@ _SIDE_CORRELATION_S = 0.5  # of these errors
 def column(R: Mat3, k: int) -> Vec3:
     """Return a column of a rotation matrix: a body axis in NED."""
     return R[0][k], R[1][k], R[2][k]
+
+
+@compiled
+def is_settled(kalman: np.void) -> bool:
+    """Return whether the attitude is known well enough to split a velocity through the air."""
+    P = kalman["P"]
+    variance = P[PHI, PHI] + P[PHI + 1, PHI + 1] + P[PHI + 2, PHI + 2]
+    return bool(variance < _SETTLED**2 or kalman["travel"][6] > _LONGEST_SETTLING_S)
 
 
 @compiled
@@ -70,7 +79,7 @@ def _note_trend(kalman: np.void, k: int, gain: float) -> None:
 
 @compiled
 def fuse_magnetometer(kalman: np.void, sample: Vec3, assumed: np.void, use: bool) -> float:
-    """Fuse the magnetic field [gauss, body axes]: m = Rᵀ B + b, with the field B of the place and the bias b.
+    """Fuse the magnetic field [gauss, body axes]: m = Rᵀ B + b, with B of the place and a bias b.
 
     Returns:
         The largest squared normalised innovation of the three axes.
@@ -112,21 +121,26 @@ def fuse_pitot(kalman: np.void, pressure: float, assumed: np.void, use: bool) ->
     """Fuse a differential pressure [Pa]: (1 + s) ρ u²/2, with u the airspeed along the x axis.
 
     PX4's EKF2 fuses a true airspeed instead, with the same dependence on velocity and wind.
+
+    How u depends on the attitude changes with each correction of the velocity across, and the
+    covariance does not follow: after a coarse guess, the tube would seem to show the heading. So
+    the attitude's share counts as noise, and at first nothing is fused (`is_settled`).
     """
     h, x, density = clear(kalman), kalman["x"], assumed["density"]
     c, a = column(rotation(kalman["quaternion"]), 0), through_air(x)
     u = dot(c, a)
-    if u < _SLOWEST:
+    if u < _SLOWEST or not is_settled(kalman):
         return 0.0
     slope = density * u * (1.0 + x[PITOT_SCALE])
-    lever = cross(c, a)
+    lever, noise = cross(c, a), assumed["pitot"]
     for k in range(3):
         h[PHI + k] = slope * lever[k]
         h[VEL + k] = slope * c[k]
         h[WIND + k] = -slope * c[k]
+        noise += (slope * lever[k]) ** 2 * kalman["P"][PHI + k, PHI + k]
     h[PITOT_SCALE] = 0.5 * density * u * u
     expected = 0.5 * density * u * u * (1.0 + x[PITOT_SCALE])
-    return _fuse_tested(kalman, pressure - expected, assumed["pitot"], use)
+    return _fuse_tested(kalman, pressure - expected, noise, use)
 
 
 @compiled
@@ -145,7 +159,7 @@ def fuse_sideslip(kalman: np.void, period_s: float, assumed: np.void) -> float:
     h, x = clear(kalman), kalman["x"]
     c, a = column(rotation(kalman["quaternion"]), 1), through_air(x)
     V = norm(a)
-    if V < _SLOWEST:
+    if V < _SLOWEST or not is_settled(kalman):
         return 0.0
     per_rad = assumed["side"] * 0.5 * assumed["density"] * V * V
     own, prior = V * V, (V * _SIDESLIP) ** 2

@@ -72,7 +72,7 @@ def predict(kalman: np.void, rates: Vec3, force: Vec3, assumed: np.void) -> None
 
 @compiled
 def propagate(kalman: np.void, assumed: np.void) -> None:
-    """Advance the covariance by the time since the last call: P ← F P Fᵀ + Q, Solà, section 5.4.3."""
+    """Advance the covariance by the time since the last call: P ← F P Fᵀ + Q."""
     P = kalman["P"]
     _rows(P, kalman)
     _columns(P, kalman)

@@ -85,7 +85,7 @@ def turn_world(q: np.ndarray, angle: Vec3) -> None:
 
 @inlined
 def _multiply(q: np.ndarray, angle: Vec3, side: float) -> None:
-    """Multiply with a rotation from the right (side 1) or from the left (-1) by the product of quaternions."""
+    """Multiply with a rotation from the right (side 1) or from the left (-1)."""
     size = math.sqrt(angle[0] * angle[0] + angle[1] * angle[1] + angle[2] * angle[2])
     c = math.cos(0.5 * size)
     s = math.sin(0.5 * size) / size if size > 1e-9 else 0.5

@@ -51,6 +51,7 @@ from mavlink_defs.runtime.native import send
 # rows of `AutopilotLink.drops`; the last holds the plant's own counts, as it reports them
 GCS, FORMATION, SIMULATOR, PLANT = range(4)
 
+_NO_HISTORY = np.zeros(0)
 _EDGE_FADE_S = 0.5
 """Simulated time in which a dropped neighbour's weight goes to 0, and back [s]."""
 
@@ -196,7 +197,8 @@ def checkpoint_records(
 def _estimated_records(link: AutopilotLink) -> tuple[np.ndarray, ...]:
     """Return what a checkpoint saves of an estimated state; of a true one nothing."""
     navigation = link.navigation
-    records = link.simulator.measured, navigation.arrivals, *navigation.estimator
+    estimator = navigation.estimator._replace(history=_NO_HISTORY)  # it has a file of its own
+    records = link.simulator.measured, navigation.arrivals, *estimator
     return records if len(navigation.imus) else tuple(record[:0] for record in records)
 
 

@@ -4,6 +4,7 @@ import numpy as np
 
 from ftc_autopilot.hot.link import AutopilotLink, SimulatorLink
 from ftc_autopilot.hot.navigation import (
+    check_step,
     is_complete,
     is_estimated,
     navigate,
@@ -32,7 +33,8 @@ from mavlink_defs.runtime.native import monotonic_s, receive_now, waits
 def receive_states(length: int, plant_fd: int, link: AutopilotLink) -> Outcome:
     """Take a datagram of the plant, which lies in `SimulatorLink.received`; a state is due then.
 
-    In real time the newest state of all datagrams that wait in the socket.
+    In real time the newest state of all datagrams that wait in the socket; of sensors, until the
+    step that is sent last.
 
     Args:
         length: Its length [bytes].
@@ -43,7 +45,7 @@ def receive_states(length: int, plant_fd: int, link: AutopilotLink) -> Outcome:
         NONE; SERVICE or RESTARTED if Python is needed.
     """
     outcome = _receive(length, link)
-    while outcome == Outcome.NONE and _is_real_time(link.state[0]):
+    while outcome == Outcome.NONE and _more_may_wait(link):
         length = receive_now(plant_fd, link.simulator.received)
         if length < 0:
             break
@@ -57,6 +59,13 @@ def is_due(outcome: Outcome, plant_fd: int, link: AutopilotLink) -> bool:
     if outcome == Outcome.RESTARTED or link.state[0]["due"] == 0:
         return False  # else there may be a newer state behind what Python is needed for
     return not (outcome == Outcome.SERVICE and waits(plant_fd, link.simulator.sent))
+
+
+@inlined
+def _more_may_wait(link: AutopilotLink) -> bool:
+    """Return whether the next datagram belongs to what was received last, or replaces it."""
+    state = link.state[0]
+    return _is_real_time(state) or (is_estimated(link.navigation) and state["due"] == 0)
 
 
 @inlined
@@ -110,19 +119,20 @@ def _receive_sensors(message_id: int, link: AutopilotLink) -> Outcome:
         NONE or RESTARTED.
     """
     state, simulator, navigation = link.state[0], link.simulator, link.navigation
-    received, problem = simulator.received, int(DropReason.UNEXPECTED)
+    received = simulator.received
+    problem: int = DropReason.UNEXPECTED
     is_step = message_id == MessageId.SIM_STEP
     if system_of(received) != simulator.system:
         problem = DropReason.STRANGER
     elif message_id == MessageId.SENSOR:
         expand(received, HIL_SENSOR_SIZE)
-        problem = note_sensor(navigation, simulator.sensor[0])
+        problem = note_sensor(navigation, simulator.sensor[0], simulator.measured[0])
     elif message_id == MessageId.GPS:
         expand(received, HIL_GPS_SIZE)
         problem = note_gps(navigation, simulator.gps[0])
     elif is_step:
         expand(received, SIM_STEP_SIZE)
-        problem = 0
+        problem = check_step(navigation, simulator.sim_step[0])
     if problem != 0:
         simulator.drops[-problem] += 1
         return Outcome.NONE

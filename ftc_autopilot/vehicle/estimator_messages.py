@@ -204,13 +204,15 @@ class EstimatorMessages:
     def _attitude_covariance(self, attitude: Sequence[float]) -> np.ndarray:
         """Return the covariance of roll, pitch and yaw [rad²], shape (3, 3).
 
-        From the covariance of a small turn in NED axes, by the rates of the Euler angles 3-2-1 in a turn:
+        From the covariance of a small turn in NED axes, by the rates of the Euler angles in a turn:
         J. Solà, Quaternion kinematics for the error-state Kalman filter, 2017, section 4.
         """
         if self._report is None:
             return np.zeros((3, 3))
         P = self._filters[int(self._report["imu"])]["P"][PHI : PHI + 3, PHI : PHI + 3]
         _, pitch, yaw = attitude
+        if not math.isfinite(pitch + yaw):
+            return np.full((3, 3), math.nan)
         c, s = math.cos(yaw), math.sin(yaw)
         J = np.array(
             [

@@ -42,7 +42,7 @@ class FaultStation:
                 self._fleet.faults[i],
                 self._fleet.applied[i],
                 self._scenario.aircraft_of(system).fault_limits,
-                sensor_commands(self._fleet, i),
+                sensor_commands(self._fleet.sensing.faults, i),
             )
             for i, system in enumerate(self._systems)
         ]

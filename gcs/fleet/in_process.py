@@ -257,7 +257,7 @@ def add_faults(scenario: Scenario, fleet: PlantState) -> None:
     for uav_id, fault in scenario.fault_commands():
         i = ids.index(uav_id)
         if isinstance(fault, SensorFault):
-            sensor_commands(fleet, i).set(fault, time_s=0.0)
+            sensor_commands(fleet.sensing.faults, i).set(fault, time_s=0.0)
             continue
         received = fault_from_params(fault, scenario.aircraft_of(uav_id).fault_limits)
         add_fault(fleet.faults[i], received, now_s=0.0)

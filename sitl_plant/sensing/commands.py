@@ -11,8 +11,8 @@ import numpy as np
 from mavlink_defs.faults import InvalidParam
 from mavlink_defs.sensor_fault_kinds import SENSOR_NAMES, Failure, SensorUnit, default_of
 from mavlink_defs.sensor_faults import SensorFault, sensor_fault_from_params
-from sitl_plant.fleet import PlantState
 from sitl_plant.sensing.failures import (
+    Failures,
     add_sensor_fault,
     as_fault,
     clear_sensor_faults,
@@ -106,9 +106,13 @@ class SensorFaultCommands:
         return self._faults, self._units
 
 
-def sensor_commands(fleet: PlantState, i: int) -> SensorFaultCommands:
-    """Return the sensor fault commands of an aircraft: refused of one that has its true state."""
-    failures = fleet.sensing.faults
+def sensor_commands(failures: Failures, i: int) -> SensorFaultCommands:
+    """Return the sensor fault commands of an aircraft.
+
+    Args:
+        failures: Of a fleet that navigates by sensors; of no aircraft if it has its true states.
+        i: Index of the aircraft.
+    """
     if not len(failures.faults):
         return SensorFaultCommands()
     return SensorFaultCommands(failures.faults[i], failures.units[i])

@@ -49,10 +49,13 @@ def flown(scenario: Scenario, folder: Path) -> Recording:
     )
 
 
+@pytest.mark.parametrize("navigation", ["true_state", "estimated"])
 def test_in_lockstep_a_restart_is_the_same_in_every_run(
-    scenario1: Scenario, tmp_path: Path
+    scenario1: Scenario, tmp_path: Path, navigation: str
 ) -> None:
-    scenario = scenario1.model_copy(update={"duration_s": 1.6, "faults": ()})
+    """The estimate is resumed with the rest, and goes on while the law pauses."""
+    keys = {"duration_s": 1.6, "faults": (), "navigation": navigation}
+    scenario = scenario1.model_copy(update=keys)
     first, second = (flown(scenario, tmp_path / name) for name in ("first", "second"))
     assert first.restarts == second.restarts == (0, 1, 0)
     assert np.array_equal(first.states, second.states)

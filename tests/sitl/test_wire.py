@@ -46,16 +46,26 @@ def short_tree(duration_s: float) -> dict[str, Any]:
 
 
 def short_flight(
-    folder: Path, duration_s: float, impairments: dict[str, Any], **links: Any
+    folder: Path,
+    duration_s: float,
+    impairments: dict[str, Any],
+    navigation: str = "true_state",
+    **links: Any,
 ) -> Path:
     folder.mkdir(exist_ok=True)
     links = {**free_links(), "impairments": impairments, **links}
-    return write_scenario(folder, short_tree(duration_s), links=links)
+    return write_scenario(folder, short_tree(duration_s), links=links, navigation=navigation)
 
 
-def flown(folder: Path, duration_s: float, impairments: dict[str, Any], **links: Any) -> Path:
+def flown(
+    folder: Path,
+    duration_s: float,
+    impairments: dict[str, Any],
+    navigation: str = "true_state",
+    **links: Any,
+) -> Path:
     """The run folder of a flight through relays."""
-    scenario = short_flight(folder, duration_s, impairments, **links)
+    scenario = short_flight(folder, duration_s, impairments, navigation, **links)
     fly_well(scenario, "--quiet", "--record=npz", "--out", folder / "run")
     return folder / "run"
 
@@ -101,9 +111,12 @@ def test_the_tap_counts_what_the_summary_says(clean: Path) -> None:
     assert not any(link["dropped"] for link in wire["links"])
 
 
-def test_a_lossy_lockstep_flight_ends_and_is_the_same_every_time(tmp_path: Path) -> None:
+@pytest.mark.parametrize("navigation", ["true_state", "estimated"])
+def test_a_lossy_lockstep_flight_ends_and_is_the_same_every_time(
+    tmp_path: Path, navigation: str
+) -> None:
     with ThreadPoolExecutor() as pool:  # they mostly wait for what was lost
-        runs = list(pool.map(lambda name: flown(tmp_path / name, 0.15, LOSSY), "ab"))
+        runs = list(pool.map(lambda name: flown(tmp_path / name, 0.15, LOSSY, navigation), "ab"))
     wires = [wire_of(folder) for folder in runs]
     for folder, wire in zip(runs, wires, strict=True):
         summary = summary_of(folder)
@@ -176,6 +189,9 @@ def test_gcs_wire_shows_the_relays_report_of_a_flight(clean: Path) -> None:
 # captures, and Wireshark with our dissector
 
 
+HIL_SENSOR, HIL_GPS, SIM_STATE, SIM_STEP = 107, 113, 53100, 53111
+
+
 class Capture:
     """A capture of tshark on the loopback interface; skips the test where it is not permitted."""
 
@@ -212,10 +228,11 @@ class Capture:
 
 
 @needs("tshark")
-def test_tshark_gcs_wire_and_the_summary_count_the_same(tmp_path: Path) -> None:
+@pytest.mark.parametrize("navigation", ["true_state", "estimated"])
+def test_tshark_gcs_wire_and_the_summary_count_the_same(tmp_path: Path, navigation: str) -> None:
     links = free_links()
     port = links["plant_port"]
-    scenario = write_scenario(tmp_path, short_tree(0.4), links=links)
+    scenario = write_scenario(tmp_path, short_tree(0.4), links=links, navigation=navigation)
     lua = tmp_path / "ftc.lua"
     assert run("gcs", "wireshark", "--out", lua, "--port", str(port)).returncode == 0
     capture = Capture(tmp_path / "plant.pcapng", port)
@@ -251,6 +268,8 @@ def test_tshark_gcs_wire_and_the_summary_count_the_same(tmp_path: Path) -> None:
     for row in report["messages"]:
         counted[row["system"], row["message_id"]] += row["frames"]
     assert seen == counted
+    sensors = {HIL_SENSOR, HIL_GPS, SIM_STEP} if navigation == "estimated" else {SIM_STATE}
+    assert {number for _, number in seen} & {HIL_SENSOR, HIL_GPS, SIM_STEP, SIM_STATE} == sensors
 
 
 def test_gcs_wire_relays_impairs_and_counts_until_it_is_stopped(tmp_path: Path) -> None:

@@ -69,8 +69,8 @@ def by_pymavlink(datagram: bytes) -> Any:
 
 def test_each_step_has_a_message_of_each_imu_and_the_step_last(flown: list[list[bytes]]) -> None:
     for step, datagrams in enumerate(flown[:STEPS]):
-        messages = [parse(datagram) for datagram in datagrams]
-        kinds = [message.get_type() for message in messages if message is not None]
+        messages: list[Any] = [parse(datagram) for datagram in datagrams]
+        kinds = [message.get_type() for message in messages]
         has_gps = "HIL_GPS" in kinds
         between = ["HIL_GPS"] if has_gps else []
         assert kinds == ["HIL_SENSOR", "HIL_SENSOR", *between, "FTC_SIM_STEP"]

@@ -27,7 +27,7 @@ def fly(*faults: dict[str, Any]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     sensing = fleet.sensing
     for keys in faults:
         fault = SensorFaultSpec.model_validate({"start_s": ONSET_S, **keys}).command()
-        sensor_commands(fleet, 0).set(fault, 0.0)
+        sensor_commands(fleet.sensing.faults, 0).set(fault, 0.0)
     motion = np.zeros(1, SIM_STATE)[0]
     imus, gps, delivered = [], [], []
     for step in range(STEPS):
