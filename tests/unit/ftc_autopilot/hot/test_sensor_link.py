@@ -146,20 +146,88 @@ def test_in_real_time_a_step_is_flown_with_what_has_come(rig: SensorRig) -> None
     assert int(rig.link.navigation.arrivals[0]["step"]) == 2
 
 
-def test_every_step_that_waits_is_estimated_and_the_newest_is_flown(rig: SensorRig) -> None:
-    rig.send_all(0, FTC_SIM_FLAGS_RUNNING)
-    rig.answers()
-    for step in range(1, 6):
-        rig.send_sensor(step, 0, xgyro=1.0)
-        rig.send_sensor(step, 1, xgyro=1.0)
+def turning(rig: SensorRig, step: int, *, is_heard: bool = True) -> None:
+    """Send a step in real time, with all sensors, of an aircraft that rolls."""
+    for imu in (0, 1):
+        rig.send_sensor(step, imu, xgyro=1.0)
+    if is_heard:
         rig.send_step(step, FTC_SIM_FLAGS_RUNNING)
+
+
+@pytest.fixture
+def stepwise(scenario1: Scenario) -> tuple[Any, ...]:
+    """The estimate of an autopilot that has handled six steps one by one."""
+    rig = SensorRig(scenario1.model_copy(update={"navigation": "estimated"}))
+    for step in range(6):
+        turning(rig, step)
+        rig.answers()
+    rig.close()
+    return rig.estimate()
+
+
+def test_every_step_that_waits_is_estimated_and_the_newest_is_flown(
+    rig: SensorRig, stepwise: tuple[Any, ...]
+) -> None:
+    turning(rig, 0)
+    rig.answers()
     before = int(rig.controllers.states[0]["steps"])
+    for step in range(1, 6):
+        turning(rig, step)
     rig.answers()
     assert int(rig.link.state[0]["step"]) == 5
     assert int(rig.controllers.states[0]["steps"]) == before + 1
-    _, _, (roll, _, _) = rig.estimate()
-    alone = SensorRig.estimate(rig)
-    assert roll == alone[2][0] != 0.0
+    assert rig.estimate() == stepwise
+
+
+def test_a_step_that_was_lost_is_estimated_with_the_next(
+    rig: SensorRig, stepwise: tuple[Any, ...]
+) -> None:
+    for step in range(6):
+        turning(rig, step, is_heard=step not in {2, 3})
+        rig.answers()
+    assert rig.estimate() == stepwise
+
+
+def test_a_sensor_that_was_overtaken_is_left_out(rig: SensorRig, stepwise: tuple[Any, ...]) -> None:
+    for step in range(6):
+        if step == 5:
+            for imu in (0, 1):
+                rig.send_sensor(5, imu, xgyro=1.0)
+            rig.send_sensor(3, 0, xgyro=-9.0)
+            rig.send_step(5, FTC_SIM_FLAGS_RUNNING)
+        else:
+            turning(rig, step)
+        rig.answers()
+    assert rig.estimate() == stepwise
+
+
+def test_the_first_step_in_real_time_needs_every_imu(rig: SensorRig) -> None:
+    rig.send_sensor(0, 0)
+    rig.send_step(0, FTC_SIM_FLAGS_RUNNING)
+    rig.answers()
+    assert int(rig.link.state[0]["step"]) == -1
+    rig.send_all(1, FTC_SIM_FLAGS_RUNNING)
+    rig.answers()
+    assert int(rig.link.state[0]["step"]) == 1
+
+
+def test_a_gps_sample_may_be_older_than_the_last(rig: SensorRig) -> None:
+    for step, measured in enumerate((500, 300)):
+        rig.send_neighbour_state(step)
+        rig.send_sensor(step, 0)
+        rig.send_sensor(step, 1)
+        rig.send_gps(measured)
+        rig.send_step(step, LOCKSTEP | FTC_SIM_FLAGS_GPS)
+        assert is_answered(rig)
+
+
+def test_a_step_whose_time_is_another_is_refused(rig: SensorRig) -> None:
+    rig.send_sensor(0, 0)
+    rig.send_sensor(0, 1)
+    message = dialect.MAVLink_ftc_sim_step_message(500, NOTHING_APPLIED, 0, 7, LOCKSTEP, [0] * 32)
+    rig.send(message)
+    assert rig.answers() == []
+    assert rig.drops(DropReason.OUT_OF_RANGE) == 1
 
 
 def test_the_same_step_again_changes_no_estimate(rig: SensorRig) -> None:
