@@ -145,7 +145,7 @@ def fuse_pitot(kalman: np.void, pressure: float, assumed: np.void, use: bool) ->
 
 @compiled
 def fuse_sideslip(kalman: np.void, period_s: float, assumed: np.void) -> float:
-    """Fuse the sideslip that the side force shows: f_y = (S cY_beta / m) (ρ V²/2) beta.
+    """Fuse the sideslip that the side force shows: f_y = (S (cY_beta - cD0) / m) (ρ V²/2) beta.
 
     PX4's EKF2 fuses a sideslip of zero; here the nominal aircraft's side force says how much there
     is, as far as it can, and a sideslip within ±10° otherwise. Errors of the coefficient, and what
@@ -166,7 +166,8 @@ def fuse_sideslip(kalman: np.void, period_s: float, assumed: np.void) -> float:
     shown = 0.0
     if per_rad != 0.0:
         shown = kalman["force"][1] * V / per_rad
-        own = (_SIDE_DISTURBANCE * V / per_rad) ** 2 + (_SIDE_MODEL * shown) ** 2
+        other = assumed["side_by_surfaces"] * 0.5 * assumed["density"] * V * V
+        own = (math.hypot(_SIDE_DISTURBANCE, other) * V / per_rad) ** 2 + (_SIDE_MODEL * shown) ** 2
         shown *= prior / (prior + own)
     variance = own * prior / (own + prior) * 2.0 * _SIDE_CORRELATION_S / period_s
     lever = cross(c, a)
