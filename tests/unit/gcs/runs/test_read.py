@@ -12,7 +12,9 @@ from campaign_flights import planned
 from pyarrow import ipc
 from run_folders import make_run
 from sweeping import swept
+from typer.testing import CliRunner
 
+from gcs.cli import app
 from gcs.errors import BadInput, FlightLost, Interrupted
 from gcs.lab.campaigns.flights import fly_rows
 from gcs.lab.campaigns.folder import open_folder
@@ -150,6 +152,8 @@ def test_a_flight_that_is_under_way_is_so_until_its_lock_goes(cache: Path, tmp_p
         fcntl.flock(file, fcntl.LOCK_EX)
         assert only(tmp_path).outcome == "under_way"
         assert only(tmp_path).flights == 0
+        shown = CliRunner().invoke(app, ["runs", str(tmp_path)]).stdout
+        assert "flight of" not in shown  # it is one, though none has ended
     assert only(tmp_path).outcome == "killed"
 
 
