@@ -267,7 +267,8 @@ def _table(runs: Sequence[Run], narrow: bool) -> "Table":
 
 def _name(run: Run, narrow: bool) -> Text:
     name = "\n".join(wrap(run.name, _NARROW_NAME)) if narrow else run.name
-    kind = run.kind if run.flights in {None, 1} else f"{run.kind} of {run.flights}"
+    single = run.planned == 1 or run.flights in {None, 1}
+    kind = run.kind if single else f"{run.kind} of {run.flights}"
     begun = datetime.fromisoformat(run.time).astimezone()
     return Text.assemble((name, "bold"), f"\n{kind}\n{begun:%Y-%m-%d %H:%M}")
 

@@ -12,7 +12,7 @@ from gcs.results.figures import FlightSummary
 from gcs.results.flight_mark import DONE, INTERRUPTED, FlightMark, is_under_way, read_mark
 from gcs.results.quantities import QUANTITIES
 from gcs.results.run_folder import read_summary
-from gcs.results.store import EVENTS, TRAJECTORY, batches
+from gcs.runs.recorded import figures_so_far
 from gcs.runs.run import Kind, Outcome, Run, utc
 from gcs.runs.scan import NOTE, SUMMARY, Found
 from mavlink_defs.config.models import ConfigError
@@ -64,7 +64,7 @@ def _flight(folder: Path) -> dict[str, Any]:
         if summary is not None and _has_frames(folder):
             facts |= {"kind": "ardupilot", "law": "ArduPilot"}
     if summary is None or is_under_way(folder):
-        facts |= _so_far(folder) if summary is None else {}
+        facts |= figures_so_far(folder) if summary is None else {}
         facts["outcome"], facts["reason"] = _ended(folder, mark)
         facts["completed"] = int(facts["outcome"] == "completed")
         facts["flights"] = int(facts["outcome"] != "under_way")
@@ -146,22 +146,6 @@ def _ended(folder: Path, mark: FlightMark | None) -> tuple[Outcome, str]:
     if not mark.ended:
         return "killed", "its process ended without a word"
     return "lost", mark.ended
-
-
-def _so_far(folder: Path) -> dict[str, Any]:
-    """Return the figures that a recording has, of a flight without a summary."""
-    facts: dict[str, Any] = {}
-    try:
-        events = 0
-        for batch in batches(folder / EVENTS):
-            events += len(batch)
-            facts["events"] = events
-            facts["duration_s"] = float(batch.column("time_s")[-1].as_py())
-        for batch in batches(folder / TRAJECTORY):
-            facts["duration_s"] = float(batch.column("time_s")[-1].as_py())
-    except (BadInput, KeyError, IndexError):
-        pass  # no recording: nothing is known
-    return facts
 
 
 def _has_frames(folder: Path) -> bool:

@@ -84,7 +84,7 @@ class Dashboard(App[None]):
             with TabPane("3 Faults", id="faults"):
                 yield FaultsPanel(classes="with-keys")
             with TabPane("4 Profiles", id="profiles"):
-                yield ProfilesPanel(classes="with-keys")
+                yield ProfilesPanel(self.view.source.offers_files, classes="with-keys")
             with TabPane("5 Parameters", id="parameters"):
                 yield ParametersPanel(classes="with-keys")
             with TabPane("6 Events", id="events"):

@@ -240,10 +240,17 @@ class ParametersPanel(Panel, Vertical):
 
     def action_save(self) -> None:
         """Ask for the file to save the parameters of the selected vehicle in."""
-        if self._view is not None and self._view.selected is not None:
+        if self._may_act() and self._view is not None and self._view.selected is not None:
             system = self._view.selected
             take = functools.partial(self._save, system)
             self._ask(f"save UAV {system} as", f"a new file, such as uav{system}.parm", take)
+
+    def _may_act(self) -> bool:
+        """Return whether vehicles can be asked; say why not, before any file is looked at."""
+        reason = "" if self._view is None else self._view.source.read_only
+        if reason:
+            self.app.notify(f"{reason}: nothing can be done", severity="warning")
+        return not reason
 
     def _save(self, system: int, text: str) -> None:
         file = _path(text)
@@ -262,7 +269,7 @@ class ParametersPanel(Panel, Vertical):
 
     def action_load(self) -> None:
         """Ask for the file to load."""
-        if self._view is not None and self._view.targets:
+        if self._may_act() and self._view is not None and self._view.targets:
             targets = self._view.targets
             take = functools.partial(self._compare, targets)
             self._ask(f"load into {ids(targets)}", "a file of NAME VALUE lines", take)

@@ -35,6 +35,7 @@ class Playback:
     """
 
     read_only = "this is a log"
+    offers_files = True
 
     def __init__(
         self, title: str, frames: Sequence[tuple[int, bytes]], clock: Callable[[], float]

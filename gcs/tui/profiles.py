@@ -79,26 +79,28 @@ class ProfilesPanel(Panel, Horizontal):
         Binding("o", "open", "open", tooltip="Type the path of a file"),
     ]
 
-    def __init__(self, folder: Path | None = None, **kwargs: Any) -> None:
+    def __init__(self, offers_files: bool = True, **kwargs: Any) -> None:
         """Prepare the panel.
 
         Args:
-            folder: Where the tree of files begins; the working directory by default.
+            offers_files: Whether there is a tree of files, from the working directory on, and a
+                field for a path.
             kwargs: Of Widget.
         """
         super().__init__(**kwargs)
         self.segments: tuple[Segment, ...] | None = None
-        self._folder = folder or Path.cwd()
+        self._offers_files = offers_files
         self._file: Path | None = None
         self._view: FleetView | None = None
 
     def compose(self) -> ComposeResult:
         """Lay out the panel."""
         with Vertical(id="profile-side"):
-            yield Input(placeholder="o: path of a YAML file", id="profile-path", compact=True)
-            files = ProfileFiles(self._folder, id="profile-files", classes="panel")
-            files.border_title = "Files"
-            yield files
+            if self._offers_files:
+                yield Input(placeholder="o: path of a YAML file", id="profile-path", compact=True)
+                files = ProfileFiles(Path.cwd(), id="profile-files", classes="panel")
+                files.border_title = "Files"
+                yield files
             yield Holdings(id="holdings", classes="panel")
         with Vertical():
             yield CachedStatic(grow=True, id="profile-says")
@@ -167,7 +169,8 @@ class ProfilesPanel(Panel, Horizontal):
 
     def action_open(self) -> None:
         """Go to the field for a path."""
-        self.query_one("#profile-path").focus()
+        for field in self.query("#profile-path"):
+            field.focus()
 
     def _targets(self) -> tuple[int, ...]:
         if self._view is None:

@@ -44,6 +44,8 @@ class Source(Protocol):
     title: str
     read_only: str
     """Why nothing can be done with its vehicles, such as "this is a log"; "" if it can."""
+    offers_files: bool
+    """Whether files of this machine can be looked at: not by who may only look at vehicles."""
     event_log: EventLog
     fault_history: FaultHistory
 
@@ -92,7 +94,7 @@ class LiveSource:
             identity: System and component id of the station.
             read_only: Why nothing may be sent to vehicles; "" if it may.
         """
-        self.title, self.read_only = title, read_only
+        self.title, self.read_only, self.offers_files = title, read_only, not read_only
         self.event_log, self.fault_history = EventLog(), FaultHistory(identity)
         self._epoch = epoch
         self._client: FleetClient | None = None

@@ -50,8 +50,8 @@ class Station:
         return self.vehicles[system]
 
 
-def live(station: Station) -> LiveSource:
-    source = LiveSource("test", 1.0e9, OWN)
+def live(station: Station, read_only: str = "") -> LiveSource:
+    source = LiveSource("test", 1.0e9, OWN, read_only=read_only)
     source.attach(station)
     return source
 

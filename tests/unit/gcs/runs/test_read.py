@@ -9,9 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from campaign_flights import planned
+from pyarrow import ipc
 from run_folders import make_run
 from sweeping import swept
+from typer.testing import CliRunner
 
+from gcs.cli import app
 from gcs.errors import BadInput, FlightLost, Interrupted
 from gcs.lab.campaigns.flights import fly_rows
 from gcs.lab.campaigns.folder import open_folder
@@ -20,10 +23,14 @@ from gcs.lab.campaigns.plan import rows_of
 from gcs.lab.campaigns.store import alone_in, append_results, read_results
 from gcs.results.flight_mark import FLIGHT, FlightMark, is_under_way, marked, read_mark
 from gcs.results.run_folder import read_summary, save_summary
+from gcs.results.store import EVENTS, TRAJECTORY, EventStream, read_table
 from gcs.runs.index import list_runs
 from gcs.runs.run import Run
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.config.yaml_text import yaml_of
+from mavlink_defs.constants import ACTUATORS
+
+EVENT = ("time_s", "step", "uav", "channel", "value")
 
 
 def only(root: Path) -> Run:
@@ -84,10 +91,59 @@ def test_a_flight_without_a_summary_says_how_it_ended(
     assert run.outcome == outcome
     assert reason in run.reason
     assert run.completed == 0
-    assert run.messages is run.saving is None  # it has no summary, which counts them
-    assert run.events is not None
-    assert run.events > 0
-    assert 0.0 < (run.duration_s or 0.0) <= 0.05
+    assert run.iae == {}  # it has no summary, which sums them
+
+
+def sent_until(folder: Path, last: int) -> list[tuple[int, int]]:
+    """Step and UAV of every event up to a step."""
+    rows = read_table(folder / EVENTS).to_pylist()
+    return [(row["step"], row["uav"]) for row in rows if row["step"] <= last]
+
+
+def test_a_flight_without_a_summary_has_the_figures_of_its_recording(
+    cache: Path, tmp_path: Path
+) -> None:
+    folder = unfinished(cache, tmp_path / "a", "")
+    run, sent = only(tmp_path), sent_until(folder, 40)  # a light recording has every 20th step
+    assert run.duration_s == 0.04
+    assert run.events == len(sent) > 0
+    assert run.messages == len(set(sent)) < len(sent)
+    assert run.saving == pytest.approx(1.0 - len(sent) / (41 * 3 * 4), abs=1e-12)
+
+
+def test_a_torn_recording_counts_as_far_as_both_files_go(cache: Path, tmp_path: Path) -> None:
+    folder = unfinished(cache, tmp_path / "a", "")
+    rows = [row for row in read_table(folder / EVENTS).to_pylist() if row["step"] <= 25]
+    last = max(row["step"] for row in rows)
+    assert last < 40
+    events = EventStream(folder / EVENTS, 1000)
+    channels = [ACTUATORS.index(row["actuator"]) for row in rows]
+    columns = {name: np.array([row[name] for row in rows]) for name in EVENT if name != "channel"}
+    events.add({**columns, "channel": np.array(channels)})
+    events.close()
+    whole = (folder / EVENTS).read_bytes()
+    assert only(tmp_path).saving == pytest.approx(1.0 - len(rows) / (41 * 3 * 4), abs=1e-12)
+    (folder / EVENTS).write_bytes(whole[:-8])  # it was not closed: more may have been sent
+    run = only(tmp_path)
+    assert run.saving == pytest.approx(1.0 - len(rows) / ((last + 1) * 3 * 4), abs=1e-12)
+    assert run.events == len(rows)
+
+
+def test_steps_without_a_state_and_channels_that_are_not_there_count_for_nothing(
+    cache: Path, tmp_path: Path, scenario1: Scenario
+) -> None:
+    folder = unfinished(cache, tmp_path / "a", "")
+    table = read_table(folder / TRAJECTORY)
+    limits = json.loads(table.schema.metadata[b"limits"])
+    limits["1"]["surfaces_deg"][2] = [0.0, 0.0]  # UAV 1 has no rudder
+    speeds = [float("nan")] * 3 + table["V"].to_pylist()[3:]  # no state reaches any in step 0
+    changed = table.set_column(table.schema.get_field_index("V"), "V", [speeds])
+    metadata = {**table.schema.metadata, b"limits": json.dumps(limits).encode()}
+    with ipc.new_stream(folder / TRAJECTORY, changed.schema.with_metadata(metadata)) as writer:
+        writer.write_table(changed.replace_schema_metadata(metadata))
+    sent = sent_until(folder, 40)
+    expected = 1.0 - len(sent) / round(41 * (2 / 3) * (3 + 4 + 4))
+    assert only(tmp_path).saving == pytest.approx(expected, abs=1e-12)
 
 
 def test_a_flight_that_is_under_way_is_so_until_its_lock_goes(cache: Path, tmp_path: Path) -> None:
@@ -96,6 +152,8 @@ def test_a_flight_that_is_under_way_is_so_until_its_lock_goes(cache: Path, tmp_p
         fcntl.flock(file, fcntl.LOCK_EX)
         assert only(tmp_path).outcome == "under_way"
         assert only(tmp_path).flights == 0
+        shown = CliRunner().invoke(app, ["runs", str(tmp_path)]).stdout
+        assert "flight of" not in shown  # it is one, though none has ended
     assert only(tmp_path).outcome == "killed"
 
 
