@@ -150,9 +150,9 @@ def _follow(
 @compiled
 def _note_error(truth: np.void, filter_: np.void, error: np.ndarray) -> None:
     """Write true less estimated values: rotation vector, velocity, position, wind, all NED."""
-    R = R1((truth["attitude"][0], truth["attitude"][1], truth["attitude"][2]))
+    true = R1((truth["attitude"][0], truth["attitude"][1], truth["attitude"][2]))
     w, x, y, z = filter_["quaternion"]
-    S = (
+    own = (
         (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
         (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
         (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
@@ -161,9 +161,9 @@ def _note_error(truth: np.void, filter_: np.void, error: np.ndarray) -> None:
         a, b = (axis + 2) % 3, (axis + 1) % 3
         turn, velocity, wind = 0.0, 0.0, 0.0
         for c in range(3):
-            turn += R[a][c] * S[b][c] - R[b][c] * S[a][c]
-            velocity += R[axis][c] * truth["velocity"][c]
-            wind += R[axis][c] * truth["wind"][c]
+            turn += true[a][c] * own[b][c] - true[b][c] * own[a][c]
+            velocity += true[axis][c] * truth["velocity"][c]
+            wind += true[axis][c] * truth["wind"][c]
         error[axis] = 0.5 * turn
         error[3 + axis] = velocity - filter_["x"][3 + axis]
         error[6 + axis] = truth["position"][axis] - filter_["x"][6 + axis]
@@ -173,8 +173,8 @@ def _note_error(truth: np.void, filter_: np.void, error: np.ndarray) -> None:
 def nees(followed: Followed) -> np.ndarray:
     """Return eᵀ P⁻¹ e of each sample over the number of elements, shape (m,)."""
     e = followed.error[:, JUDGED]
-    P = followed.covariance[np.ix_(range(len(e)), JUDGED, JUDGED)]
-    weighted = np.linalg.solve(P, e[..., None])[..., 0]
+    covariance = followed.covariance[np.ix_(range(len(e)), JUDGED, JUDGED)]
+    weighted = np.linalg.solve(covariance, e[..., None])[..., 0]
     normalised: np.ndarray = np.sum(e * weighted, axis=1) / len(JUDGED)
     return normalised
 

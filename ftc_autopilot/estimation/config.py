@@ -16,6 +16,10 @@ _CM, _DEGE7_M = 0.01, 0.011
 """Resolutions of HIL_GPS: of the velocity [m/s], of the position [m]."""
 _PA_PER_M = 11.3
 """Change of the static pressure with altitude, at 600 m in the standard atmosphere [Pa/m]."""
+_FORCE_CHANGE = 0.3
+"""Of the specific force along an axis [m/s²/sqrt(s)]: its scale error then is another bias."""
+_USUAL_DEFLECTION = math.radians(5.0)
+"""Of aileron and rudder, which the estimator does not know."""
 _MARGIN = 1.5
 """Of variances of errors that turn with the aircraft, for what a linear filter makes of them."""
 _LEAST_GYRO, _LEAST_ACCELEROMETER = 2e-3, 2e-2
@@ -56,7 +60,8 @@ PARAMETERS = np.dtype(
         ("has_pitot", "i8"),
         ("imus", "i8"),
         # the aircraft: side force and lift over mass and dynamic pressure
-        ("side", "f8"),  # S cY_beta / m [m²/kg]
+        ("side", "f8"),  # S (cY_beta - cD0) / m [m²/kg]: in a sideslip, drag has a part along y
+        ("side_by_surfaces", "f8"),  # the same of usual deflections
         ("lift0", "f8"),  # S cL0 / m
         ("lift", "f8"),  # S cL_alpha / m
         # the air and the outputs
@@ -144,6 +149,7 @@ def _imu(own: np.void, sensors: NavigationSensors, period_s: float) -> None:
     own["gyro_walk"] = 2.0 * walk**2 / gyro.correlation_s + 1e-14
     walk = gauss_markov(force.bias_instability_m_s2)
     own["force_walk"] = 2.0 * walk**2 / force.correlation_s + 1e-10
+    own["force_walk"] += (force.scale_error * _FORCE_CHANGE) ** 2
 
 
 def _air_data(own: np.void, sensors: NavigationSensors) -> None:
@@ -187,9 +193,13 @@ def _gnss(own: np.void, sensors: NavigationSensors) -> None:
 
 def _aircraft(own: np.void, aircraft: Aircraft) -> None:
     area = aircraft.wing_area_m2 / aircraft.mass_kg
-    own["side"] = area * aircraft.coefficients.cY_beta
-    own["lift0"] = area * aircraft.coefficients.cL0
-    own["lift"] = area * aircraft.coefficients.cL_alpha
+    coefficients = aircraft.coefficients
+    own["side"] = area * (coefficients.cY_beta - coefficients.cD0)
+    own["side_by_surfaces"] = (
+        area * math.hypot(coefficients.cY_da, coefficients.cY_dr) * _USUAL_DEFLECTION
+    )
+    own["lift0"] = area * coefficients.cL0
+    own["lift"] = area * coefficients.cL_alpha
 
 
 def _rounding(resolution: float) -> float:

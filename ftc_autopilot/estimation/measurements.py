@@ -30,6 +30,7 @@ million normal values exceeds (chi-square quantile of one degree of freedom)."""
 
 _TREND_OF_FIELD, _TREND_OF_VELOCITY = 0.05, 0.5
 """Gains of running means of innovations, over 0.2 s each at their usual rates."""
+_GUST_GAIN = 0.0033  # of the pitot tube's, over 3 s at 100 samples per second
 _MOST_NORMAL = 10.0
 _SETTLED, _LONGEST_SETTLING_S = math.radians(4.0), 3.0
 _SLOWEST = 3.0  # m/s: below it, a pitot tube and the side force say nothing
@@ -140,12 +141,14 @@ def fuse_pitot(kalman: np.void, pressure: float, assumed: np.void, use: bool) ->
         noise += (slope * lever[k]) ** 2 * kalman["P"][PHI + k, PHI + k]
     h[PITOT_SCALE] = 0.5 * density * u * u
     expected = 0.5 * density * u * u * (1.0 + x[PITOT_SCALE])
-    return _fuse_tested(kalman, pressure - expected, noise, use)
+    ratio = _fuse_tested(kalman, pressure - expected, noise, use)
+    kalman["gusts"] += _GUST_GAIN * (min(ratio, GATE) - kalman["gusts"])
+    return ratio
 
 
 @compiled
 def fuse_sideslip(kalman: np.void, period_s: float, assumed: np.void) -> float:
-    """Fuse the sideslip that the side force shows: f_y = (S cY_beta / m) (ρ V²/2) beta.
+    """Fuse the sideslip that the side force shows: f_y = (S (cY_beta - cD0) / m) (ρ V²/2) beta.
 
     PX4's EKF2 fuses a sideslip of zero; here the nominal aircraft's side force says how much there
     is, as far as it can, and a sideslip within ±10° otherwise. Errors of the coefficient, and what
@@ -166,7 +169,8 @@ def fuse_sideslip(kalman: np.void, period_s: float, assumed: np.void) -> float:
     shown = 0.0
     if per_rad != 0.0:
         shown = kalman["force"][1] * V / per_rad
-        own = (_SIDE_DISTURBANCE * V / per_rad) ** 2 + (_SIDE_MODEL * shown) ** 2
+        other = assumed["side_by_surfaces"] * 0.5 * assumed["density"] * V * V
+        own = (math.hypot(_SIDE_DISTURBANCE, other) * V / per_rad) ** 2 + (_SIDE_MODEL * shown) ** 2
         shown *= prior / (prior + own)
     variance = own * prior / (own + prior) * 2.0 * _SIDE_CORRELATION_S / period_s
     lever = cross(c, a)
