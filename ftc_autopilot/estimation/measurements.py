@@ -30,6 +30,7 @@ million normal values exceeds (chi-square quantile of one degree of freedom)."""
 
 _TREND_OF_FIELD, _TREND_OF_VELOCITY = 0.05, 0.5
 """Gains of running means of innovations, over 0.2 s each at their usual rates."""
+_GUST_GAIN = 0.0033  # of the pitot tube's, over 3 s at 100 samples per second
 _MOST_NORMAL = 10.0
 _SETTLED, _LONGEST_SETTLING_S = math.radians(4.0), 3.0
 _SLOWEST = 3.0  # m/s: below it, a pitot tube and the side force say nothing
@@ -140,7 +141,9 @@ def fuse_pitot(kalman: np.void, pressure: float, assumed: np.void, use: bool) ->
         noise += (slope * lever[k]) ** 2 * kalman["P"][PHI + k, PHI + k]
     h[PITOT_SCALE] = 0.5 * density * u * u
     expected = 0.5 * density * u * u * (1.0 + x[PITOT_SCALE])
-    return _fuse_tested(kalman, pressure - expected, noise, use)
+    ratio = _fuse_tested(kalman, pressure - expected, noise, use)
+    kalman["gusts"] += _GUST_GAIN * (min(ratio, GATE) - kalman["gusts"])
+    return ratio
 
 
 @compiled

@@ -28,6 +28,8 @@ from ftc_autopilot.estimation.state import (
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3, mul, norm, scale, vec3
 
+_GUSTS, _MOST_GUSTS = 10.0, 5.0
+"""How much the wind's noise grows with the pitot tube's excess of NIS, and its largest excess."""
 _STRAIGHT = math.radians(1.0)  # rad/s: what is less is noise, or to and fro
 VERTICAL_WIND = 0.5, 8.0
 """Vertical wind as a Gauss-Markov process: standard deviation [m/s] and time constant [s]."""
@@ -123,7 +125,8 @@ def _add_noise(P: np.ndarray, kalman: np.void, assumed: np.void) -> None:
     fade(kalman, GNSS_ERROR, dt / assumed["gnss_correlation"], assumed["gnss_error"][0])
     fade(kalman, GNSS_ERROR + 1, dt / assumed["gnss_correlation"], assumed["gnss_error"][1])
     fade(kalman, GNSS_ERROR + 2, dt / assumed["gnss_correlation"], assumed["gnss_error"][2])
-    fade(kalman, WIND + 2, dt / VERTICAL_WIND[1], VERTICAL_WIND[0] ** 2)
+    gusts = 1.0 + _GUSTS * min(max(kalman["gusts"] - 1.0, 0.0), _MOST_GUSTS)
+    fade(kalman, WIND + 2, dt / VERTICAL_WIND[1], gusts * VERTICAL_WIND[0] ** 2)
     for i in range(3):
         # scale and misalignment are one bias in body axes, and another one after a turn
         if P[MAG_BIAS + i, MAG_BIAS + i] < assumed["magnetometer_bias"]:
@@ -133,7 +136,7 @@ def _add_noise(P: np.ndarray, kalman: np.void, assumed: np.void) -> None:
         P[GYRO_BIAS + i, GYRO_BIAS + i] += assumed["gyro_walk"] * dt
         P[FORCE_BIAS + i, FORCE_BIAS + i] += assumed["force_walk"] * dt
     for i in range(2):
-        P[WIND + i, WIND + i] += assumed["wind_walk"] * dt
+        P[WIND + i, WIND + i] += gusts * assumed["wind_walk"] * dt
     P[BARO_ERROR, BARO_ERROR] += assumed["barometer_walk"] * dt
 
 

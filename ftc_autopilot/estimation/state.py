@@ -44,6 +44,7 @@ FILTER = np.dtype(
         ("force", "f8", (3,)),  # the same of the specific force [m/s²]
         ("ratios", "f8", (len(SENSORS),)),  # squared innovation over its variance, the last of each
         ("normal", "f8"),  # the last normalised innovation
+        ("gusts", "f8"),  # mean squared normalised innovation of the pitot tube, over 3 s
         ("trends", "f8", (6,)),  # means of normalised innovations: field, velocity
         ("entry", "i8"),  # of the memory, that comes next
         ("resets", "i8"),

@@ -189,7 +189,7 @@ def navigate(navigation: Navigation, sim_step: np.void, measured: np.void) -> No
 
 
 @compiled
-def _estimate(navigation: Navigation, time_usec: int, measured: np.void) -> None:
+def _estimate(navigation: Navigation, time_usec: np.int64, measured: np.void) -> None:
     """Bring the estimate up to a time [µs] with the sensors that have come."""
     arrivals, own = navigation.arrivals[0], navigation.sim_step[0]
     step = time_usec // arrivals["step_us"]

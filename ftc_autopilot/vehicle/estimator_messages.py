@@ -91,11 +91,12 @@ class EstimatorMessages:
     def attitude_quaternion_cov(self) -> MAVLink_message:
         """Return ATTITUDE_QUATERNION_COV: the variances of roll, pitch and yaw, too."""
         measured = self._hot.measured
-        attitude, rates = measured["attitude"].tolist(), measured["rates"].tolist()
+        attitude = measured["attitude"].tolist()
+        p, q, r = float32s(measured["rates"].tolist())
         return dialect.MAVLink_attitude_quaternion_cov_message(
             self._clock.boot_us,
             float32s(quaternion_of(*attitude)),
-            *float32s(rates),
+            *(p, q, r),
             float32s(self._attitude_covariance(attitude).ravel().tolist()),
         )
 
@@ -106,7 +107,7 @@ class EstimatorMessages:
         position = measured["position"].tolist()
         place = place_of(self._origin, *position)
         attitude = vec3(measured["attitude"])
-        velocity = mul(R1(attitude), vec3(measured["velocity"]))
+        vx, vy, vz = float32s(mul(R1(attitude), vec3(measured["velocity"])))
         variances = [0.0] * 6
         if self._report is not None:
             both = *self._report["position_std"].tolist(), *self._report["velocity_std"].tolist()
@@ -118,7 +119,7 @@ class EstimatorMessages:
             place.longitude,
             place.altitude,
             place.height - round(1e3 * self._home.at.height_m),
-            *float32s(velocity),
+            *(vx, vy, vz),
             float32s(np.diag(variances).ravel().tolist()),
         )
 
