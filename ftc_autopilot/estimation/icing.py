@@ -22,6 +22,7 @@ ICING = np.dtype(
         ("wind", "f8", (2,)),  # mean wind, north and east [m/s]
         ("usual", "f8"),  # mean logarithm of the ratio of the dynamic pressures
         ("now", "f8"),  # the same of the last second
+        ("gusts", "f8"),  # mean of the filter's gusts, while the wind is near its mean
         ("suspicious", "f8"),  # for which both signs have agreed [s]
     ]
 )
@@ -30,6 +31,8 @@ ICING = np.dtype(
 _MEAN_S, _NOW_S = 15.0, 0.4
 _LEARN_S = 8.0  # before it judges
 _LEAST_CHANGE = 1.5  # m/s, of the wind along the x axis
+_CALM = 0.6  # m/s
+_GUSTS, _MOST_GUSTS = 6.0, 5.0  # how much larger the square of that change is in gusts
 _LEAST_SHARE = 0.3  # of the change of the ratio that icing explains
 _AGREE_S = 0.3
 _LEAST_LIFT = 0.02  # of the coefficient of lift, times S / m [m²/kg]
@@ -75,7 +78,11 @@ def is_icing(kalman: np.void, icing: np.void, period_s: float, assumed: np.void)
     change = -_change_along(x, icing, c[0], c[1])  # of the airspeed that the tube shows
     explained = 2.0 * change / V
     shown = icing["now"] - icing["usual"]
-    agree = abs(change) > _LEAST_CHANGE and shown / explained > _LEAST_SHARE
+    if abs(change) < _CALM or icing["age"] < _LEARN_S:
+        icing["gusts"] += gain * (kalman["gusts"] - icing["gusts"])
+    excess = min(max(icing["gusts"] - 1.0, 0.0), _MOST_GUSTS)
+    limit = _LEAST_CHANGE * math.sqrt(1.0 + _GUSTS * excess)
+    agree = abs(change) > limit and shown / explained > _LEAST_SHARE
     icing["suspicious"] = icing["suspicious"] + period_s if agree else 0.0
     return bool(icing["age"] > _LEARN_S and icing["suspicious"] > _AGREE_S)
 

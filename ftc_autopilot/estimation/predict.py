@@ -18,6 +18,7 @@ from ftc_autopilot.estimation.state import (
     HISTORY_S,
     MAG_BIAS,
     PHI,
+    PITOT_SCALE,
     POS,
     VEL,
     WIND,
@@ -30,6 +31,8 @@ from sitl_plant.vec3 import Vec3, mul, norm, scale, vec3
 
 _GUSTS, _MOST_GUSTS = 10.0, 5.0
 """How much the wind's noise grows with the pitot tube's excess of NIS, and its largest excess."""
+_SCALE_S = 30.0
+"""Time constant of the pitot tube's scale error: a constant would be learned wrongly from gusts."""
 _STRAIGHT = math.radians(1.0)  # rad/s: what is less is noise, or to and fro
 VERTICAL_WIND = 0.5, 8.0
 """Vertical wind as a Gauss-Markov process: standard deviation [m/s] and time constant [s]."""
@@ -127,6 +130,7 @@ def _add_noise(P: np.ndarray, kalman: np.void, assumed: np.void) -> None:
     fade(kalman, GNSS_ERROR + 2, dt / assumed["gnss_correlation"], assumed["gnss_error"][2])
     gusts = 1.0 + _GUSTS * min(max(kalman["gusts"] - 1.0, 0.0), _MOST_GUSTS)
     fade(kalman, WIND + 2, dt / VERTICAL_WIND[1], gusts * VERTICAL_WIND[0] ** 2)
+    fade(kalman, PITOT_SCALE, dt / _SCALE_S, assumed["pitot_scale"])
     for i in range(3):
         # scale and misalignment are one bias in body axes, and another one after a turn
         if P[MAG_BIAS + i, MAG_BIAS + i] < assumed["magnetometer_bias"]:
