@@ -26,7 +26,7 @@ def what_there_was(scenario: Scenario) -> tuple[float, float | None]:
     Returns:
         The distance [deg], and the time from the fault to the next command [s], None if none came.
     """
-    fault = scenario.faults[0]
+    fault = scenario.actuator_faults[0]
     channel = ACTUATORS.index(fault.actuator)
     i = [uav.id for uav in scenario.uavs].index(fault.uav)
     flight = fly_in_process(scenario)

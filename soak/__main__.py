@@ -168,7 +168,7 @@ def differences(
 def _not_applied(drawn: Chapter, flight: Recording) -> list[str]:
     """Return the sound actuators that did something else than their autopilot held."""
     found = []
-    faulty = {(fault.uav, fault.actuator) for fault in drawn.scenario.faults}
+    faulty = {(fault.uav, fault.actuator) for fault in drawn.scenario.actuator_faults}
     for i, uav in enumerate(flight.uav_ids):
         flown = ~flight.missing[:, i]
         for c, name in enumerate(ACTUATORS):

@@ -132,7 +132,16 @@ class ArduPilotFlight:
     def load_code(self) -> None:
         """Load the compiled code that flies, so that no ArduPilot waits for it."""
         none = self._steps.part(0, 0)
-        fly_steps(self.fleet, self._changed, 0, self._scenario.step_us, *none[1:])
+        fly_steps(
+            self.fleet,
+            self._changed,
+            0,
+            self._scenario.step_us,
+            none.states,
+            none.wind,
+            none.applied,
+            none.signals,
+        )
         command(new_plant_state(self._scenario.plant_config(None)), 0, self._payloads[0])
 
     def waiting_for(self) -> list[int]:

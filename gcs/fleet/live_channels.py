@@ -17,6 +17,7 @@ from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS, THROTTLE
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.fault_kinds import FaultLimits
+from mavlink_defs.faults import Fault
 
 _TRACKED = tuple(
     f"{field}_{name}" for field in ("reference", "error", "sync_error") for name in QUANTITIES
@@ -158,7 +159,7 @@ def _location(place: Any) -> dict[str, float]:
 
 
 def _faults(state: VehicleState) -> dict[str, str]:
-    active = state.active_faults
+    active = [fault for fault in state.active_faults if isinstance(fault, Fault)]
     return {
         name: "; ".join(fault.describe() for fault in active if fault.actuator_name == name)
         or "none"

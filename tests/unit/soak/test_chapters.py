@@ -59,7 +59,7 @@ def test_one_event_more_or_less_anywhere_is_found() -> None:
     reported[2].steps += 1
     crashed = replace(drawn, crashes={1: [5]})
     assert "restarts" in differences(crashed, flight, summary, wire, reported)[0]
-    faulty = {(fault.uav, fault.actuator) for fault in drawn.scenario.faults}
+    faulty = {(fault.uav, fault.actuator) for fault in drawn.scenario.actuator_faults}
     c = next(c for c, name in enumerate(ACTUATORS) if (2, name) not in faulty)
     applied = flight.applied.copy()
     applied[100, 1, c] = np.nextafter(applied[100, 1, c], 1.0)

@@ -1,5 +1,6 @@
 """Laws and triggers of files, flown: three ways of writing one, copies, parameters, failures."""
 
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -106,7 +107,7 @@ def test_a_copy_of_a_flight_goes_on_as_the_flight_does(tmp_path: Path, way: str)
     half = flown.model_copy(update={"duration_s": 0.1})
     fly_on(half, flight, Steps.room(200, 3).part)
     copy = flight._replace(
-        fleet=type(flight.fleet)(*(array.copy() for array in flight.fleet)),
+        fleet=deepcopy(flight.fleet),
         controllers=copied(flight.controllers),
     )
     ends = []

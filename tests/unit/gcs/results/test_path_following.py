@@ -45,6 +45,7 @@ def flight(
         np.zeros((steps, n, 3)),
         np.zeros((steps, n, 4)),
         np.zeros((steps, n), SIGNALS),
+        np.zeros((steps, n, 0)),
     )
     made.signals["V"] = SPEED
     made.signals["slot"] = np.array(slots)

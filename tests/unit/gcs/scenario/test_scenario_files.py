@@ -16,6 +16,7 @@ from mavlink_defs.config.inherit import merged, with_values
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.config.yaml_text import parse_yaml, yaml_of
 from mavlink_defs.constants import ACTUATORS
+from mavlink_defs.faults import Fault
 
 SCENARIOS = Path(__file__).parents[4] / "scenarios"
 CAMPAIGNS = sorted((SCENARIOS / "campaigns").iterdir())
@@ -67,6 +68,7 @@ def test_fault_modes_of_scenario_3_are_the_papers(
 ) -> None:
     scenario = load_scenario(SCENARIOS / "paper" / f"scenario3_mode{mode}.yaml")
     [(uav, found)] = scenario.fault_commands()
+    assert isinstance(found, Fault)
     assert (ACTUATORS[found.actuator], found.effectiveness, found.value) == fault
     assert (uav, found.start_s, found.end_s) == (3, 19.0, 22.0)
     same = {key: getattr(scenario1, key) for key in ("name", "description", "faults")}
@@ -143,7 +145,7 @@ def test_a_tree_has_everything_and_can_be_changed_before_it_is_checked(tmp_path:
     values = {"trigger.b2_deg": 0.5, "controller.rbf.neurons": 20, "faults[0].effectiveness": 0.3}
     swept = scenario_of(path, with_values(tree, values))
     assert swept.trigger.b2_deg.root == 0.5
-    assert swept.faults[0].effectiveness == 0.3
+    assert swept.actuator_faults[0].effectiveness == 0.3
     with pytest.raises(ConfigError, match=r"mine\.yaml: trigger\.b2_deg: expected >= 0 deg, got"):
         scenario_of(path, with_values(tree, {"trigger.b2_deg": -1}))
 

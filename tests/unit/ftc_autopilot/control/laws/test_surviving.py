@@ -73,7 +73,7 @@ def changes(flight: Recording) -> list[Change]:
 
 def without_trials(scenario: Scenario, found: list[Change]) -> list[Change]:
     """Leave out that a weak surface is lost until its trial has shown that it is not."""
-    weak = {f.actuator for f in scenario.faults if 0.1 < f.command().effectiveness < 0.35}
+    weak = {f.actuator for f in scenario.actuator_faults if 0.1 < f.command().effectiveness < 0.35}
     kept, rest = [], found
     while rest:
         lost, *rest = rest
@@ -98,21 +98,21 @@ def test_every_fault_is_survived_and_found(name: str, hardware: str) -> None:
     flight = fly_sharing_the_start(scenario)
     without_engine = name == "thrust_loss_for_good"  # which ends on the ground, 9 s later
     assert (flight.loss is not None) == without_engine
-    start = min(fault.start_s for fault in scenario.faults)
+    start = min(fault.start_s for fault in scenario.actuator_faults)
     errors = largest_errors_deg(flight, start)
     assert errors.max() < 45.0
     healthy = [i for i, uav in enumerate(flight.uav_ids) if uav not in _faulty(scenario)]
     assert errors[healthy].max() < 1.5
 
     found, expected = without_trials(scenario, changes(flight)), []
-    for fault in scenario.faults:
+    for fault in scenario.actuator_faults:
         if fault.command().effectiveness <= 0.1:  # the others are corrected, not given up
             expected.append((fault.uav, fault.actuator, True))
             if fault.end_s is not None:
                 expected.append((fault.uav, fault.actuator, False))
     assert [(c.uav, c.actuator, c.lost) for c in found] == expected
     for change in found:
-        fault = next(f for f in scenario.faults if f.actuator == change.actuator)
+        fault = next(f for f in scenario.actuator_faults if f.actuator == change.actuator)
         if change.lost:
             soon = 0.15 if change.actuator == "rudder" else 0.08
             assert 0.0 < change.time_s - fault.start_s < SEEN_LATER.get(name, soon)

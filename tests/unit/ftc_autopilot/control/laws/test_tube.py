@@ -192,7 +192,9 @@ def test_every_fault_is_survived(name: str, hardware: tuple[str, ...]) -> None:
     assert errors[:, healthy].max() < 1.5
     blamed = {(flight.uav_ids[i], c) for _, i, c in np.argwhere(flight.signals["phase"] == LOST)}
     channels = ("aileron", "elevator", "rudder", "throttle")
-    assert blamed <= {(fault.uav, channels.index(fault.actuator)) for fault in scenario.faults}
+    assert blamed <= {
+        (fault.uav, channels.index(fault.actuator)) for fault in scenario.actuator_faults
+    }
 
 
 def test_without_the_surviving_law_the_aircraft_is_lost() -> None:
