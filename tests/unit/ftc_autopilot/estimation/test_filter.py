@@ -113,7 +113,7 @@ def test_the_covariance_follows_what_errors_of_the_state_become(scenario1: Scena
         if k in range(PHI, PHI + 3):
             turn = [0.0, 0.0, 0.0]
             turn[k] = size
-            turn_world(record["quaternion"], tuple(turn))
+            turn_world(record["quaternion"], (turn[0], turn[1], turn[2]))
         elif k >= 0:
             record["x"][k] += size
         for _ in range(10):
