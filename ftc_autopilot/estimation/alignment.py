@@ -1,10 +1,10 @@
 """A coarse first estimate of an aircraft in flight, from one sample of its sensors.
 
-Gravity in body axes is the acceleration less the specific force; that of an aircraft that does not
-speed up is ω × v, with the airspeed for v (M. Euston et al., A complementary filter for attitude
-estimation of a fixed-wing UAV, IROS 2008). It gives roll and pitch, the magnetic field
-then the heading. Level flight gives the angle of attack: the pitch angle. The further its length
-is from that of gravity, the less it says: the aircraft speeds up or falls, and counts as level.
+Gravity in body axes is the acceleration less the specific force. The acceleration of an aircraft
+that does not speed up is ω × v, with the airspeed for v (M. Euston et al., A complementary filter
+for attitude estimation of a fixed-wing UAV, IROS 2008). It gives roll and pitch, the magnetic field
+then the heading. Level flight gives the angle of attack: the pitch angle. The further its length is
+from g, the less it says: the aircraft speeds up or falls, and counts as level.
 """
 
 import math

@@ -62,7 +62,7 @@ _NEW_PITOT = dialect.HIL_SENSOR_UPDATED_DIFF_PRESSURE
 _FIX_3D = 3
 _PA = 100.0  # in one hPa
 _SIDESLIP_EVERY_S = 0.05
-_LONGEST_GAP = 200  # steps without data after which the estimate begins anew
+_LONGEST_GAP = 200  # steps without data after which the estimate begins again
 _MEMORY_S = 0.2  # longer than the latency
 _POSITION_GROWTH, _VELOCITY_ERROR = 1.0, 1.0  # m/s, of dead reckoning, when a receiver is back
 

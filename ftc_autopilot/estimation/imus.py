@@ -20,7 +20,7 @@ IMU = np.dtype(
         ("silent", "i8"),  # steps without a sample of gyro and accelerometer
         ("same", "i8", (2,)),  # samples in a row that are the same: gyro, accelerometer
         ("samples", "f8", (3, 6)),  # the last three of gyro and accelerometer
-        ("noise", "f8", (2,)),  # mean squared second difference over that of healthy ones
+        ("noise", "f8", (2,)),  # mean squared second difference over what healthy ones have
         ("fast", "f8", (6,)),  # filtered samples, over 15 ms and over 0.2 s
         ("slow", "f8", (6,)),
         ("jump", "f8"),  # what the two differed in when a difference between IMUs appeared

@@ -152,7 +152,8 @@ def fuse_sideslip(kalman: np.void, period_s: float, assumed: np.void) -> float:
 
     PX4's EKF2 fuses a sideslip of zero; here the nominal aircraft's side force says how much there
     is, as far as it can, and a sideslip within ±10° otherwise. Errors of the coefficient, and what
-    else pushes to the side, last: their variance is that of a white noise of the same density.
+    else pushes to the side, last: they count as white noise
+    of the same density.
 
     Args:
         kalman: Record of dtype `FILTER`.

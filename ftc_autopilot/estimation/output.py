@@ -28,7 +28,7 @@ REPORT = np.dtype(
     [
         ("imu", "i8"),  # the IMU flown by
         ("aligned", "i8"),  # 1: there is an estimate
-        ("resets", "i8"),  # times that the estimate began anew in flight, or jumped
+        ("resets", "i8"),  # times that the estimate began again in flight, or jumped
         ("bad_imus", "i8"),  # bit k: IMU k is excluded
         ("bad_sensors", "i8"),  # bit k: sensor k of `state.SENSORS` is excluded
         ("dead_reckoning", "i8"),  # 1: without a GNSS receiver
