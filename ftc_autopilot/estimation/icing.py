@@ -4,7 +4,7 @@ Two signs have to agree. The estimated wind along the x axis changes against its
 15 s; and the airspeed that the pitot tube shows changes against the one that carries the aircraft,
 from the lift L = (ρ V²/2) S (cL0 + cL_alpha α) of the nominal aircraft. In a gust both airspeeds
 change together. The ratio of the two is learned in flight, so that errors of mass and coefficients
-do not matter.
+do not matter. A change of twice that size needs no second sign.
 """
 
 import math
@@ -31,6 +31,7 @@ ICING = np.dtype(
 _MEAN_S, _NOW_S = 15.0, 0.4
 _LEARN_S = 8.0  # before it judges
 _LEAST_CHANGE = 1.5  # m/s, of the wind along the x axis
+_CLEAR = 2.0  # times that change the lift is not asked: it moves with manoeuvres, too
 _CALM = 0.6  # m/s
 _GUSTS, _MOST_GUSTS = 6.0, 5.0  # how much larger the square of that change is in gusts
 _LEAST_SHARE = 0.3  # of the change of the ratio that icing explains
@@ -83,6 +84,7 @@ def is_icing(kalman: np.void, icing: np.void, period_s: float, assumed: np.void)
     excess = min(max(icing["gusts"] - 1.0, 0.0), _MOST_GUSTS)
     limit = _LEAST_CHANGE * math.sqrt(1.0 + _GUSTS * excess)
     agree = abs(change) > limit and shown / explained > _LEAST_SHARE
+    agree = agree or abs(change) > _CLEAR * limit
     icing["suspicious"] = icing["suspicious"] + period_s if agree else 0.0
     return bool(icing["age"] > _LEARN_S and icing["suspicious"] > _AGREE_S)
 
