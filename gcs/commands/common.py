@@ -20,6 +20,7 @@ from gcs.scenario.changes import with_changes
 from gcs.scenario.model import Scenario
 from gcs.scenario.plugins import prepare_plugins
 from gcs.scenario.settings import values_of
+from sitl_plant.observability import observability_warnings
 from sitl_plant.plant_section import OwnPlant
 
 ScenarioArgument = Annotated[
@@ -146,6 +147,15 @@ def warn_of_one_path(scenario: Scenario, console: Console) -> None:
         "give each a slot in the section formation, as missions/hexagon does",
         soft_wrap=True,
     )
+
+
+def warn_of_sensors(scenario: Scenario, console: Console) -> None:
+    """Warn of what the sensors that an autopilot navigates by do not observe at all times."""
+    if scenario.navigation == "true_state":
+        return
+    for loc, text in observability_warnings(scenario.sensors.navigation):
+        key = ".".join(["sensors", "navigation", *map(str, loc)])
+        console.print(f"warning: {key} is false: {text}", soft_wrap=True)
 
 
 def tell_heading(scenario: Scenario, console: Console) -> None:

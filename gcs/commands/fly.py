@@ -22,6 +22,7 @@ from gcs.commands.common import (
     tell_heading,
     warm_up,
     warn_of_one_path,
+    warn_of_sensors,
 )
 from gcs.commands.options import options_of, with_options
 from gcs.commands.progress import working
@@ -181,6 +182,7 @@ def fly(
             console.print(f"recording the trajectory needs up to {size / 1e6:.0f} MB")
         with marked(folder, loaded, mark), contextlib.closing(recorder):
             warn_of_one_path(loaded, console)
+            warn_of_sensors(loaded, console)
             tell_heading(loaded, console)
             warm_up(loaded, console)
             if options.can_share and options.processes is None:

@@ -21,6 +21,7 @@ from gcs.commands.common import (
     tell_heading,
     warm_up,
     warn_of_one_path,
+    warn_of_sensors,
 )
 from gcs.commands.listening import listen, listening_address
 from gcs.commands.options import options_of, with_options
@@ -163,6 +164,7 @@ def up(scenario: ScenarioArgument, options: UpOptions) -> None:
     try:
         with marked(folder, loaded, mark):
             warn_of_one_path(loaded, console)
+            warn_of_sensors(loaded, console)
             tell_heading(loaded, console)
             warm_up(loaded, console)
             if options.free_ports:

@@ -241,13 +241,13 @@ def test_failures(leader: System) -> None:
     ):
         for kind in kinds:
             failure.inject(unit, kind, 1)
-    for unit, kind in (
-        (FailureUnit.SENSOR_GPS, FailureType.OFF),
-        (FailureUnit.SYSTEM_SERVO, FailureType.GARBAGE),
+    for unit, kind, why in (  # this fleet flies by the true state
+        (FailureUnit.SENSOR_GPS, FailureType.OFF, FailureResult.DENIED),
+        (FailureUnit.SYSTEM_SERVO, FailureType.GARBAGE, FailureResult.UNSUPPORTED),
     ):
         with pytest.raises(FailureError) as refusal:
             failure.inject(unit, kind, 0)
-        assert refusal.value.args[0] == FailureResult.UNSUPPORTED
+        assert refusal.value.args[0] == why
 
 
 def test_arm_and_disarm(leader: System, telemetry: Telemetry) -> None:

@@ -13,7 +13,7 @@ ONSET_S = 0.3
 
 def states(*faults: dict[str, Any]) -> np.ndarray:
     """Return the true states of a short flight by sensors, (steps, uavs, 12)."""
-    keys = {"navigation": "estimated", "duration_s": 0.6, "faults": [*faults]}
+    keys = {"navigation": "estimated", "duration_s": 2.0, "faults": [*faults]}
     return fly_in_process(scenario_of("here.yaml", scenario_tree("paper/scenario1") | keys)).states
 
 
