@@ -36,6 +36,7 @@ _UNKNOWN_TILT = math.radians(15.0)
 _UNKNOWN_HEADING = math.radians(60.0)
 _TILT_IN_TURN = 0.2  # of the roll angle that is not known
 _AIR = 4.0  # m/s, velocity through the air
+_STALLED, _UNKNOWN_AIR = 0.5, 0.5  # of the lowest airspeed, of the cruising speed
 _WIND = 6.0  # m/s
 _PLACE = 1e4  # m
 
@@ -57,12 +58,14 @@ def align(
         rates: Sample of the gyro [rad/s].
         force: Sample of the accelerometer [m/s²].
         field: Sample of the magnetometer [gauss]; zero: none.
-        pressure: Differential pressure [Pa].
-        altitude: Pressure altitude [m, above sea level].
+        pressure: Differential pressure [Pa]; NaN: none.
+        altitude: Pressure altitude [m, above sea level]; NaN: none.
         assumed: Record of dtype `PARAMETERS`.
     """
     x = kalman["x"]
-    u = math.sqrt(max(2.0 * pressure / assumed["density"], 0.0))
+    u, air = math.sqrt(max(2.0 * pressure / assumed["density"], 0.0)), _AIR
+    if not u > _STALLED * assumed["slowest"]:  # no pitot tube, or a blocked one
+        u, air = assumed["cruise"], _UNKNOWN_AIR * assumed["cruise"]
     gravity = sub(cross(rates, (u, 0.0, 0.0)), force)
     trust = max(1.0 - abs(norm(gravity) / assumed["gravity"] - 1.0) / _FAR_FROM_GRAVITY, 0.0)
     roll = trust * math.atan2(gravity[1], gravity[2])
@@ -77,7 +80,8 @@ def align(
         x[k], kalman["owed"][k] = 0.0, 0.0
     speed = u / max(math.cos(pitch), 0.5)
     x[VEL], x[VEL + 1] = speed * math.cos(yaw), speed * math.sin(yaw)
-    x[POS + 2] = assumed["altitude"] - altitude
+    has_altitude = math.isfinite(altitude)
+    x[POS + 2] = assumed["altitude"] - altitude if has_altitude else 0.0
     for k in range(3):
         kalman["rates"][k], kalman["force"][k] = rates[k], force[k]
     for k in range(7):
@@ -91,19 +95,32 @@ def align(
     dip = abs(assumed["field"][2]) / max(math.hypot(north, east), 1e-3)
     heading = min(math.hypot(_HEADING, dip * tilt), _UNKNOWN_HEADING)
     heading = heading if has_heading else _UNKNOWN_HEADING
-    _spread(kalman["P"], tilt, heading, vec3(x[VEL:]), assumed)
+    _spread(kalman["P"], tilt, heading, air, vec3(x[VEL:]), assumed)
+    if not has_altitude:
+        kalman["P"][POS + 2, POS + 2] = _PLACE * _PLACE
     kalman["aligned"], kalman["placed"] = 1, 0
 
 
 @compiled
-def _spread(P: np.ndarray, tilt: float, heading: float, air: Vec3, assumed: np.void) -> None:
-    """Write the covariance of a coarse estimate: velocity is that through the air, and wind."""
+def _spread(
+    P: np.ndarray, tilt: float, heading: float, error: float, air: Vec3, assumed: np.void
+) -> None:
+    """Write the covariance of a coarse estimate: velocity is through the air, and the wind's.
+
+    Args:
+        P: Written.
+        tilt: Standard deviation of roll and pitch [rad].
+        heading: The same of the heading [rad].
+        error: The same of the velocity through the air [m/s].
+        air: Velocity through the air, NED [m/s].
+        assumed: Record of dtype `PARAMETERS`.
+    """
     for r in range(N):
         for c in range(N):
             P[r, c] = 0.0
     for i in range(3):
         P[PHI + i, PHI + i] = tilt * tilt
-        P[VEL + i, VEL + i] = _AIR * _AIR
+        P[VEL + i, VEL + i] = error * error
         P[POS + i, POS + i] = _PLACE * _PLACE
         P[GYRO_BIAS + i, GYRO_BIAS + i] = assumed["gyro_bias"]
         P[FORCE_BIAS + i, FORCE_BIAS + i] = assumed["force_bias"]

@@ -63,6 +63,8 @@ PARAMETERS = np.dtype(
         ("side", "f8"),  # S (cY_beta - cD0) / m [m²/kg]: in a sideslip, drag has a part along y
         ("side_by_surfaces", "f8"),  # the same of usual deflections
         ("lift0", "f8"),  # S cL0 / m
+        ("cruise", "f8"),  # airspeed that is assumed where no pitot tube shows it [m/s]
+        ("slowest", "f8"),  # lowest airspeed command [m/s]
         ("lift", "f8"),  # S cL_alpha / m
         # the air and the outputs
         ("wind_walk", "f8"),  # m²/s³
@@ -200,6 +202,7 @@ def _aircraft(own: np.void, aircraft: Aircraft) -> None:
     )
     own["lift0"] = area * coefficients.cL0
     own["lift"] = area * coefficients.cL_alpha
+    own["cruise"], own["slowest"] = aircraft.design_airspeed, aircraft.airspeed_min_m_s
 
 
 def _rounding(resolution: float) -> float:

@@ -160,16 +160,17 @@ def _begin(estimator: Estimator, imus: np.ndarray, assumed: np.void) -> None:
     progress["imu"], progress["without_gnss"] = 0, 0.0
     field = float(first["xmag"]), float(first["ymag"]), float(first["zmag"])
     updated = int(first["fields_updated"])
-    altitude = assumed["altitude"]
+    altitude, pressure = math.nan, math.nan
     if updated & _NEW_PRESSURE:
         altitude = altitude_of(float(first["abs_pressure"]))
+    if updated & _NEW_PITOT:
+        pressure = _PA * float(first["diff_pressure"])
     for k in range(len(imus)):
         for _ in range(3):
             note_imu(estimator.imus[k], imus[k], assumed)
         estimator.imus[k]["noise"][:] = 1.0
         estimator.imus[k]["same"][:] = 0
         rates, force = sample_of(estimator.imus[k])
-        pressure = _PA * float(first["diff_pressure"])
         align(estimator.filters[k], rates, force, field, pressure, altitude, assumed)
         estimator.filters[k]["trends"][:] = 0.0
         estimator.history[k, :, :] = 0.0
