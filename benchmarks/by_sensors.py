@@ -84,10 +84,10 @@ def with_fault(name: str, law: str, seeds: int) -> str:
         errors.append(errors_of(flown, scenario.step_us))
         blamed += int((flown.signals["phase"].max(axis=(0, 1)) > 1).sum())
     worst = np.max(errors, axis=0)
-    told = f"{len(noticed)}/{seeds}"
+    share = f"{len(noticed)}/{seeds}"
     when = "" if not noticed else f"{statistics.median(noticed):.2f}, {max(noticed):.2f}"
     numbers = " | ".join(f"{value:.2f}" for value in worst)
-    return f"| {name} | {law} | {told} | {when} | {numbers} | {others} | {blamed} |"
+    return f"| {name} | {law} | {share} | {when} | {numbers} | {others} | {blamed} |"
 
 
 def watched(scenario: Scenario) -> tuple[Steps, list[Exclusion]]:

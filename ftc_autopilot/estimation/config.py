@@ -6,6 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from mavlink_defs.origin import Origin
+from sitl_plant.aerodynamics import lateral, lift_coefficient
+from sitl_plant.aircraft import aircraft_record
 from sitl_plant.aircraft_config import Aircraft
 from sitl_plant.navigation_sensors import NavigationSensors
 from sitl_plant.sensing.errors import gauss_markov, white_noise
@@ -20,6 +22,7 @@ _FORCE_CHANGE = 0.3
 """Of the specific force along an axis [m/s²/sqrt(s)]: its scale error then is another bias."""
 _USUAL_DEFLECTION = math.radians(5.0)
 """Of aileron and rudder, which the estimator does not know."""
+_SMALL = 0.01  # rad, of the angle of attack, to either side
 _MARGIN = 1.5
 """Of variances of errors that turn with the aircraft, for what a linear filter makes of them."""
 _LEAST_GYRO, _LEAST_ACCELEROMETER = 2e-3, 2e-2
@@ -194,15 +197,17 @@ def _gnss(own: np.void, sensors: NavigationSensors) -> None:
 
 
 def _aircraft(own: np.void, aircraft: Aircraft) -> None:
+    """Write slopes of lift and side force, by mass and dynamic pressure, and airspeeds."""
+    record, V = aircraft_record(aircraft), aircraft.design_airspeed
+    side = lateral(V, record).side
+    per = 0.5 * aircraft.air_density_kg_m3 * V * V * aircraft.mass_kg  # of N: m²/kg
+    own["side"] = side.beta / per
+    own["side_by_surfaces"] = math.hypot(side.aileron, side.rudder) / per * _USUAL_DEFLECTION
     area = aircraft.wing_area_m2 / aircraft.mass_kg
-    coefficients = aircraft.coefficients
-    own["side"] = area * (coefficients.cY_beta - coefficients.cD0)
-    own["side_by_surfaces"] = (
-        area * math.hypot(coefficients.cY_da, coefficients.cY_dr) * _USUAL_DEFLECTION
-    )
-    own["lift0"] = area * coefficients.cL0
-    own["lift"] = area * coefficients.cL_alpha
-    own["cruise"], own["slowest"] = aircraft.design_airspeed, aircraft.airspeed_min_m_s
+    above, below = (lift_coefficient(alpha, record) for alpha in (_SMALL, -_SMALL))
+    own["lift0"] = area * lift_coefficient(0.0, record)
+    own["lift"] = area * (above - below) / (2.0 * _SMALL)
+    own["cruise"], own["slowest"] = V, aircraft.airspeed_min_m_s
 
 
 def _rounding(resolution: float) -> float:

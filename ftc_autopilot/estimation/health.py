@@ -60,7 +60,7 @@ def new_sensor_health(sensors: NavigationSensors, step_us: int) -> np.ndarray:
     for own, model, noise in zip(health, models, noises, strict=True):
         if model is None:
             continue
-        period_s = periods_between(model.rate_hz, step_us) * step_us / 1e6
+        period_s = max(periods_between(model.rate_hz, step_us), 1) * step_us / 1e6
         own["reason"] = WELL if model.fitted else ABSENT
         silent_s = max(_SILENT_S, 4.0 * period_s)
         own["most_silent"] = round(silent_s * 1e6 / step_us)

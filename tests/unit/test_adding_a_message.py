@@ -9,7 +9,7 @@ EDITS = {
     "mavlink_defs/ftc.xml": [
         (
             '    <message id="53110" name="FTC_FLEET">',
-            '    <message id="53111" name="FTC_ENERGY">\n'
+            '    <message id="53112" name="FTC_ENERGY">\n'
             "      <description>Kinetic energy of the aircraft.</description>\n"
             '      <field type="uint32_t" name="time_boot_ms" units="ms">Simulation time.</field>\n'
             '      <field type="float" name="energy" units="J/kg">Energy per mass.</field>\n'

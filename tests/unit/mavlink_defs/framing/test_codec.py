@@ -22,6 +22,7 @@ HOT: dict[int, tuple[np.dtype[np.void], type]] = {
     codec.MessageId.ACTUATORS: (codec.ACTUATORS, dialect.MAVLink_hil_actuator_controls_message),
 }
 RECORD_VALUES = {
+    "i": lambda size: st.integers(-(2 ** (8 * size - 1)), 2 ** (8 * size - 1) - 1),
     "u": lambda size: st.integers(0, 256**size - 1),
     "f": lambda size: st.floats(width=8 * size),
 }
