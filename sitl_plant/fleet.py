@@ -8,7 +8,6 @@ from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.framing.codec import SIM_STATE, SIM_STEP
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.runtime.jit import compiled, inlined
-from mavlink_defs.runtime.memory import copy_values
 from sitl_plant.actuators import no_faults
 from sitl_plant.aircraft import AIRCRAFT, aircraft_record
 from sitl_plant.config import InitialState, PlantConfig
@@ -209,20 +208,6 @@ def observe(fleet: PlantState, i: int, step: int, step_us: int) -> None:
 def navigates(fleet: PlantState) -> bool:
     """Return whether autopilots are sent what sensors report, in place of the true state."""
     return len(fleet.sensing.sites) > 0
-
-
-@compiled
-def write_step(message: np.void, step: np.void) -> None:
-    """Write what an FTC_SIM_STATE has beyond the motion into an FTC_SIM_STEP.
-
-    Args:
-        message: Payload of dtype SIM_STATE.
-        step: Payload of dtype SIM_STEP.
-    """
-    step["time_usec"], step["step"] = message["time_usec"], message["step"]
-    step["actuator_time_usec"] = message["actuator_time_usec"]
-    step["run"], step["flags"] = message["run"], message["flags"]
-    copy_values(step["silent"], message["silent"])
 
 
 @inlined

@@ -38,7 +38,6 @@ from sitl_plant.fleet import (
     navigates,
     observe,
     receive_controls,
-    write_step,
 )
 
 _RESEND_S = 0.05
@@ -174,7 +173,7 @@ def send_states(fd: int, link: PlantLink, fleet: PlantState, unfinished_only: bo
 def _send_sensors(fd: int, link: PlantLink, fleet: PlantState, i: int) -> None:
     """Send what the sensors of an aircraft report in the present step, and the step last."""
     sensing = fleet.sensing
-    write_step(fleet.messages[i], fleet.steps[i])
+    codec.copy_step(fleet.messages[i], fleet.steps[i])
     for k in range(sensing.imus.shape[1]):
         _send(fd, link, i, sensing.imus[i][k : k + 1], codec.MessageId.SENSOR)
     if sensing.sites[i]["delivered"] == 1:

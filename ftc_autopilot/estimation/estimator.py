@@ -44,6 +44,7 @@ from ftc_autopilot.estimation.state import (
     N,
 )
 from mavlink_defs import dialect
+from mavlink_defs.framing.codec import copy_step
 from mavlink_defs.origin import EARTH_RADIUS_M
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.memory import copy_record
@@ -143,13 +144,7 @@ def estimate(
     write_motion(kalman, report["quaternion"], measured)
     write_report(kalman, estimator.imus, estimator.sensors, progress["imu"], report)
     report["step"], report["run"] = step, run
-    measured["time_usec"] = sim_step["time_usec"]
-    measured["actuator_time_usec"] = sim_step["actuator_time_usec"]
-    measured["step"] = sim_step["step"]
-    measured["run"] = sim_step["run"]
-    measured["flags"] = sim_step["flags"]
-    for k in range(32):
-        measured["silent"][k] = sim_step["silent"][k]
+    copy_step(sim_step, measured)
 
 
 @compiled

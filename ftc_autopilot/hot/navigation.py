@@ -15,7 +15,7 @@ from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.estimation.estimator import Estimator, EstimatorConfig, estimate, new_estimator
 from ftc_autopilot.hot.checkpoint import map_array
 from mavlink_defs.dialect import FTC_SIM_FLAGS_GPS, FTC_SIM_FLAGS_LOCKSTEP
-from mavlink_defs.framing.codec import HIL_GPS, HIL_SENSOR, SIM_STEP
+from mavlink_defs.framing.codec import HIL_GPS, HIL_SENSOR, SIM_STEP, copy_step
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.memory import copy_record
@@ -183,7 +183,7 @@ def navigate(navigation: Navigation, sim_step: np.void, measured: np.void) -> No
     copy_record(own, sim_step)
     own["flags"] = np.int64(own["flags"]) & ~FTC_SIM_FLAGS_GPS
     if np.int64(own["step"]) <= navigation.arrivals[0]["step"]:
-        write_step(own, measured)
+        copy_step(own, measured)
     else:
         _estimate(navigation, np.int64(own["time_usec"]), measured)
 
@@ -201,16 +201,6 @@ def _estimate(navigation: Navigation, time_usec: np.int64, measured: np.void) ->
     has_gps = arrivals["has_gps"] == 1
     estimate(navigation.estimator, navigation.imus, navigation.gps[0], has_gps, own, measured)
     arrivals["step"], arrivals["has_gps"] = step, 0
-
-
-@compiled
-def write_step(sim_step: np.void, measured: np.void) -> None:
-    """Write what an FTC_SIM_STEP has beyond the sensors into a state."""
-    measured["time_usec"], measured["step"] = sim_step["time_usec"], sim_step["step"]
-    measured["actuator_time_usec"] = sim_step["actuator_time_usec"]
-    measured["run"], measured["flags"] = sim_step["run"], sim_step["flags"]
-    for k in range(len(measured["silent"])):
-        measured["silent"][k] = sim_step["silent"][k]
 
 
 @compiled

@@ -10,7 +10,6 @@ from ftc_autopilot.hot.navigation import (
     navigate,
     note_gps,
     note_sensor,
-    write_step,
 )
 from mavlink_defs.dialect import FTC_SIM_FLAGS_ENDED, FTC_SIM_FLAGS_LOCKSTEP
 from mavlink_defs.framing.codec import (
@@ -19,6 +18,7 @@ from mavlink_defs.framing.codec import (
     SIM_STATE_SIZE,
     SIM_STEP_SIZE,
     MessageId,
+    copy_step,
     expand,
     system_of,
 )
@@ -145,7 +145,7 @@ def _receive_sensors(message_id: int, link: AutopilotLink) -> Outcome:
         return Outcome.NONE
     if _is_news(state, measured, sim_step):
         if restarted:
-            write_step(sim_step, measured)
+            copy_step(sim_step, measured)
             return Outcome.RESTARTED
         navigate(navigation, sim_step, measured)
         state["flags"] = int(measured["flags"])

@@ -32,7 +32,7 @@ from gcs.results.tally import Tally
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.faults import fault_from_params
-from mavlink_defs.framing.codec import SIM_STATE
+from mavlink_defs.framing.codec import SIM_STATE, copy_step
 from mavlink_defs.profile import items_to_segments
 from mavlink_defs.runtime.jit import compiled, inlined
 from mavlink_defs.runtime.memory import (
@@ -54,7 +54,6 @@ from sitl_plant.fleet import (
     new_plant_state,
     observe,
     receive_controls,
-    write_step,
 )
 from sitl_plant.outside import Outside, flown_by
 from sitl_plant.sensing.commands import sensor_commands
@@ -285,7 +284,7 @@ def exchange_initial_states(
 @compiled
 def _estimate(fleet: PlantState, estimators: Estimators, i: int) -> None:
     """Let UAV i estimate its state from what its sensors report now."""
-    write_step(fleet.messages[i], fleet.steps[i])
+    copy_step(fleet.messages[i], fleet.steps[i])
     estimate(
         load_tuple(estimators.table, i, estimators.first),
         fleet.sensing.imus[i],

@@ -14,9 +14,9 @@ from ftc_autopilot.guidance.path import PATH, locate, point_at
 from ftc_autopilot.hot.navigation import navigate, new_navigation
 from gcs.results.recording import Steps
 from gcs.scenario.model import Scenario
-from mavlink_defs.framing.codec import SIM_STATE
+from mavlink_defs.framing.codec import SIM_STATE, copy_step
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.fleet import PlantState, navigates, new_plant_state, observe, write_step
+from sitl_plant.fleet import PlantState, navigates, new_plant_state, observe
 
 SETTLING_S = 10.0
 """A UAV's figures begin so long after it begins to follow the path; so long after its end a turn
@@ -298,7 +298,7 @@ def _first_estimate(scenario: Scenario, system: int, fleet: PlantState, i: int) 
     """Return what a UAV estimates before the first step, a record of dtype SIM_STATE."""
     navigation = new_navigation(scenario.autopilot_config(system))
     navigation.imus[:] = fleet.sensing.imus[i]
-    write_step(fleet.messages[i], fleet.steps[i])
+    copy_step(fleet.messages[i], fleet.steps[i])
     measured = np.zeros(1, SIM_STATE)
     navigate(navigation, fleet.steps[i], measured[0])
     own: np.void = measured[0]

@@ -296,6 +296,21 @@ def expand(datagram: np.ndarray, payload_size: int) -> None:
 
 
 @compiled
+def copy_step(source: np.void, target: np.void) -> None:
+    """Copy what an FTC_SIM_STEP has, and an FTC_SIM_STATE beside the motion.
+
+    Args:
+        source: Payload of dtype `SIM_STATE` or `SIM_STEP`.
+        target: The same of either, written.
+    """
+    target["time_usec"], target["step"] = source["time_usec"], source["step"]
+    target["actuator_time_usec"] = source["actuator_time_usec"]
+    target["run"], target["flags"] = source["run"], source["flags"]
+    for k in range(len(target["silent"])):
+        target["silent"][k] = source["silent"][k]
+
+
+@compiled
 def system_of(datagram: np.ndarray) -> int:
     """Return the sender's system id of a checked frame."""
     return _byte(datagram, SYSTEM)
