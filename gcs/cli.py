@@ -285,8 +285,8 @@ def whole_command() -> Any:
 
 def main() -> None:
     """Run the command line; turn exceptions into one plain message and an exit status."""
-    stop_as_ctrl_c()
     try:
+        stop_as_ctrl_c()
         try:
             status = _without_types(typer.main.get_command(app))(standalone_mode=False)
         finally:
@@ -301,6 +301,8 @@ def main() -> None:
         _end_usage(problem)
     except typer.Abort:
         _end(GcsError.exit_status, "error: aborted")
+    except KeyboardInterrupt:  # before typer, which turns it into a status, has it
+        _end(Interrupted.exit_status, "interrupted")
     except BrokenPipeError:  # the reader of our output has ended: nothing to report
         _close_output()
     except Exception as problem:

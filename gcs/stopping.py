@@ -22,11 +22,11 @@ def stop_as_ctrl_c() -> None:
 
     Ctrl-C is a KeyboardInterrupt from here on.
     """
-    if signal.getsignal(signal.SIGINT) == signal.SIG_DFL:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
     for number in stop_signals():
         if number != signal.SIGINT:
             signal.signal(number, _interrupt)
+    if signal.getsignal(signal.SIGINT) == signal.SIG_DFL:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @contextlib.contextmanager

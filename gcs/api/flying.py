@@ -1,18 +1,15 @@
 """Flights from Python: one, or many on all cores."""
 
-import asyncio
 import contextlib
 import itertools
 import os
 import tempfile
-import threading
-from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
-from concurrent.futures import Future
-from functools import partial
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, Literal, NamedTuple, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 from gcs.api.errors import python_errors
+from gcs.api.event_loops import LOOK_S, beside_any_loop, raise_if_cancelled, unless_cancelled
 from gcs.api.flight import Flight, Source, open_run
 from gcs.commands.common import check_simulators, warm_up
 from gcs.commands.progress import working
@@ -37,8 +34,6 @@ from mavlink_defs.endpoint import UdpAddress
 
 if TYPE_CHECKING:
     import pyarrow as pa
-
-T = TypeVar("T")
 
 Recorded: TypeAlias = Literal["full", "light", "none"]
 """How much of the steps is recorded: all, the main signals at 50 Hz, or nothing."""
@@ -70,7 +65,8 @@ def fly(
     `Flight.check` raises for it what ends `gcs fly`.
 
     `fly` can be called from any thread, and while an event loop runs, which then waits;
-    ``await asyncio.to_thread(fly, ...)`` lets the loop go on.
+    ``await asyncio.to_thread(fly, ...)`` lets the loop go on. Ctrl-C ends the flight, in a task of
+    `asyncio.run` as well.
 
     Args:
         scenario: A scenario, a file, or the name of a bundled one.
@@ -96,6 +92,8 @@ def fly(
         CommandRefused: A vehicle refused its profile, a fault, its mission or arming.
         NoAnswer: A vehicle did not appear or did not answer.
         OSError: A file cannot be written; it is named.
+        asyncio.CancelledError: The task that called this was cancelled, as by Ctrl-C in
+            `asyncio.run`.
     """
     with python_errors():
         loaded = _scenario(scenario, changes, overlays)
@@ -109,6 +107,7 @@ def fly(
         check_simulators(loaded)
         warm_up(loaded, console_of())
         if not over_udp:
+            on_progress = unless_cancelled(on_progress)
             if out is None and recording is Record.NONE:
                 summary = fly_and_summarise(loaded, on_progress)
                 return _in_memory(loaded, summary, None, None)
@@ -129,7 +128,7 @@ def fly(
 
             def over_the_wire(recorder: FlightRecorder) -> Ending:
                 def flown(on_ports: Scenario, _hub: UdpAddress | None = None) -> Ending:
-                    return _beside_any_loop(
+                    return beside_any_loop(
                         lambda: fly_over_udp(
                             on_ports,
                             files,
@@ -205,6 +204,8 @@ def fly_many(
             for job in itertools.islice(rest, count):
                 workers.submit(job)
             while len(done) < len(scenarios):
+                while not workers.done(LOOK_S):
+                    raise_if_cancelled()
                 job, flown = workers.wait()
                 if flown is None:
                     raise GcsError(f"flights[{job.number}] killed its process")
@@ -339,57 +340,3 @@ def _fly(
     if folder is None:
         return _in_memory(scenario, summary, recorder.trajectory, recorder.events)
     return open_run(folder)
-
-
-def _beside_any_loop(work: Callable[[], Coroutine[Any, Any, T]]) -> T:
-    """Run a coroutine to its end, on a thread of its own if an event loop runs on this one."""
-    try:
-        asyncio.get_running_loop()
-    except RuntimeError:
-        return asyncio.run(work())
-    flight = _FlightThread(work)
-    try:
-        return flight.done.result()
-    finally:  # after Ctrl-C, too: the processes of the fleet end before we do
-        flight.end()
-
-
-class _FlightThread(Generic[T]):
-    """A thread with an event loop, on which a coroutine runs.
-
-    Attributes:
-        done: Its result.
-    """
-
-    def __init__(self, work: Callable[[], Coroutine[Any, Any, T]]) -> None:
-        self.done: Future[T] = Future()
-        self._work = work
-        self._began = threading.Event()
-        self._cancel: Callable[[], object] = lambda: None
-        self._thread = threading.Thread(target=self._run, name="flight")
-        self._thread.start()
-
-    def end(self) -> None:
-        """Cancel the coroutine, unless it is over, and wait; Ctrl-C does not hasten its end."""
-        cancelled = False
-        while self._thread.is_alive():
-            with contextlib.suppress(KeyboardInterrupt):
-                if not cancelled and not self.done.done():
-                    self._began.wait()
-                    with contextlib.suppress(RuntimeError):  # it has just ended
-                        self._cancel()
-                    cancelled = True
-                self._thread.join()
-
-    def _run(self) -> None:
-        try:
-            self.done.set_result(asyncio.run(self._main()))
-        except BaseException as problem:  # which the other thread raises
-            self.done.set_exception(problem)
-
-    async def _main(self) -> T:
-        task, loop = asyncio.current_task(), asyncio.get_running_loop()
-        assert task is not None
-        self._cancel = partial(loop.call_soon_threadsafe, task.cancel)
-        self._began.set()
-        return await self._work()

@@ -48,6 +48,10 @@ class LocalWorkers(Generic[_Task, _Result]):
         with contextlib.suppress(OSError):  # killed while idle: `wait` finds out
             connection.send(task)
 
+    def done(self, timeout_s: float) -> bool:
+        """Return whether a task is done, after waiting for one at most so long [s]."""
+        return bool(multiprocessing.connection.wait(list(self._running), timeout_s))
+
     def wait(self) -> tuple[_Task, _Result | None]:
         """Return the next task that is done, and its result; None if it killed its process.
 

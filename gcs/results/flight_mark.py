@@ -177,7 +177,7 @@ def _write(folder: Path, mark: FlightMark) -> None:
 
 def _reason(problem: BaseException) -> str:
     """Return what ended a flight, in short."""
-    if isinstance(problem, KeyboardInterrupt | Interrupted):
+    if isinstance(problem, Interrupted) or not isinstance(problem, Exception):
         return INTERRUPTED
     if isinstance(problem, GcsError | OSError):
         return str(problem)

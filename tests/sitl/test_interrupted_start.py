@@ -64,5 +64,33 @@ def test_ctrl_c_at_any_instant_of_the_start(tmp_path: Path, command: str) -> Non
         wait_until(partial(_none_is_left, mark), "no process is left")
 
 
+ON_ENTERING = """
+import os, signal, sys
+import {module} as entered
+
+def interrupted(*arguments):
+    os.kill(os.getpid(), signal.SIGINT)
+
+entered.{function} = interrupted
+from gcs.cli import main
+main()
+"""
+
+
+@pytest.mark.parametrize("function", ["typer.main.get_command", "gcs.cli.stop_as_ctrl_c"])
+def test_ctrl_c_before_the_command_is_known(function: str) -> None:
+    """At an instant that the other test meets once in hundreds of times."""
+    module, name = function.rsplit(".", 1)
+    script = ON_ENTERING.format(module=module, function=name)
+    done = subprocess.run(
+        [sys.executable, "-c", script, "trim", "--help"],
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT_S,
+        check=False,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted\n")
+
+
 def _none_is_left(mark: str) -> bool:
     return not marked("FTC_SITL_MARK", mark)

@@ -2,23 +2,24 @@
 
 import asyncio
 import contextlib
-import gc
 import json
-import os
+import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
+from random import Random
 from typing import Any
 
-import numpy as np
 import pytest
 from flying import TIMEOUT_S, run, write_scenario
 from station import Up, up
 
 from gcs import BadInput, CommandRefused, Flight, NoAnswer, connect, fly, fly_many
 from gcs.fleet import local_workers
+from gcs.results.flight_mark import read_mark
 from mavlink_defs.faults import Fault
 
 pytestmark = pytest.mark.sitl
@@ -69,20 +70,57 @@ def test_beside_a_running_loop(over_udp: bool, in_process: Flight) -> None:
     assert not [thread for thread in threading.enumerate() if thread.name == "flight"]
 
 
-def test_an_interrupted_flight_leaves_no_process(tmp_path: Path) -> None:
-    """Ctrl-C, and again, in a cell of a notebook, whose loop runs on the main thread."""
+INTERRUPTED = """
+import asyncio, gc, signal, sys, threading
+from gcs import fly, fly_many
 
-    async def flown(scenario: Path) -> None:
-        fly(scenario, over_udp=True, on_progress=interrupt)
+scenario, how = sys.argv[1:]
 
-    def interrupt(_time_s: float, _events: np.ndarray) -> None:
-        os.kill(os.getpid(), 2)
+async def flown():
+    print("begins", flush=True)
+    if how == "fly_many":
+        fly_many([scenario, scenario], progress=False)
+    else:
+        fly(scenario, over_udp=how == "over_udp", out="run")
 
-    scenario = write_scenario(tmp_path, duration_s=3600.0, faults=[])
-    with pytest.raises(KeyboardInterrupt):
-        asyncio.run(flown(scenario))
+try:
+    asyncio.run(flown())
+except KeyboardInterrupt:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     gc.collect()  # a task or a socket that is left is an error here
-    assert not [thread for thread in threading.enumerate() if thread.name == "flight"]
+    print([thread.name for thread in threading.enumerate() if thread.name == "flight"])
+"""
+
+
+@pytest.mark.parametrize(
+    ("how", "times"), [("over_udp", 1), ("over_udp", 2), ("in_process", 1), ("fly_many", 1)]
+)
+def test_ctrl_c_in_a_coroutine(tmp_path: Path, how: str, times: int) -> None:
+    """The first Ctrl-C in `asyncio.run` only cancels the task, which awaits nothing meanwhile.
+
+    In a process of its own, as the last Ctrl-C may come when the flight is over.
+    """
+    scenario = write_scenario(tmp_path, duration_s=3600.0, faults=[])
+    program = subprocess.Popen(
+        [sys.executable, "-W", "error", "-c", INTERRUPTED, str(scenario), how],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert program.stdout is not None
+    assert program.stdout.readline() == "begins\n"
+    time.sleep(Random(how + str(times)).uniform(1.0, 4.0))  # any instant will do
+    for _ in range(times):
+        program.send_signal(signal.SIGINT)
+        time.sleep(0.02)
+    stdout, stderr = program.communicate(timeout=TIMEOUT_S)
+    assert stdout == "[]\n", stderr
+    assert "Traceback" not in stderr
+    if how != "fly_many":
+        mark = read_mark(tmp_path / "run")
+        assert mark is not None
+        assert mark.ended == "interrupted"
 
 
 def test_many_flights_come_in_order_on_all_cores(in_process: Flight) -> None:
