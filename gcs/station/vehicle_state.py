@@ -205,7 +205,7 @@ class VehicleState(LatestMessages):
     def active_faults(self) -> tuple[AnyFault, ...]:
         """The faults that are active now, in simulated time."""
         time_s = self.time_s or 0.0
-        return tuple(f for f in self.faults or () if f.is_active(time_s))
+        return tuple(f for f in self.faults or () if f.window.contains(time_s))
 
     # internals
 
