@@ -48,8 +48,8 @@ class IdentifyOptions:
     thrust_limit: Annotated[
         float | None,
         typer.Option(
-            help="Largest thrust [N], which the experiment does not show; by default 0.4 of the "
-            "weight.",
+            help="Largest thrust at every airspeed [N], which the experiment does not show; by "
+            "default 0.4 of the weight.",
             min=0.1,
             metavar="N",
         ),
@@ -143,7 +143,11 @@ def identify(
     moment with an interval of 95 %, and what they leave unexplained; then the checks of `gcs
     aircraft`, and a verdict. The constants are set so that the model trims where the plant does.
 
-    From a flight, only what it excites can be seen: other coefficients stay as --aircraft has them.
+    Propulsion is not identified: the file has no section `propulsion`, so its aircraft makes any
+    thrust from 0 to --thrust-limit at once, at every airspeed, through the centre of gravity.
+
+    From a flight, only what it excites can be seen: other coefficients, and the propulsion, stay as
+    --aircraft has them.
     """
     if (plant is None) == (options.source is None):
         raise BadInput(
