@@ -31,8 +31,8 @@ def with_checkpoint(
 
     Args:
         link: Its records are restored in place.
-        controllers: Of one UAV, likewise.
-        vehicle: One record of dtype `ftc_autopilot.hot.checkpoint.VEHICLE`, likewise.
+        controllers: Of one UAV; restored in place.
+        vehicle: One record of dtype `ftc_autopilot.hot.checkpoint.VEHICLE`; restored in place.
         config: Of the autopilot; a file of another one is cleared.
         path: The checkpoint.
 
