@@ -47,7 +47,7 @@ class _WithoutValue(Model):
         ge=0.0,
         le=1.0,
         default=None,
-        doc="Share of the command that remains; 1, or 0 where a value replaces it.",
+        doc="Share of the command that remains; none: 1, or 0 where a value replaces it.",
     )
 
 

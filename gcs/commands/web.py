@@ -32,7 +32,7 @@ def web(
     connect: ConnectOption = None,
     theme: ThemeOption = "dark",
     listen: Annotated[
-        str, typer.Option(help="Where browsers connect.", metavar="HOST:PORT")
+        str, typer.Option(help="Address that browsers open.", metavar="HOST:PORT")
     ] = "127.0.0.1:8000",
     control: Annotated[
         bool, typer.Option("--control", help="Let browsers command vehicles, not only look.")
@@ -48,7 +48,7 @@ def web(
     ] = 8,
     view: Annotated[bool, typer.Option("--view", hidden=True)] = False,
 ) -> None:
-    """Serve the dashboard to browsers until Ctrl-C, to look at only unless --control is given.
+    """Serve the dashboard to browsers until Ctrl-C, read-only unless --control is given.
 
     Every browser gets a dashboard of its own, a process of this machine.
     """
