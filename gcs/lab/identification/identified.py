@@ -254,6 +254,8 @@ def text_of(identified: Identified, command: str) -> str:
         "",
     ]
     tree = identified.aircraft.model_dump(exclude_none=True)
+    if not tree["any_inertia"]:
+        del tree["any_inertia"]
     del tree["coefficients"]
     lines = yaml_of({key: tree.pop(key) for key in ("source", "mass_kg")}).splitlines()
     lines += yaml_of(tree).splitlines()
