@@ -1,4 +1,4 @@
-# ftc-sitl with its dependencies as locked in requirements.txt: gcs, sitl-plant, ftc-autopilot.
+# ftc-sitl with all extras, its dependencies as locked in requirements.txt: gcs, sitl-plant, ftc-autopilot.
 # docs/how-to/several-hosts.md says how a fleet of containers is started.
 
 FROM python:3.12-slim AS build
@@ -10,7 +10,7 @@ RUN pip wheel --no-cache-dir --no-deps --wheel-dir /dist . \
 
 FROM python:3.12-slim
 COPY --from=build /dist /dist
-RUN pip install --no-cache-dir --constraint /dist/constraints.txt "$(echo /dist/*.whl)[lab,jsbsim]" \
+RUN pip install --no-cache-dir --constraint /dist/constraints.txt "$(echo /dist/*.whl)[foxglove,jsbsim,lab,python,web]" \
     && useradd --create-home --uid 1000 pilot \
     && mkdir /cache /fleet /flights \
     && chown 1000 /cache /fleet /flights

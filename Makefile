@@ -45,7 +45,7 @@ mutants: $(READY)  ## small changes to the equations, 25 of each module, that no
 	  $(if $(INTEGRATIONS),--integrations)
 
 docs: $(READY)  ## the documentation as a site in site/; every warning is an error
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
 
 bench: $(READY)  ## the speed figures of docs/explanation/performance.md
 	$(BIN)/python -m benchmarks

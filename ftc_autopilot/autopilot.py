@@ -11,22 +11,15 @@ from pathlib import Path
 import numpy as np
 
 from ftc_autopilot.config import AutopilotConfig
-from ftc_autopilot.control.controller import CONTROLLER, PARAMETERS
-from ftc_autopilot.control.controllers import bind_plugins, new_controllers
+from ftc_autopilot.control.controllers import new_controllers
 from ftc_autopilot.control.plugin_failures import clear_failures, failure_of
-from ftc_autopilot.guidance.path import PATH
-from ftc_autopilot.hot.checkpoint import VEHICLE, map_array, open_checkpoint, restore, save
+from ftc_autopilot.hot.checkpoint import VEHICLE, save
 from ftc_autopilot.hot.hot_state import HotState
-from ftc_autopilot.hot.link import GCS, PLANT, RECORD, SIMULATOR, checkpoint_records, new_link
+from ftc_autopilot.hot.link import GCS, PLANT, SIMULATOR, new_link
 from ftc_autopilot.hot.loop import Loop
-from ftc_autopilot.hot.navigation import (
-    ESTIMATED,
-    new_navigation,
-    reset_navigation,
-    with_shared_history,
-)
+from ftc_autopilot.hot.navigation import new_navigation, reset_navigation
 from ftc_autopilot.hot.recorder import RECORD_ROWS, Recorder
-from ftc_autopilot.hot.state_age import forget_age
+from ftc_autopilot.hot.restart import with_checkpoint
 from ftc_autopilot.vehicle.gcs_signing import GcsSigning
 from ftc_autopilot.vehicle.mission_checkpoint import load_mission, save_mission
 from ftc_autopilot.vehicle.vehicle import Vehicle
@@ -56,8 +49,6 @@ _MOST_AT_ONCE = 32
 """Real time: most messages to a ground station after steps that were missed."""
 _MAX_GCS_DATAGRAMS = 8
 """Most datagrams of ground stations handled at a time while no control step can be late."""
-_AWAY_S = 1.0
-"""Lockstep: time that passes without control after a restart [s, simulated]."""
 _TURN_US = 20_000
 """Lockstep: messages are handled at multiples of this simulated time [µs]."""
 
@@ -120,7 +111,11 @@ class Autopilot:
             load_link_signer(self._key_file, FORMATION_LINK),
         )
         self._saved = np.zeros(1, VEHICLE)
-        resumes = checkpoint is not None and self._open_checkpoint(checkpoint)
+        resumes = False
+        if checkpoint is not None:
+            self._link, self._controllers, resumes = with_checkpoint(
+                self._link, self._controllers, self._saved, config, checkpoint
+            )
         self._recorder = None if record is None else Recorder(self._link, record, resumes)
         self._hot = HotState(self._link)
         self._vehicle = Vehicle(config, self._hot, self._controllers, time.time())
@@ -141,39 +136,6 @@ class Autopilot:
         self.is_over = False
         self.crash_at = _NEVER
         self.record_optional = False
-
-    def _open_checkpoint(self, path: Path) -> bool:
-        """Restore the state from a file, path and signals beside it; return whether one was there.
-
-        In lockstep, control begins again when a fixed simulated time has passed, so that the flight
-        is the same however long the restart took; in real time, with the next state.
-        """
-        link = self._link
-        records = checkpoint_records(link, self._controllers, self._saved)
-        described = f"{PARAMETERS} {CONTROLLER} {self._config.model_dump_json()}"
-        checkpoint = open_checkpoint(path, records, described)
-        resumes = restore(checkpoint)
-        bind_plugins(self._controllers, [self._config])
-        paths = map_array(path.with_suffix(".path"), PATH, 1)  # large, and seldom changed
-        if not resumes:
-            paths[:] = np.zeros((), PATH)
-        self._controllers = self._controllers._replace(paths=paths)
-        record = map_array(path.with_suffix(".record"), RECORD, len(link.record))
-        rows = len(link.estimates) * ESTIMATED
-        estimates = map_array(path.with_suffix(".estimates"), np.dtype("f8"), rows)
-        self._link = link._replace(
-            checkpoint=checkpoint,
-            record=record,
-            estimates=estimates.reshape(-1, ESTIMATED),
-            navigation=with_shared_history(link.navigation, path.with_suffix(".history"), resumes),
-        )
-        if resumes:
-            state = link.state[0]
-            state["heard_s"] = 0.0
-            state["due"] = 0
-            forget_age(state)  # reported with the restart
-            state["away"] = round(_AWAY_S * 1e6 / self._config.step_us)
-        return resumes
 
     @property
     def loop(self) -> Loop:

@@ -88,7 +88,7 @@ COMMANDS = {
     ),
     "new": (
         "new",
-        "Write a small commented scenario as a starting point for your own, or a project.",
+        "Write a small commented scenario, or a whole project, as a starting point for your own.",
     ),
     "up": ("up", "Start a fleet that flies until it is stopped (Ctrl-C)."),
     "config": (
@@ -110,14 +110,13 @@ COMMANDS = {
     "disarm": ("control", "Disarm vehicles; in flight they refuse unless forced."),
     "mode": (
         "control",
-        "Change the mode: fly the mission, circle here, return and circle there, or follow "
-        "targets.",
+        "Change the mode: fly the mission, circle here, circle at home, or follow targets.",
     ),
     "record": ("record", "Record every frame that vehicles send, with its time, until Ctrl-C."),
     "log": ("log", "Replay a telemetry log in the dashboard, with seek and speed."),
     "web": (
         "web",
-        "Serve the dashboard to browsers until Ctrl-C, to look at only unless --control is given.",
+        "Serve the dashboard to browsers until Ctrl-C, read-only unless --control is given.",
     ),
     "key": ("key", "Make a key file for MAVLink 2 signing: 32 bytes that only you can read."),
     "wire": ("wire", "Count frames and bytes per link, sender, message and actuator channel."),

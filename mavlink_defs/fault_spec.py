@@ -11,7 +11,33 @@ from mavlink_defs.config.models import Model, Problem, Problems
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.constants import ACTUATORS, Actuator
 from mavlink_defs.fault_kinds import BIAS, FAULT_KINDS, MAX_FREQUENCY_HZ, STUCK, FaultKind
+from mavlink_defs.fault_window import Window
 from mavlink_defs.faults import Fault
+
+
+class WindowSpec(Model):
+    """The keys of a window, which may be left open."""
+
+    start_s: float | None = quantity(
+        "s", ge=0.0, default=None, doc="Start in simulated time, exclusive; none: now."
+    )
+    end_s: float | None = quantity(
+        "s", gt=0.0, default=None, doc="End in simulated time, inclusive; none: never."
+    )
+
+    def window_problems(self) -> Iterator[Problem]:
+        """Yield that it ends before it starts."""
+        if self.end_s is not None and self.start_s is not None and self.end_s <= self.start_s:
+            text = f"expected > {{0}} = {self.start_s!r} s, got {self.end_s!r}"
+            yield Problem(("end_s",), text, keys=("start_s",))
+
+    @property
+    def window(self) -> Window:
+        """The window as commands carry it."""
+        return Window(
+            start_s=math.nan if self.start_s is None else self.start_s,
+            end_s=math.nan if self.end_s is None else self.end_s,
+        )
 
 
 class _WithoutValue(Model):
@@ -21,7 +47,7 @@ class _WithoutValue(Model):
         ge=0.0,
         le=1.0,
         default=None,
-        doc="Share of the command that remains; 1, or 0 where a value replaces it.",
+        doc="Share of the command that remains; none: 1, or 0 where a value replaces it.",
     )
 
 
@@ -42,13 +68,7 @@ else:
     )
 
 
-class FaultSpec(_WithValue):
-    """An actuator fault (13), (19): applied = effectiveness * commanded + value.
-
-    What the value is, its kind says: a bias on the remaining command, or the position of a stuck
-    actuator. The UAV is not part of it, and its window may be left open.
-    """
-
+class _WithFrequency(_WithValue):
     frequency_hz: float = quantity(
         "Hz",
         ge=0.0,
@@ -56,12 +76,14 @@ class FaultSpec(_WithValue):
         default=0.0,
         doc="Frequency of the value, or of on and off; 0: constant.",
     )
-    start_s: float | None = quantity(
-        "s", ge=0.0, default=None, doc="Start in simulated time, exclusive; none: now."
-    )
-    end_s: float | None = quantity(
-        "s", gt=0.0, default=None, doc="End in simulated time, inclusive; none: never."
-    )
+
+
+class FaultSpec(WindowSpec, _WithFrequency):
+    """An actuator fault (13), (19): applied = effectiveness * commanded + value.
+
+    What the value is, its kind says: a bias on the remaining command, or the position of a stuck
+    actuator. The UAV is not part of it, and its window may be left open.
+    """
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -94,9 +116,7 @@ class FaultSpec(_WithValue):
             if kind.switches and self.frequency_hz == 0.0:
                 text = "expected > 0 Hz with '{0}', got 0.0"
                 yield Problem(("frequency_hz",), text, keys=(keys[kind.name],))
-        if self.end_s is not None and self.start_s is not None and self.end_s <= self.start_s:
-            text = f"expected > {{0}} = {self.start_s!r} s, got {self.end_s!r}"
-            yield Problem(("end_s",), text, keys=("start_s",))
+        yield from self.window_problems()
 
     def _values(self, actuator: Actuator) -> Iterator[tuple[FaultKind, str]]:
         """Yield the kinds whose value is given in the unit of an actuator, and their keys."""
@@ -119,7 +139,6 @@ class FaultSpec(_WithValue):
             effectiveness=healthy if self.effectiveness is None else self.effectiveness,
             value=value,
             frequency_hz=self.frequency_hz,
-            start_s=math.nan if self.start_s is None else self.start_s,
-            end_s=math.nan if self.end_s is None else self.end_s,
+            **self.window._asdict(),
             code=kind.code,
         )

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, Self
 from mavlink_defs.constants import ACTUATORS, Actuator
 from mavlink_defs.dialect import MAVLink_ftc_fault_message
 from mavlink_defs.fault_kinds import BIAS, CODES, MAX_FREQUENCY_HZ, FaultKind, FaultLimits, kind_of
+from mavlink_defs.fault_window import Window
 from mavlink_defs.float32 import decimal_of_float32
 
 MAX_FAULTS = 16
@@ -64,6 +65,11 @@ class Fault(NamedTuple):
         """Its kind."""
         return kind_of(self.code, self.effectiveness)
 
+    @property
+    def window(self) -> Window:
+        """When it acts."""
+        return Window(self.start_s, self.end_s)
+
     def describe(self) -> str:
         """Return the fault as a text: "rudder at 50 % + 1 deg in (19, 22] s"."""
         kind = self.kind
@@ -73,15 +79,7 @@ class Fault(NamedTuple):
             parts.append(f"at {100.0 * self.effectiveness:g} %")
         if self.value or kind is not BIAS:
             parts.append(kind.describe(self.value, f" {kind.unit(self.actuator_name)}", wave))
-        return " ".join((*parts, self._window()))
-
-    def _window(self) -> str:
-        ends = f"{self.end_s:g}] s" if math.isfinite(self.end_s) else "until cleared"
-        if math.isnan(self.start_s):
-            return f"from now, {ends}"
-        if math.isfinite(self.end_s):
-            return f"in ({self.start_s:g}, {ends}"
-        return f"after {self.start_s:g} s, {ends}"
+        return " ".join((*parts, str(self.window)))
 
     def as_dict(self, time_s: float | None) -> dict[str, Any]:
         """Return the fault as plain data; its end is None if it lasts until cleared.
@@ -94,21 +92,12 @@ class Fault(NamedTuple):
             "effectiveness": self.effectiveness,
             self.kind.key(self.actuator_name): self.value,
             "frequency_hz": self.frequency_hz,
-            "start_s": self.start_s,
-            "end_s": self.end_s if math.isfinite(self.end_s) else None,
-            "active": time_s is not None and self.is_active(time_s),
+            **self.window.as_dict(time_s),
         }
-
-    def is_active(self, time_s: float) -> bool:
-        """Return whether its window contains a simulation time [s]."""
-        return self.start_s < time_s <= self.end_s
 
     def resolved(self, now_s: float) -> Self:
         """Return the fault as set at `now_s` [s]: NaN becomes now or, for the end, infinity."""
-        return self._replace(
-            start_s=now_s if math.isnan(self.start_s) else self.start_s,
-            end_s=math.inf if math.isnan(self.end_s) else self.end_s,
-        )
+        return self._replace(**self.window.resolved(now_s)._asdict())
 
     def coexists_with(self, actuator: int, start_s: float, end_s: float, now_s: float) -> bool:
         """Return whether an earlier fault stays when this one is set.
@@ -121,7 +110,7 @@ class Fault(NamedTuple):
             end_s: End of its window, inclusive [s].
             now_s: Simulation time at which this fault, which is `resolved`, is set [s].
         """
-        overlaps = start_s < self.end_s and self.start_s < end_s
+        overlaps = self.window.overlaps(Window(start_s, end_s))
         return end_s > now_s and not (actuator == self.actuator and overlaps)
 
 
@@ -168,23 +157,59 @@ def fault_from_params(params: Sequence[float], limits: FaultLimits) -> Fault:
     _check(4, "Frequency", frequency, (0.0, MAX_FREQUENCY_HZ), "Hz")
     if kind.switches and frequency == 0.0:
         raise _invalid(4, "Frequency", 0.0, "more than 0 Hz", "Hz")
-    if not math.isnan(start) and not 0.0 <= start < math.inf:
-        raise _invalid(5, "Start", start, "NaN or at least 0 s", "s")
-    earliest = 0.0 if math.isnan(start) else start
-    if not math.isnan(end) and not end > earliest:
-        raise _invalid(6, "End", end, f"NaN or more than {earliest:g} s", "s")
+    check_window("Fault", start, end)
     return fault
+
+
+def check_window(fault: str, start_s: float, end_s: float) -> None:
+    """Check the window of a fault, parameters 5 and 6 of its command; NaN leaves an end open.
+
+    Args:
+        fault: What it is called in a message.
+        start_s: Start [s].
+        end_s: End [s].
+
+    Raises:
+        InvalidParam: It starts before 0, or ends before it starts.
+    """
+    if not math.isnan(start_s) and not 0.0 <= start_s < math.inf:
+        raise invalid_param(fault, 5, "Start", start_s, "NaN or at least 0 s", "s")
+    earliest_s = 0.0 if math.isnan(start_s) else start_s
+    if not math.isnan(end_s) and not end_s > earliest_s:
+        raise invalid_param(fault, 6, "End", end_s, f"NaN or more than {earliest_s:g} s", "s")
+
+
+def is_within(value: float, bounds: tuple[float, float]) -> bool:
+    """Return whether a value is in its range, to the rounding of its unit; false for NaN."""
+    low, high = bounds
+    return low * _TOLERANCE <= value <= high * _TOLERANCE
+
+
+def invalid_param(
+    fault: str, index: int, name: str, value: float, expected: str, unit: str = ""
+) -> InvalidParam:
+    """Return the error of a parameter.
+
+    Args:
+        fault: What the fault is called.
+        index: Number of the parameter, 1 to 7.
+        name: Its label in the dialect.
+        value: Its value [unit].
+        expected: What is expected, with its unit.
+        unit: Its unit.
+    """
+    shown = f"{value:g} {unit}".rstrip()
+    return InvalidParam(index, name, f"{fault}: {name} is {shown}, must be {expected}")
 
 
 def _check(
     index: int, name: str, value: float, bounds: tuple[float, float], unit: str = ""
 ) -> None:
-    low, high = bounds
-    if not low * _TOLERANCE <= value <= high * _TOLERANCE:  # false for NaN
+    if not is_within(value, bounds):
+        low, high = bounds
         expected = f"{low:g}" if low == high else f"{low:g} to {high:g} {unit}".rstrip()
         raise _invalid(index, name, value, expected, unit)
 
 
 def _invalid(index: int, name: str, value: float, expected: str, unit: str = "") -> InvalidParam:
-    shown = f"{value:g} {unit}".rstrip()
-    return InvalidParam(index, name, f"Fault: {name} is {shown}, must be {expected}")
+    return invalid_param("Fault", index, name, value, expected, unit)

@@ -257,7 +257,7 @@ SENSOR_FAULT_KINDS: Mapping[str, SensorFaultKind] = {
         SensorFaultKind(
             "slow",
             "slow",
-            "One sample in as many is reported.",
+            "One sample in this many is reported.",
             "slow, 1 sample in {value:g}",
             low=1.0,
             high=1000.0,

@@ -1,6 +1,5 @@
 """A fault of a navigation sensor with the keys of a scenario's `faults`."""
 
-import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Self
 
@@ -8,6 +7,7 @@ from pydantic import Field, create_model, model_validator
 
 from mavlink_defs.config.models import Model, Problem, Problems
 from mavlink_defs.config.quantity import quantity, whole
+from mavlink_defs.fault_spec import WindowSpec
 from mavlink_defs.sensor_fault_kinds import (
     AXIS_NAMES,
     SENSOR_FAULT_KINDS,
@@ -70,19 +70,12 @@ else:
     )
 
 
-class SensorFaultSpec(_WithValue):
+class SensorFaultSpec(WindowSpec, _WithValue):
     """A fault of a navigation sensor: which, what MAVLink calls it, and how much.
 
     The failure may be left out where a value says it. The UAV is not part of it, and its window
     may be left open.
     """
-
-    start_s: float | None = quantity(
-        "s", ge=0.0, default=None, doc="Start in simulated time, exclusive; none: now."
-    )
-    end_s: float | None = quantity(
-        "s", gt=0.0, default=None, doc="End in simulated time, inclusive; none: never."
-    )
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -117,9 +110,7 @@ class SensorFaultSpec(_WithValue):
             else:
                 text = f"expected none, as {unit.name} has no axes, got {self.axis!r}"
             yield Problem(("axis",), text)
-        if self.end_s is not None and self.start_s is not None and self.end_s <= self.start_s:
-            text = f"expected > {{0}} = {self.start_s!r} s, got {self.end_s!r}"
-            yield Problem(("end_s",), text, keys=("start_s",))
+        yield from self.window_problems()
 
     def _value_problems(
         self, unit: SensorUnit, key: str, kind: SensorFaultKind
@@ -156,7 +147,6 @@ class SensorFaultSpec(_WithValue):
             code=kind.code,
             value=value,
             instance=self.instance,
-            start_s=math.nan if self.start_s is None else self.start_s,
-            end_s=math.nan if self.end_s is None else self.end_s,
+            **self.window._asdict(),
             axis=0 if self.axis is None else 1 + AXIS_NAMES.index(self.axis),
         )

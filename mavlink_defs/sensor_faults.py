@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple, Self, TypeAlias
 
 from mavlink_defs.dialect import MAVLink_ftc_fault_message
-from mavlink_defs.faults import Fault, InvalidParam
+from mavlink_defs.fault_window import Window
+from mavlink_defs.faults import Fault, InvalidParam, check_window, invalid_param, is_within
 from mavlink_defs.float32 import decimal_of_float32
 from mavlink_defs.sensor_fault_kinds import (
     AXIS_NAMES,
@@ -22,7 +23,6 @@ MAX_SENSOR_FAULTS = 32
 """Sensor faults that one aircraft can hold at a time."""
 
 _KINDS = tuple(SENSOR_FAULT_KINDS.values())
-_TOLERANCE = 1.0 + 1e-9  # as of `mavlink_defs.faults`
 
 
 class SensorFault(NamedTuple):
@@ -75,9 +75,14 @@ class SensorFault(NamedTuple):
         unit = self.unit
         return f"{unit.name} {self.instance}" if unit.has_imus and self.instance else unit.name
 
+    @property
+    def window(self) -> Window:
+        """When it acts."""
+        return Window(self.start_s, self.end_s)
+
     def describe(self) -> str:
         """Return the fault as a text: "gyro 1 x +3 deg/s in (19, 22] s"."""
-        return " ".join((*self.parts(), self._window()))
+        return " ".join((*self.parts(), str(self.window)))
 
     def parts(self) -> tuple[str, str]:
         """Return what fails, and how, as texts: "gyro 1 x", "+3 deg/s"."""
@@ -86,14 +91,6 @@ class SensorFault(NamedTuple):
         what = kind.template.format(value=self.value)
         value_unit = kind.unit_of(unit) if kind.has_value else ""
         return f"{self.target}{axis}", f"{what} {value_unit}".rstrip()
-
-    def _window(self) -> str:
-        ends = f"{self.end_s:g}] s" if math.isfinite(self.end_s) else "until cleared"
-        if math.isnan(self.start_s):
-            return f"from now, {ends}"
-        if math.isfinite(self.end_s):
-            return f"in ({self.start_s:g}, {ends}"
-        return f"after {self.start_s:g} s, {ends}"
 
     def as_dict(self, time_s: float | None) -> dict[str, Any]:
         """Return the fault as plain data; its end is None if it lasts until cleared.
@@ -108,21 +105,12 @@ class SensorFault(NamedTuple):
             "failure": kind.failure,
             **({kind.key(self.unit): self.value} if kind.has_value else {}),
             **({"axis": AXIS_NAMES[self.axis - 1]} if self.axis else {}),
-            "start_s": self.start_s,
-            "end_s": self.end_s if math.isfinite(self.end_s) else None,
-            "active": time_s is not None and self.is_active(time_s),
+            **self.window.as_dict(time_s),
         }
-
-    def is_active(self, time_s: float) -> bool:
-        """Return whether its window contains a simulation time [s]."""
-        return self.start_s < time_s <= self.end_s
 
     def resolved(self, now_s: float) -> Self:
         """Return the fault as set at `now_s` [s]: NaN becomes now or, for the end, infinity."""
-        return self._replace(
-            start_s=now_s if math.isnan(self.start_s) else self.start_s,
-            end_s=math.inf if math.isnan(self.end_s) else self.end_s,
-        )
+        return self._replace(**self.window.resolved(now_s)._asdict())
 
 
 AnyFault: TypeAlias = Fault | SensorFault
@@ -142,8 +130,7 @@ def stays(old: AnyFault, new: AnyFault, now_s: float) -> bool:
     same = False
     if isinstance(new, SensorFault) and isinstance(old, SensorFault):
         same = old.sensor == new.sensor and new.instance in {0, old.instance}
-    overlaps = old.start_s < new.end_s and new.start_s < old.end_s
-    return old.end_s > now_s and not (same and overlaps)
+    return old.end_s > now_s and not (same and new.window.overlaps(old.window))
 
 
 def sensor_fault_from_params(params: Sequence[float]) -> SensorFault:
@@ -170,17 +157,12 @@ def sensor_fault_from_params(params: Sequence[float]) -> SensorFault:
         value = 0.0
     elif math.isnan(value):
         value = unit.wrong[1] if kind.name == unit.wrong[0] else kind.default
-    low, high = kind.bounds(unit)
-    if not low * _TOLERANCE <= value <= high * _TOLERANCE and kind.has_value:  # false for NaN
-        of = kind.unit_of(unit)
+    if kind.has_value and not is_within(value, kind.bounds(unit)):
+        (low, high), of = kind.bounds(unit), kind.unit_of(unit)
         raise _invalid(3, f"Value of {kind.name}", value, f"{low:g} to {high:g} {of}".rstrip(), of)
     if not 0.0 <= instance < math.inf or instance % 1.0:
         raise _invalid(4, "Instance", instance, "0 for all, or a number from 1 on")
-    if not math.isnan(start) and not 0.0 <= start < math.inf:
-        raise _invalid(5, "Start", start, "NaN or at least 0 s", "s")
-    earliest = 0.0 if math.isnan(start) else start
-    if not math.isnan(end) and not end > earliest:
-        raise _invalid(6, "End", end, f"NaN or more than {earliest:g} s", "s")
+    check_window("Sensor fault", start, end)
     axes = len(AXIS_NAMES) if unit.axes and kind.wrongs else 0
     if axis not in range(1 + axes):
         expected = f"0 to {axes}" if axes else "0"
@@ -214,5 +196,4 @@ def failure_from_params(params: Sequence[float]) -> tuple[SensorUnit, int, Failu
 
 
 def _invalid(index: int, name: str, value: float, expected: str, unit: str = "") -> InvalidParam:
-    shown = f"{value:g} {unit}".rstrip()
-    return InvalidParam(index, name, f"Sensor fault: {name} is {shown}, must be {expected}")
+    return invalid_param("Sensor fault", index, name, value, expected, unit)

@@ -3,6 +3,7 @@
 Symbols are the paper's of section II-A and Table I; every bound is declared here, once.
 """
 
+import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
@@ -15,6 +16,9 @@ from mavlink_defs.constants import SURFACES
 from mavlink_defs.fault_kinds import FaultLimits
 from mavlink_defs.profile import AirspeedLimits
 from sitl_plant.propulsion import Propulsion
+
+_ROUNDING = 1e-3
+"""Moments with three digits or more, of a flat body: the largest is the sum of the others."""
 
 
 class Inertia(Model):
@@ -35,6 +39,23 @@ class Inertia(Model):
             )
             raise Problems([(("Jxz",), text)])
         return self
+
+    @property
+    def principal(self) -> tuple[float, float, float]:
+        """Principal moments of inertia [kg m^2], in ascending order."""
+        mean, radius = (self.Jxx + self.Jzz) / 2.0, math.hypot((self.Jxx - self.Jzz) / 2, self.Jxz)
+        least, middle, largest = sorted((mean - radius, self.Jyy, mean + radius))
+        return least, middle, largest
+
+    @property
+    def of_rigid_body(self) -> bool:
+        """Whether a rigid body can have it, to the rounding of published figures.
+
+        Along the axis of any principal moment, the sum of the others less this one is twice the
+        integral of a squared coordinate over the mass, so not negative.
+        """
+        *others, largest = self.principal
+        return largest <= (1.0 + _ROUNDING) * sum(others)
 
 
 class Coefficients(Model):
@@ -173,6 +194,11 @@ class Aircraft(Model):
     air_density_kg_m3: float = quantity("kg/m^3", gt=0.0, doc="Air density rho.")
     gravity_m_s2: float = quantity("m/s^2", ge=0.0, doc="Acceleration of gravity g.")
     inertia_kg_m2: Inertia = Field(description="Inertia J.")
+    any_inertia: bool = Field(
+        default=False,
+        strict=True,
+        description="Whether to fly an inertia that no rigid body can have, as some publish.",
+    )
     coefficients: Coefficients = Field(description="Aerodynamic coefficients.")
     rate_derivatives: Literal["nondimensional", "per_rad_s"] = Field(
         default="nondimensional",
@@ -213,6 +239,18 @@ class Aircraft(Model):
         if self.cruise_m_s is not None and not low <= self.cruise_m_s <= high:
             text = f"expected [{low:g}, {high:g}] m/s, the aircraft's limits"
             raise Problems([(("cruise_m_s",), f"{text}, got {self.cruise_m_s!r}")])
+        return self
+
+    @model_validator(mode="after")
+    def _inertia_of_a_rigid_body(self) -> "Aircraft":
+        if not (self.any_inertia or self.inertia_kg_m2.of_rigid_body):
+            least, middle, largest = self.inertia_kg_m2.principal
+            text = (
+                "no rigid body has it: expected the largest principal moment to be at most the sum "
+                f"of the others, {least + middle:.4g} kg m^2, got {largest:.4g} kg m^2; check "
+                "numbers and unit, or add 'any_inertia: true' to the aircraft to fly it as it is"
+            )
+            raise Problems([(("inertia_kg_m2",), text)])
         return self
 
     @model_validator(mode="after")
@@ -313,6 +351,9 @@ class Uncertainty(Model):
 def true_aircraft(nominal: Aircraft, uncertainty: Uncertainty) -> Aircraft:
     """Return the aircraft that flies when the controller knows the nominal one.
 
+    Factors are errors of a model, which are drawn one by one: their inertia need not be one that a
+    rigid body can have, as long as the equations of motion have a solution.
+
     Raises:
         Problems: There is no such aircraft: its inertia is not positive definite, say.
     """
@@ -320,6 +361,8 @@ def true_aircraft(nominal: Aircraft, uncertainty: Uncertainty) -> Aircraft:
     true["mass_kg"] *= uncertainty.mass
     _scale(true["inertia_kg_m2"], uncertainty.inertia)
     _scale(true["coefficients"], uncertainty.coefficients)
+    inertia = Inertia.model_construct(**true["inertia_kg_m2"])
+    true["any_inertia"] |= not inertia.of_rigid_body
     try:
         return Aircraft.model_validate(true)
     except ValidationError as exc:

@@ -48,6 +48,34 @@ def _size(unit: str, default: float, doc: str) -> Any:
     return quantity(unit, ge=0.0, default=default, doc=doc)
 
 
+def _fitted() -> Any:
+    return Field(default=True, strict=True, description="Whether there is one.")
+
+
+def _density(unit: str, default: float) -> Any:
+    return _size(unit, default, "One-sided density of the white noise.")
+
+
+def _noise(unit: str, default: float) -> Any:
+    return _size(unit, default, "Standard deviation of the noise of a sample.")
+
+
+def _instability(unit: str, default: float) -> Any:
+    return _size(unit, default, "Peak of the Allan deviation of the bias that changes in flight.")
+
+
+def _wander(unit: str, default: float) -> Any:
+    return _size(unit, default, "Standard deviation of the bias that changes in flight.")
+
+
+def _turn_on(unit: str, default: float) -> Any:
+    return _size(unit, default, "Turn-on bias.")
+
+
+def _misalignment(default: float) -> Any:
+    return _size("deg", default, "Turn-on misalignment of the axes.")
+
+
 def _range(unit: str, default: float) -> Any:
     return quantity(unit, gt=0.0, default=default, doc="Largest value, of either sign.")
 
@@ -59,16 +87,12 @@ def _resolution(unit: str, default: float) -> Any:
 class Gyro(Model):
     """A gyro of three axes."""
 
-    noise_density_deg_s_sqrt_hz: float = _size(
-        "deg/s/sqrt(Hz)", 0.014, "One-sided density of the white noise."
-    )
-    bias_instability_deg_h: float = _size(
-        "deg/h", 10.0, "Peak of the Allan deviation of the bias that changes in flight."
-    )
+    noise_density_deg_s_sqrt_hz: float = _density("deg/s/sqrt(Hz)", 0.014)
+    bias_instability_deg_h: float = _instability("deg/h", 10.0)
     correlation_s: float = _correlation(1000.0)
-    turn_on_bias_deg_s: float = _size("deg/s", 0.15, "Turn-on bias.")
+    turn_on_bias_deg_s: float = _turn_on("deg/s", 0.15)
     scale_error: float = _scale(0.0033)
-    misalignment_deg: float = _size("deg", 0.19, "Turn-on misalignment of the axes.")
+    misalignment_deg: float = _misalignment(0.19)
     range_deg_s: float = _range("deg/s", 2000.0)
     resolution_deg_s: float = _resolution("deg/s", 0.061)
     rate_hz: float | None = _rate(None)
@@ -78,16 +102,12 @@ class Gyro(Model):
 class Accelerometer(Model):
     """An accelerometer of three axes."""
 
-    noise_density_m_s2_sqrt_hz: float = _size(
-        "m/s^2/sqrt(Hz)", 0.0019, "One-sided density of the white noise."
-    )
-    bias_instability_m_s2: float = _size(
-        "m/s^2", 0.0003, "Peak of the Allan deviation of the bias that changes in flight."
-    )
+    noise_density_m_s2_sqrt_hz: float = _density("m/s^2/sqrt(Hz)", 0.0019)
+    bias_instability_m_s2: float = _instability("m/s^2", 0.0003)
     correlation_s: float = _correlation(300.0)
-    turn_on_bias_m_s2: float = _size("m/s^2", 0.02, "Turn-on bias.")
+    turn_on_bias_m_s2: float = _turn_on("m/s^2", 0.02)
     scale_error: float = _scale(0.0017)
-    misalignment_deg: float = _size("deg", 0.095, "Turn-on misalignment of the axes.")
+    misalignment_deg: float = _misalignment(0.095)
     range_m_s2: float = _range("m/s^2", 235.0)
     resolution_m_s2: float = _resolution("m/s^2", 0.0072)
     rate_hz: float | None = _rate(None)
@@ -97,15 +117,13 @@ class Accelerometer(Model):
 class Magnetometer(Model):
     """A magnetometer of three axes."""
 
-    fitted: bool = Field(default=True, strict=True, description="Whether there is one.")
-    noise_gauss: float = _size("gauss", 0.003, "Standard deviation of the noise of a sample.")
-    bias_instability_gauss: float = _size(
-        "gauss", 0.0001, "Standard deviation of the bias that changes in flight."
-    )
+    fitted: bool = _fitted()
+    noise_gauss: float = _noise("gauss", 0.003)
+    bias_instability_gauss: float = _wander("gauss", 0.0001)
     correlation_s: float = _correlation(600.0)
     hard_iron_gauss: float = _size("gauss", 0.003, "Bias that its calibration has left.")
     scale_error: float = _scale(0.0033)
-    misalignment_deg: float = _size("deg", 0.5, "Turn-on misalignment of the axes.")
+    misalignment_deg: float = _misalignment(0.5)
     range_gauss: float = _range("gauss", 16.0)
     resolution_gauss: float = _resolution("gauss", 0.003)
     rate_hz: float | None = _rate(100.0)
@@ -115,13 +133,11 @@ class Magnetometer(Model):
 class Barometer(Model):
     """A barometer at an undisturbed static port."""
 
-    fitted: bool = Field(default=True, strict=True, description="Whether there is one.")
-    noise_pa: float = _size("Pa", 1.0, "Standard deviation of the noise of a sample.")
-    bias_instability_pa: float = _size(
-        "Pa", 2.3, "Standard deviation of the bias that changes in flight."
-    )
+    fitted: bool = _fitted()
+    noise_pa: float = _noise("Pa", 1.0)
+    bias_instability_pa: float = _wander("Pa", 2.3)
     correlation_s: float = _correlation(300.0)
-    turn_on_bias_pa: float = _size("Pa", 8.0, "Turn-on bias.")
+    turn_on_bias_pa: float = _turn_on("Pa", 8.0)
     range_pa: float = _range("Pa", 125_000.0)
     resolution_pa: float = _resolution("Pa", 0.016)
     rate_hz: float | None = _rate(50.0)
@@ -131,13 +147,11 @@ class Barometer(Model):
 class Pitot(Model):
     """A pitot tube along the x axis, and its differential pressure sensor."""
 
-    fitted: bool = Field(default=True, strict=True, description="Whether there is one.")
-    noise_pa: float = _size("Pa", 1.0, "Standard deviation of the noise of a sample.")
-    bias_instability_pa: float = _size(
-        "Pa", 0.5, "Standard deviation of the bias that changes in flight."
-    )
+    fitted: bool = _fitted()
+    noise_pa: float = _noise("Pa", 1.0)
+    bias_instability_pa: float = _wander("Pa", 0.5)
     correlation_s: float = _correlation(300.0)
-    turn_on_bias_pa: float = _size("Pa", 1.0, "Turn-on bias.")
+    turn_on_bias_pa: float = _turn_on("Pa", 1.0)
     scale_error: float = _scale(0.0033)
     range_pa: float = _range("Pa", 6900.0)
     resolution_pa: float = _resolution("Pa", 1.05)
@@ -148,7 +162,7 @@ class Pitot(Model):
 class Gnss(Model):
     """A GNSS receiver; errors are the same to the north and to the east."""
 
-    fitted: bool = Field(default=True, strict=True, description="Whether there is one.")
+    fitted: bool = _fitted()
     horizontal_error_m: float = _size(
         "m", 0.82, "Standard deviation of the correlated error, of each axis."
     )

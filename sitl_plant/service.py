@@ -178,7 +178,7 @@ def _message(fault: Fault, time_s: float) -> dialect.MAVLink_ftc_fault_message:
         index=0,
         count=0,
         actuator=fault.actuator,
-        active=int(fault.is_active(time_s)),
+        active=int(fault.window.contains(time_s)),
         kind=fault.code,
     )
 
@@ -193,7 +193,7 @@ def _sensor_message(fault: SensorFault, time_s: float) -> dialect.MAVLink_ftc_fa
         index=0,
         count=0,
         actuator=0,
-        active=int(fault.is_active(time_s)),
+        active=int(fault.window.contains(time_s)),
         kind=fault.code,
         sensor=fault.sensor,
         instance=fault.instance,

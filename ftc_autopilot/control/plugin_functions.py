@@ -13,13 +13,11 @@ from ftc_autopilot.control.controller import SIGNALS
 from ftc_autopilot.control.laws import LAWS, own_parameters
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.laws.plugin import (
-    ARGUMENTS,
+    LAW,
     LAW_INPUT,
     LAW_OUTPUT,
     LIKE,
-    SIGNATURE,
     LawInput,
-    library_of_law,
     output_of,
     step_of,
 )
@@ -35,10 +33,9 @@ from ftc_autopilot.plugins.functions import (
     Functions,
     array_at,
     compiled_function,
-    function_of,
     plain_function,
 )
-from ftc_autopilot.plugins.loading import PluginError, library_of, line_of
+from ftc_autopilot.plugins.loading import PluginError, line_of
 from ftc_autopilot.plugins.memory import bytes_of, load, store, tuple_at
 from ftc_autopilot.plugins.models import PLUGIN
 from mavlink_defs.runtime.jit import is_compiled
@@ -93,15 +90,16 @@ def functions_of(law: type[LawParameters]) -> Functions:
     Raises:
         PluginError: It cannot be used.
     """
-    if library_of(law) is not None:
-        return library_of_law(law)
-    function = function_of(law, ARGUMENTS, SIGNATURE)
-    takes_signals = len(inspect.signature(inspect.unwrap(function)).parameters) > 4
-    if not is_compiled(function):
-        return Functions(plain_function(_plain(law, function, takes_signals), 6, law), 0)
-    records = (LAW_INPUT, LAW_OUTPUT, law.record(), law.STATE, AIRCRAFT, SIGNALS)
-    entry = _with_signals(function) if takes_signals else _without_signals(function)
-    return Functions(compiled_function(entry, records, law), 0)
+
+    def address_of(function: Callable[..., Command]) -> int:
+        takes_signals = len(inspect.signature(inspect.unwrap(function)).parameters) > 4
+        if not is_compiled(function):
+            return plain_function(_plain(law, function, takes_signals), 6, law)
+        records = (LAW_INPUT, LAW_OUTPUT, law.record(), law.STATE, AIRCRAFT, SIGNALS)
+        entry = _with_signals(function) if takes_signals else _without_signals(function)
+        return compiled_function(entry, records, law)
+
+    return LAW.functions(law, address_of)
 
 
 def _with_signals(function: Callable[..., Command]) -> Callable[..., int]:
@@ -160,14 +158,15 @@ def functions_of_trigger(trigger: type[TriggerParameters]) -> Functions:
     Raises:
         PluginError: It cannot be used.
     """
-    if library_of(trigger) is not None:
-        return triggers.library_of_trigger(trigger)
-    function = function_of(trigger, triggers.ARGUMENTS, triggers.SIGNATURE)
-    own = triggers.own_record(trigger)
-    if not is_compiled(function):
-        return Functions(plain_function(_plain_trigger(trigger, function), 4, trigger), 0)
-    records = (triggers.TRIGGER_INPUT, triggers.TRIGGER_OUTPUT, own, trigger.STATE)
-    return Functions(compiled_function(_compiled_trigger(function), records, trigger), 0)
+
+    def address_of(function: Callable[..., int]) -> int:
+        if not is_compiled(function):
+            return plain_function(_plain_trigger(trigger, function), 4, trigger)
+        own = triggers.own_record(trigger)
+        records = (triggers.TRIGGER_INPUT, triggers.TRIGGER_OUTPUT, own, trigger.STATE)
+        return compiled_function(_compiled_trigger(function), records, trigger)
+
+    return triggers.TRIGGER.functions(trigger, address_of)
 
 
 def _compiled_trigger(function: Callable[..., int]) -> Callable[..., int]:
@@ -206,15 +205,16 @@ def functions_of_guidance(guidance: type[GuidanceParameters]) -> Functions:
     Raises:
         PluginError: It cannot be used.
     """
-    if library_of(guidance) is not None:
-        return guidances.library_of_guidance(guidance)
-    function = function_of(guidance, guidances.ARGUMENTS, guidances.SIGNATURE)
-    own = guidances.own_record(guidance)
-    if not is_compiled(function):
-        return Functions(plain_function(_plain_guidance(guidance, function), 7, guidance), 0)
-    given, output = guidances.GUIDANCE_INPUT, guidances.GUIDANCE_OUTPUT
-    records = (given, output, own, guidance.STATE, AIRCRAFT, _LIMITS, PATH)
-    return Functions(compiled_function(_compiled_guidance(function), records, guidance), 0)
+
+    def address_of(function: Callable[..., Any]) -> int:
+        if not is_compiled(function):
+            return plain_function(_plain_guidance(guidance, function), 7, guidance)
+        own, given = guidances.own_record(guidance), guidances.GUIDANCE_INPUT
+        output = guidances.GUIDANCE_OUTPUT
+        records = (given, output, own, guidance.STATE, AIRCRAFT, _LIMITS, PATH)
+        return compiled_function(_compiled_guidance(function), records, guidance)
+
+    return guidances.GUIDANCE.functions(guidance, address_of)
 
 
 def _compiled_guidance(function: Callable[..., Any]) -> Callable[..., int]:

@@ -23,15 +23,18 @@ from ftc_autopilot.vehicle.estimator_messages import EstimatorMessages
 from ftc_autopilot.vehicle.flight_path import FlightPath, VehicleHome
 from ftc_autopilot.vehicle.formation_messages import FormationMessages
 from ftc_autopilot.vehicle.guided import Guided
+from ftc_autopilot.vehicle.message_requests import MessageRequests
 from ftc_autopilot.vehicle.mission import Mission
 from ftc_autopilot.vehicle.mission_checkpoint import MissionCheckpoint
 from ftc_autopilot.vehicle.modes import Modes
+from ftc_autopilot.vehicle.neighbour_edges import NeighbourEdges
 from ftc_autopilot.vehicle.old_states import OldStates
 from ftc_autopilot.vehicle.param_table import parameters_of
 from ftc_autopilot.vehicle.path_messages import PathMessages
+from ftc_autopilot.vehicle.resumption import Resumption
 from ftc_autopilot.vehicle.state_messages import StateMessages
 from ftc_autopilot.vehicle.status_messages import StatusMessages
-from ftc_autopilot.vehicle.telemetry import MIN_INTERVAL_US, Telemetry
+from ftc_autopilot.vehicle.telemetry import Telemetry
 from ftc_autopilot.vehicle.telemetry_clock import TelemetryClock
 from mavlink_defs import dialect
 from mavlink_defs.constants import LOITER, RTL
@@ -47,10 +50,6 @@ from mavlink_defs.system_ids import bits_of
 
 _HEARTBEAT_S = 1.0
 _REGISTER_S = 0.1  # between HEARTBEATs to the plant until it answers
-_REQUESTS = {  # commands that ask for one message
-    dialect.MAV_CMD_GET_HOME_POSITION: dialect.MAVLINK_MSG_ID_HOME_POSITION,
-    dialect.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
-}
 _MODES = {  # commands that are modes
     dialect.MAV_CMD_NAV_LOITER_UNLIM: LOITER,
     dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH: RTL,
@@ -87,13 +86,10 @@ class Vehicle:
         self._fleet = bits_of(config.fleet)
         self._stations = range(len(config.gcs))
         self._gcs_outboxes: list[list[MAVLink_message]] = [[] for _ in self._stations]
-        self._asking = 0  # the ground station whose message is being handled
         self._simulator_outbox: list[MAVLink_message] = []
         self._next_heartbeat = self._next_registration = -math.inf
         self._reported = (-1, False, -1)
         self._texts = 0
-        self._edges, self._edge_changes = hot.edges.tolist(), 0
-        self._resumed_us: int | None = None  # simulated time of the checkpoint, until reported
 
         self._home = VehicleHome(config.origin)
         path = FlightPath(config, hot, controllers, self._home)
@@ -103,6 +99,8 @@ class Vehicle:
         self._controller = ControllerMessages(hot, controllers, config.controller)
         self._diagnosis = DiagnosisMessages(hot, controllers, config.controller)
         self._formation = FormationMessages(config, hot, controllers, self.say)
+        self._resumption = Resumption(hot)
+        self._edges = NeighbourEdges(hot)
         self._old_states = OldStates(hot)
         self._clock = VehicleClock(round(unix_s * 1e6))
         self._estimator = EstimatorMessages(hot, config.origin, self._home, self._clock)
@@ -126,6 +124,15 @@ class Vehicle:
         self.telemetry_clock = TelemetryClock(config.telemetry_clock, hot)
         self._params = ParamServer(
             own, parameters_of(config, hot, controllers), bytewise=config.identity == "generic"
+        )
+        self._requests = MessageRequests(
+            self.telemetry,
+            {
+                dialect.MAVLINK_MSG_ID_HEARTBEAT: self.modes.heartbeat,
+                dialect.MAVLINK_MSG_ID_FTC_FLEET: self._fleet_message,
+            },
+            self._queue,
+            self.say,
         )
         self._commands = Commands(own, self._handlers(), self._place_handlers())
         self._responder = Responder(own)
@@ -151,7 +158,7 @@ class Vehicle:
                 self._guided.set_position_target(message)
             case dialect.MAVLink_set_mode_message():  # superseded message, which has no answer
                 self.modes.set_mode(float(message.custom_mode))
-        self._asking = station
+        self._requests.station = station
         self.telemetry[station].receive(message)
         self._commands.receive(message, now, station)
         self._mission.receive(message, now, station)
@@ -209,12 +216,12 @@ class Vehicle:
 
     def restart(self) -> None:
         """Forget the flight when the plant was started again: disarm and wait to be armed."""
-        self._resumed_us = None
         self._hot.reset()
         reset_controllers(self._controllers)
         self.modes.restart()
         self._mission.restart()
-        self._edges, self._edge_changes = self._hot.edges.tolist(), 0
+        self._resumption = Resumption(self._hot)
+        self._edges = NeighbourEdges(self._hot)
         self._old_states = OldStates(self._hot)
         self.say(dialect.MAV_SEVERITY_WARNING, "plant restarted: disarmed, arm to fly again")
         self._collect()
@@ -233,7 +240,7 @@ class Vehicle:
             items = [*mission.items]
         self._mission.resume(items, int(saved["item"]))
         self.modes.resume(int(saved["mode"]))
-        self._resumed_us = self._hot.step * self._hot.step_us
+        self._resumption.resume()
 
     def save(self, to: np.void) -> None:
         """Write what a checkpoint has of the vehicle, record of dtype `hot.checkpoint.VEHICLE`."""
@@ -315,12 +322,9 @@ class Vehicle:
             dialect.MAV_CMD_MISSION_START: mission.start,
             dialect.MAV_CMD_DO_SET_MISSION_CURRENT: mission.set_current,
             dialect.MAV_CMD_FTC_SET_SLOT: self._formation.set_slot,
-            dialect.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
-            dialect.MAV_CMD_GET_MESSAGE_INTERVAL: self._get_interval,
-            dialect.MAV_CMD_REQUEST_MESSAGE: self._request,
+            **self._requests.handlers(),
         }
         handlers |= {command: partial(self._set_mode, mode) for command, mode in _MODES.items()}
-        handlers |= {command: partial(self._request_one, i) for command, i in _REQUESTS.items()}
         return handlers | {command: partial(self._refuse_to, command) for command in _IMPOSSIBLE}
 
     def _place_handlers(self) -> dict[int, PlaceHandler]:
@@ -344,34 +348,8 @@ class Vehicle:
     def _refuse_to(self, command: int, _: tuple[float, ...]) -> int:
         return self.modes.refuse_to(command)
 
-    def _request(self, params: tuple[float, ...]) -> int:
-        """Execute MAV_CMD_REQUEST_MESSAGE, and the older commands that ask for one message."""
-        if params[0] == dialect.MAVLINK_MSG_ID_HEARTBEAT:
-            message: MAVLink_message | None = self.modes.heartbeat()
-        elif params[0] == dialect.MAVLINK_MSG_ID_FTC_FLEET:
-            message = dialect.MAVLink_ftc_fleet_message(self._fleet)
-        else:
-            message = self.telemetry[self._asking].request(params)
-        if message is None:
-            return dialect.MAV_RESULT_UNSUPPORTED
-        self._queue([message], self._asking)
-        return dialect.MAV_RESULT_ACCEPTED
-
-    def _request_one(self, message_id: int, _: tuple[float, ...]) -> int:
-        return self._request((float(message_id),))
-
-    def _set_interval(self, params: tuple[float, ...]) -> int:
-        telemetry = self.telemetry[self._asking]
-        result = telemetry.set_interval(params)
-        if result == dialect.MAV_RESULT_ACCEPTED and 0.0 < params[1] < MIN_INTERVAL_US:
-            text = f"interval is {params[1]:g} us, must be >= {MIN_INTERVAL_US} us, which it is now"
-            self.say(dialect.MAV_SEVERITY_NOTICE, f"Message {params[0]:g}: {text}")
-            self._queue([telemetry.interval(params)], self._asking)
-        return result
-
-    def _get_interval(self, params: tuple[float, ...]) -> int:
-        self._queue([self.telemetry[self._asking].interval(params)], self._asking)
-        return dialect.MAV_RESULT_ACCEPTED
+    def _fleet_message(self) -> MAVLink_message:
+        return dialect.MAVLink_ftc_fleet_message(self._fleet)
 
     def _queue(self, messages: Iterable[MAVLink_message], station: int | None = None) -> None:
         """Queue messages for a ground station; None: for all."""
@@ -394,31 +372,7 @@ class Vehicle:
 
     def _report_changes(self) -> None:
         """Announce what has changed since the last report."""
-        self._report_resumption()
-        self._report_edges()
-        flying = self._old_states, self._controller, self._diagnosis, self._estimator
-        for service in (*flying, self._formation):
+        own = self._resumption, self._edges, self._old_states
+        for service in (*own, self._controller, self._diagnosis, self._estimator, self._formation):
             for severity, text in service.changes():
                 self.say(severity, text)
-
-    def _report_resumption(self) -> None:
-        """Announce once from which checkpoint the flight resumes, and how old it is."""
-        if self._resumed_us is None or self._hot.heard_s == 0.0:
-            return
-        resumed_us, self._resumed_us = self._resumed_us, None
-        text = "autopilot restarted: mission, parameters, mode and arming restored"
-        if resumed_us >= 0:
-            age_s = (self._hot.time_us - resumed_us) * 1e-6
-            text += f", and the flight of {resumed_us * 1e-6:.3f} s, {age_s:.3f} s old"
-        self.say(dialect.MAV_SEVERITY_WARNING, text)
-
-    def _report_edges(self) -> None:
-        """Announce every neighbour that was dropped or restored; the first states are no change."""
-        edges = self._hot.edges.tolist()
-        if self._hot.edge_changes != self._edge_changes:
-            self._edge_changes = self._hot.edge_changes
-            for uav, edge, before in zip(self._hot.neighbours, edges, self._edges, strict=True):
-                if edge != before:
-                    event = "heard again, edge restored" if edge else "silent, edge dropped"
-                    self.say(dialect.MAV_SEVERITY_WARNING, f"neighbour {uav} {event}")
-        self._edges = edges

@@ -42,7 +42,7 @@ def campaign(
         progress: Whether progress is shown on standard error.
 
     Returns:
-        The results, one row a flight: what was drawn, `outcome`, and figures; see
+        The results, one row per flight: what was drawn, `outcome`, and figures; see
         `gcs.lab.campaigns.store.results_schema`. ``.to_pandas()`` makes a frame of it.
 
     Raises:

@@ -69,7 +69,7 @@ def ardupilot(
     patience: Annotated[
         float,
         typer.Option(
-            min=0.1, help="Silence of an ArduPilot after which the flight ends.", metavar="S"
+            min=0.1, help="Silence of an ArduPilot after which the flight ends [s].", metavar="S"
         ),
     ] = 60.0,
     faults_port: Annotated[
@@ -93,7 +93,7 @@ def ardupilot(
         Record, typer.Option(help="What is recorded of the steps, as of gcs fly.")
     ] = Record.LIGHT,
     no_figures: Annotated[
-        bool, typer.Option("--no-figures", envvar="FTC_SITL_NO_FIGURES", help="Draw none.")
+        bool, typer.Option("--no-figures", envvar="FTC_SITL_NO_FIGURES", help="Draw no figures.")
     ] = False,
     quiet: QuietOption = False,
     as_json: Annotated[

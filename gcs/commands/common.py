@@ -49,14 +49,18 @@ WithOption = Annotated[
     list[str] | None,
     typer.Option(
         "--with",
-        help="A file to merge into the scenario, such as realistic. With several, in order.",
+        help="File, or bundled addition such as realistic, to merge into the scenario; may be "
+        "repeated: later ones win.",
         metavar="NAME",
     ),
 ]
 SetOption = Annotated[
     list[str] | None,
     typer.Option(
-        "--set", help="A key of the scenario and its value, in YAML.", metavar="KEY=VALUE"
+        "--set",
+        help="Key of the scenario and its new value in YAML, such as trigger.b2_deg=0.5; may be "
+        "repeated.",
+        metavar="KEY=VALUE",
     ),
 ]
 

@@ -45,7 +45,7 @@ def config(
         list[str] | None,
         typer.Option(
             help="Address of the host of `plant`, `gcs` or a UAV (`uav1`); links.host of the "
-            "scenario for the others.",
+            "scenario for the others; may be repeated.",
             metavar="NAME=HOST",
         ),
     ] = None,

@@ -47,7 +47,7 @@ def arm(station: Station) -> None:
 def disarm(
     station: Station,
     force: Annotated[
-        bool, typer.Option("--force", help="Even in flight: the controller stops, no thrust.")
+        bool, typer.Option("--force", help="Disarm even in flight: control and thrust end.")
     ] = False,
 ) -> None:
     """Disarm vehicles; in flight they refuse unless forced."""
@@ -68,5 +68,5 @@ def mode(
         typer.Argument(metavar="MODE", help="auto, loiter, rtl or guided"),
     ],
 ) -> None:
-    """Change the mode: fly the mission, circle here, return and circle there, or follow targets."""
+    """Change the mode: fly the mission, circle here, circle at home, or follow targets."""
     station.do(lambda vehicle: vehicle.set_mode(name.upper()), f"in mode {name.upper()}")

@@ -125,7 +125,8 @@ def set_(
 ) -> None:
     """Set a fault of an actuator, applied = effectiveness · commanded + bias, or of a sensor.
 
-    A sensor fails as MAV_CMD_INJECT_FAILURE has it; a value says how much, or the default does.
+    A sensor fails in one of the ways of MAV_CMD_INJECT_FAILURE; a value says how much, else its
+    default applies.
     A fault replaces older ones of the same actuator or sensor that overlap it in time.
     """
     start_s = options["start_s"]

@@ -87,7 +87,7 @@ class FlyOptions(FleetOptions):
         typer.Option(
             "--no-figures",
             envvar="FTC_SITL_NO_FIGURES",
-            help="Draw none, which saves about a second.",
+            help="Draw no figures, which saves about a second.",
         ),
     ] = False
     as_json: Annotated[

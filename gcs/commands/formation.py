@@ -43,7 +43,7 @@ _Up = Annotated[
 @app.command(epilog=_SHOW_EPILOG)
 @station_command
 def show(station: Station) -> None:
-    """Show each member's slot, its errors, its nearest neighbour, and what has become of it."""
+    """Show each member's slot, its errors, its nearest neighbour, and its state."""
     found: dict[int, _Message] = {}
 
     async def action(vehicle: Vehicle) -> str:
@@ -63,7 +63,7 @@ def slot(
     right: _Right = None,
     up: _Up = None,
     planned: Annotated[
-        bool, typer.Option("--planned", help="Take the slot that the scenario has planned.")
+        bool, typer.Option("--planned", help="Return to the slot that the scenario plans.")
     ] = False,
 ) -> None:
     """Change the slot of a member: ahead, to the right and above the path."""

@@ -63,7 +63,7 @@ def new(
         ),
     ] = None,
 ) -> None:
-    """Write a small commented scenario as a starting point for your own, or a project."""
+    """Write a small commented scenario, or a whole project, as a starting point for your own."""
     if (file is None) == (project is None):
         raise BadInput("expected either FILE or --project FOLDER", "see `gcs new --help`")
     if file is not None:

@@ -16,7 +16,7 @@ SIGNING_KEY_VARIABLE = "FTC_SITL_SIGNING_KEY"
 UavOption = Annotated[
     str | None,
     typer.Option(
-        "--uav", metavar="IDS", help="System ids, such as 1,3; the whole fleet by default."
+        "--uav", metavar="IDS", help="UAVs by system id, such as 1,3; the whole fleet by default."
     ),
 ]
 ConnectOption = Annotated[

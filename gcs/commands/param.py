@@ -181,9 +181,9 @@ def save(station: Station, file: _File) -> None:
 def load(
     station: Station,
     file: _File,
-    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask for confirmation.")] = False,
 ) -> None:
-    """Set the parameters that differ from a file; those that are read only stay."""
+    """Set the parameters that differ from a file; read-only ones stay as they are."""
     values = read_settable(file)
     different = _differences(station, values)
     if not yes and any(different.values()):
@@ -208,8 +208,8 @@ def diff(
         Path | None,
         typer.Argument(
             metavar="FILE",
-            help="Of NAME VALUE lines, as *.parm; without one the defaults, which are what a "
-            "parameter is if the scenario leaves its key out.",
+            help="Parameter file (*.parm): lines of NAME VALUE. Without one: the defaults, which "
+            "apply where a scenario leaves a key out.",
             show_default=False,
         ),
     ] = None,

@@ -88,12 +88,14 @@ _FolderArgument = Annotated[
 _WhereOption = Annotated[
     list[str] | None,
     typer.Option(
-        "--where", help="Only runs of which this is true; repeatable.", metavar="CONDITION"
+        "--where", help="Only runs for which this is true; may be repeated.", metavar="CONDITION"
     ),
 ]
 _SortOption = Annotated[
     str,
-    typer.Option("--sort", help="Key to sort by; with a minus sign downwards.", metavar="KEY"),
+    typer.Option(
+        "--sort", help="Key to sort by; a minus sign before it: largest first.", metavar="KEY"
+    ),
 ]
 _RebuildOption = Annotated[
     bool, typer.Option("--rebuild", help="Read every folder again, and make a new index.")
@@ -108,7 +110,7 @@ def list_(
     number: Annotated[
         int,
         typer.Option(
-            "-n", "--number", min=0, help="Runs in the table; 0 for all.", metavar="NUMBER"
+            "-n", "--number", min=0, help="Most runs in the table; 0: all.", metavar="NUMBER"
         ),
     ] = 50,
     rebuild: _RebuildOption = False,
@@ -121,7 +123,7 @@ def list_(
     Events are transmissions of one actuator's command; several can share a message. The IAE is the
     largest of all UAVs, of airspeed and of the worst angle. Figures of campaigns and sweeps are
     medians of the flights that completed, their IAEs the worst of them. A hidden index in FOLDER
-    spares to read again what has not changed.
+    saves reading again what has not changed.
     """
     conditions = conditions_of(where or ())
     order_of(sort)
@@ -144,7 +146,7 @@ def note(
     run: Annotated[Path, typer.Argument(help="Folder of the run.", metavar="RUN")],
     text: Annotated[str, typer.Argument(help="The note; an empty one removes it.", metavar="TEXT")],
 ) -> None:
-    """Write a note on a run, in place of one before it; it is stored in the run's folder."""
+    """Write a note on a run, in place of an earlier one; it is stored in the run's folder."""
     _check_run(run)
     path = run / NOTE
     if text.strip():
@@ -165,14 +167,16 @@ def html(
     sort: _SortOption = "-time",
     compare: Annotated[
         list[Path] | None,
-        typer.Option(help="A run that is compared when the page opens; repeatable.", metavar="RUN"),
+        typer.Option(
+            help="Run that is compared when the page opens; may be repeated.", metavar="RUN"
+        ),
     ] = None,
     figures: Annotated[
         int,
         typer.Option(
             min=0,
-            help="Runs, from the first one on, with a thumbnail, curves and all keys; others have "
-            "their row only.",
+            help="How many runs, from the first on, have a thumbnail, curves and all keys; the "
+            "others have their row only.",
             metavar="NUMBER",
         ),
     ] = 200,

@@ -95,7 +95,9 @@ class UpOptions(FleetOptions):
     ] = False
     foxglove_at: Annotated[
         str | None,
-        typer.Option("--foxglove-at", help="The same, there.", metavar="HOST:PORT"),
+        typer.Option(
+            "--foxglove-at", help="Serve the same at another address.", metavar="HOST:PORT"
+        ),
     ] = None
     as_json: Annotated[
         bool,

@@ -12,6 +12,7 @@ from gcs.commands.listening import listen as listen_at
 from gcs.commands.listening import listening_address
 from gcs.commands.options import SIGNING_KEY_VARIABLE, ConnectOption, ThemeOption
 from gcs.extras import load_package
+from gcs.fleet.hub import MAX_STATIONS
 from gcs.station.connection import choose_connection
 from gcs.terminal import print_line
 
@@ -31,14 +32,23 @@ def web(
     connect: ConnectOption = None,
     theme: ThemeOption = "dark",
     listen: Annotated[
-        str, typer.Option(help="Where browsers connect.", metavar="HOST:PORT")
+        str, typer.Option(help="Address that browsers open.", metavar="HOST:PORT")
     ] = "127.0.0.1:8000",
     control: Annotated[
         bool, typer.Option("--control", help="Let browsers command vehicles, not only look.")
     ] = False,
+    views: Annotated[
+        int,
+        typer.Option(
+            help="Most dashboards open at a time: each is a process of about 200 MB.",
+            min=1,
+            max=MAX_STATIONS,
+            metavar="NUMBER",
+        ),
+    ] = 8,
     view: Annotated[bool, typer.Option("--view", hidden=True)] = False,
 ) -> None:
-    """Serve the dashboard to browsers until Ctrl-C, to look at only unless --control is given.
+    """Serve the dashboard to browsers until Ctrl-C, read-only unless --control is given.
 
     Every browser gets a dashboard of its own, a process of this machine.
     """
@@ -59,5 +69,5 @@ def web(
         url = f"http://{address.host}:{listening.getsockname()[1]}"
         access = "browsers can command vehicles" if control else "read-only"
         lines = f"dashboard of {connection} at {url} ({access})\n  Ctrl-C stops it"
-        asyncio.run(serve(command, address, listening, partial(print_line, lines)))
+        asyncio.run(serve(command, address, listening, views, partial(print_line, lines)))
     print_line("stopped")

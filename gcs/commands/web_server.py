@@ -31,6 +31,7 @@ async def serve(
     command: list[str],
     address: UdpAddress,
     listening: socket.socket,
+    most: int,
     on_ready: Callable[[], None],
 ) -> None:
     """Serve a Textual program to browsers until a signal ends it; its processes end before.
@@ -39,6 +40,7 @@ async def serve(
         command: Runs the program once.
         address: What the browsers open, to tell pages of others from ours.
         listening: A bound socket.
+        most: How many browsers at a time; a further one gets a text that says so.
         on_ready: Called when browsers can connect.
     """
     logging.getLogger("textual-serve").addHandler(logging.NullHandler())
@@ -47,10 +49,20 @@ async def serve(
     only_local = is_loopback(address)
     open_views: set[asyncio.Task[Any]] = set()
 
+    def check_room() -> None:
+        if len(open_views) >= most:
+            text = (
+                f"{most} dashboards are open, as many as this server has: close one and load this "
+                "page again, or start gcs web with a larger --views"
+            )
+            raise web.HTTPServiceUnavailable(text=text)
+
     async def index(_: web.Request) -> web.Response:
+        check_room()
         return web.Response(text=page, content_type="text/html")
 
     async def view(request: web.Request) -> web.StreamResponse:
+        check_room()
         task = asyncio.current_task()
         assert task is not None
         open_views.add(task)

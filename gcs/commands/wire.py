@@ -101,7 +101,7 @@ def wire(
     """Count frames and bytes per link, sender, message and actuator channel.
 
     Reads a file, or relays UDP datagrams and shows the counts live; a relay can also lose, delay,
-    double, reorder and damage datagrams. Actuator channels are compared with periodic sending.
+    duplicate, reorder and damage datagrams. Actuator channels are compared with periodic sending.
     """
     if (file is None) == (not relay):
         raise BadInput("expected either a FILE or --relay LISTEN=TARGET", "see `gcs wire --help`")

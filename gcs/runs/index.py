@@ -1,4 +1,4 @@
-"""The list of runs below a folder, with an index that spares to read again what has not changed.
+"""The list of runs below a folder, with an index that saves reading again what has not changed.
 
 The index is a file of SQLite in the folder. It holds nothing that the folders do not: an entry
 counts as long as the stamp of its folder's files is the same, whatever does not fit is read again,

@@ -6,7 +6,7 @@ are simulated time, which starts together with the mission.
 """
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -14,7 +14,6 @@ from pydantic import Field, model_validator
 
 from ftc_autopilot.common.geography import Origin
 from ftc_autopilot.config import AutopilotConfig, Identity
-from ftc_autopilot.control.communication_graph import formation_problems
 from ftc_autopilot.control.config import (
     Neighbour,
     plugin_problems,
@@ -29,7 +28,6 @@ from ftc_autopilot.guidance.formation import Formation
 from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.guidance.planner import Planner
-from ftc_autopilot.guidance.reach import most_links, reach_problems
 from gcs.scenario.aircraft_checks import (
     aircraft_law_problems,
     hardware_problems,
@@ -38,6 +36,7 @@ from gcs.scenario.aircraft_checks import (
 )
 from gcs.scenario.aircraft_file import with_named_files, without_nulls
 from gcs.scenario.bundled import base_of, find_scenario
+from gcs.scenario.formation_checks import mission_problems, network_problems, slot_problems
 from gcs.scenario.mission import MissionSection
 from gcs.scenario.reference_checks import airspeed_problems, fault_problems, profile_problems
 from gcs.scenario.sections import (
@@ -54,7 +53,6 @@ from mavlink_defs.config.inherit import read_inherited
 from mavlink_defs.config.models import (
     AtMost,
     ConfigError,
-    Loc,
     Model,
     Problem,
     Problems,
@@ -66,7 +64,7 @@ from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.constants import LAST_SYSTEM
 from mavlink_defs.fault_kinds import FaultLimits
 from mavlink_defs.mission_files import is_mission_file
-from mavlink_defs.profile import MAX_SEGMENTS, AirspeedLimits, ItemError, Segment, segments_to_items
+from mavlink_defs.profile import MAX_SEGMENTS, AirspeedLimits, Segment, segments_to_items
 from mavlink_defs.sensor_faults import AnyFault
 from mavlink_defs.services.mission import MissionItem
 from sitl_plant.aircraft_config import Aircraft, Uncertainty, true_aircraft
@@ -295,10 +293,14 @@ class Scenario(Model):
             lambda: simulator_problems(
                 self.plant, self.disturbance, self.uncertainty, self.uavs, self.step_us
             ),
-            self._network_problems,
-            self._formation_problems,
+            lambda: network_problems(self.network, self._ids),
+            lambda: slot_problems(
+                self.formation, self.network, self._ids, self.guidance.period_s, self._silence_s
+            ),
             lambda: profile_problems(self.profile, self.mission is not None, self._limits),
-            self._mission_problems,
+            lambda: mission_problems(
+                self.mission, map(self.planner, self._ids), self.origin, self.guidance.cruise_m_s
+            ),
             lambda: fault_problems(self.faults, self._fault_limits, self._fallible_sensors),
             lambda: self.links.port_problems(self._ids),
         )
@@ -313,48 +315,11 @@ class Scenario(Model):
             limits = (uav.aircraft or self.aircraft).airspeed_limits
             yield from airspeed_problems(("uavs", i, "initial"), uav.initial.airspeed_m_s, limits)
 
-    def _network_problems(self) -> Found:
-        edges = [(*edge.between, edge.weight) for edge in self.network.edges]
-        access = self.network.leader_access
-        for loc, text in formation_problems(self._ids, edges, access):
-            yield ("network", *loc), text
-
-    def _mission_problems(self) -> Found:
-        if self.mission is None:
-            return
-        found: dict[tuple[Loc, str], None] = {}  # each once, though of several aircraft
-        for uav in self.uavs:
-            found |= dict.fromkeys(self._path_problems(self.mission, self.planner(uav.id)))
-        yield from found
-
-    def _path_problems(
-        self, mission: MissionSection, planner: Planner
-    ) -> Iterator[tuple[Loc, str]]:
-        low, high = planner.airspeeds.min_m_s, planner.airspeeds.max_m_s
-        if not low <= (cruise := self.guidance.cruise_m_s) <= high:
-            text = f"expected [{low:g}, {high:g}] m/s, the limits of guidance and aircraft"
-            yield ("guidance", "cruise_m_s"), f"{text}, got {cruise!r}"
-        try:
-            planner.check(mission.mission_items(self.origin))
-        except ItemError as error:
-            yield ("mission", "items", error.seq - 1), error.reason
-
-    def _formation_problems(self) -> Found:
-        if self.formation is None:
-            return
-        for uav_id in sorted(set(self._ids) - self.formation.slots.keys()):
-            yield ("formation", "slots"), f"expected a slot of each UAV, got none of UAV {uav_id}"
-        for uav_id in sorted(self.formation.slots.keys() - set(self._ids)):
-            ids = ", ".join(map(str, self._ids))
-            yield ("formation", "slots", uav_id), f"expected one of the UAVs {ids}, got {uav_id}"
-        if self.formation.slots.keys() != set(self._ids):
-            return
+    @property
+    def _silence_s(self) -> float | None:
+        """Longest time between two messages to a neighbour [s]; None: sent in each step."""
         trigger = self.links.formation.trigger
-        silence_s = None if trigger is None else trigger.longest_silence_s
-        most = most_links(len(self._ids), self.guidance.period_s, silence_s)
-        edges = [edge.between for edge in self.network.edges]
-        for loc, text in reach_problems(self.formation, edges, most):
-            yield ("formation", *loc), text
+        return None if trigger is None else trigger.longest_silence_s
 
     @property
     def _limits(self) -> AirspeedLimits:

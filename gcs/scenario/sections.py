@@ -3,7 +3,6 @@
 Each part is checked by itself here; `gcs.scenario.model` checks that they fit together.
 """
 
-import math
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal, TypeAlias
 
@@ -137,8 +136,8 @@ def overlap(
     one: ScenarioFault | ScenarioSensorFault, other: ScenarioFault | ScenarioSensorFault
 ) -> bool:
     """Return whether two faults act on the same actuator or sensor at some time."""
-    ends = [math.inf if fault.end_s is None else fault.end_s for fault in (one, other)]
-    at_once = one.start_s < ends[1] and other.start_s < ends[0]
+    windows = [fault.window.resolved(0.0) for fault in (one, other)]
+    at_once = windows[0].overlaps(windows[1])
     if isinstance(one, ScenarioFault) and isinstance(other, ScenarioFault):
         same = one.actuator == other.actuator
     elif isinstance(one, ScenarioSensorFault) and isinstance(other, ScenarioSensorFault):

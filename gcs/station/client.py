@@ -16,12 +16,13 @@ import select
 import socket
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Coroutine, Iterable
+from collections.abc import Callable, Collection, Iterable
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 from gcs.errors import BadInput, NoAnswer, bad_endpoint
 from gcs.station.fleet_state import FleetState
+from gcs.station.inquiries import Inquiries
 from gcs.station.machine_runner import MachineRunner
 from gcs.station.notifications import ERROR, Notification
 from gcs.station.vehicle import Vehicle
@@ -108,7 +109,7 @@ class Client(asyncio.DatagramProtocol):
         self._tlog = tlog
         self._failure: OSError | None = None
         self._on_message, self._on_notification = on_message, on_notification
-        self._inquire, self._private = inquire, private
+        self._private = private
         self._only_recorded = frozenset(only_recorded)
         self._packer = FramePacker(*own)
         try:
@@ -123,7 +124,7 @@ class Client(asyncio.DatagramProtocol):
         self._sock: socket.socket | None = None
         self._transport: asyncio.DatagramTransport | None = None
         self._pulse: asyncio.Task[None] | None = None
-        self._inquiries: dict[tuple[int, str], asyncio.Task[None]] = {}
+        self._inquiries = Inquiries(private=private, rest=inquire)
 
     async def __aenter__(self) -> Self:
         """Open the port.
@@ -153,10 +154,10 @@ class Client(asyncio.DatagramProtocol):
         trace: TracebackType | None,
     ) -> None:
         """Close the port."""
-        tasks = [task for task in (self._pulse, *self._inquiries.values()) if task is not None]
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+        if self._pulse is not None:
+            self._pulse.cancel()
+            await asyncio.gather(self._pulse, return_exceptions=True)
+        await self._inquiries.close()
         self.machines.close()
         if self._transport is not None:
             self._transport.close()
@@ -326,7 +327,7 @@ class Client(asyncio.DatagramProtocol):
             self._vehicles[system] = Vehicle(
                 self.own, self.fleet.vehicles[system], self.machines, self.emit
             )
-            self._ask_what_is_due(now)
+            self._inquiries.start(self._vehicles.values(), now)
         self._heard.set()
         self.machines.receive(message, now)
         if self._on_message is not None:
@@ -358,23 +359,8 @@ class Client(asyncio.DatagramProtocol):
                 beat_due = now + _HEARTBEAT_S
                 self._send(_heartbeat(), set(self._peers.values()))
             self.emit(self.fleet.handle_timer(now))
-            self._ask_what_is_due(now)
+            self._inquiries.start(self._vehicles.values(), now)
             await asyncio.sleep(_TICK_S)
-
-    def _ask_what_is_due(self, now: float) -> None:
-        for vehicle in self._vehicles.values():
-            if self._private and vehicle.state.is_private_due(now):
-                self._start_asking(vehicle, "private", vehicle.ask_for_private)
-            if self._inquire and vehicle.state.is_asking_due(now):
-                self._start_asking(vehicle, "rest", vehicle.ask_what_is_due)
-
-    def _start_asking(
-        self, vehicle: Vehicle, what: str, ask: Callable[[], Coroutine[Any, Any, None]]
-    ) -> None:
-        before = self._inquiries.get((vehicle.system, what))
-        if before is None or before.done():
-            task = asyncio.get_running_loop().create_task(ask())
-            self._inquiries[vehicle.system, what] = task
 
     def _send_to_target(self, message: MAVLink_message) -> None:
         peer = self._peers.get(getattr(message, "target_system", 0))

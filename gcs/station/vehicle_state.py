@@ -10,18 +10,16 @@ from typing import Any
 
 from gcs.station.event_counts import EventCounts
 from gcs.station.history import History
+from gcs.station.latest_messages import LatestMessages, mode_name
 from gcs.station.mission import Mission, is_same, profile_of
 from gcs.station.notifications import ERROR, INFO, NOTICE, WARNING, Kind, Notification, enum_name
 from gcs.station.telemetry import PRIVATE, ReportedClock
 from mavlink_defs import dialect
-from mavlink_defs.constants import MODE_NAMES
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.profile import Segment
 from mavlink_defs.sensor_faults import AnyFault
 from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.statustext import Text, TextAssembler
-from mavlink_defs.system_ids import systems_of
 
 LOST_S = 2.0
 """Silence after which the link to a vehicle counts as lost."""
@@ -40,17 +38,14 @@ _FAULT_COMMANDS = {
     dialect.MAV_CMD_INJECT_FAILURE,
 }
 _UNREPORTED = {dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAV_CMD_SET_MESSAGE_INTERVAL}
-_PHASES = {dialect.FTC_PHASE_HEALTHY, dialect.FTC_PHASE_SUSPECT, dialect.FTC_PHASE_LOST}
 _ACKED = {dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_IN_PROGRESS}
 
 
-class VehicleState:
+class VehicleState(LatestMessages):
     """One vehicle, from its first HEARTBEAT on.
 
     Attributes:
         address: Its system and component id.
-        latest: Last message of each type, by message id.
-        received_at: Time at which each of them was received.
         heard_at: Time at which anything was last received.
         lost: Whether it has been silent for `LOST_S`.
         restarts: Restarts since it was first heard.
@@ -66,9 +61,8 @@ class VehicleState:
     """
 
     def __init__(self, address: SystemId, now: float) -> None:
+        super().__init__()
         self.address = address
-        self.latest: dict[int, Any] = {}
-        self.received_at: dict[int, float] = {}
         self.heard_at = now
         self.lost = False
         self.restarts = 0
@@ -188,11 +182,6 @@ class VehicleState:
         """Return whether to request the streams of its private messages (again)."""
         return not self.lost and self.offers_private and now >= self.private_due
 
-    @property
-    def tells_private(self) -> bool:
-        """Whether it streams its private messages."""
-        return dialect.MAVLINK_MSG_ID_FTC_EVENTS in self.latest
-
     def texts_since(self, heard: int) -> list[Text]:
         """Return the texts received since `texts_heard` was `heard`, as far as they are stored."""
         new = min(self.texts_heard - heard, len(self.texts))
@@ -207,110 +196,18 @@ class VehicleState:
         return sum(at >= now - _RATE_WINDOW_S for at in self._arrivals) / _RATE_WINDOW_S
 
     @property
-    def armed(self) -> bool:
-        """Whether it is armed, by its HEARTBEAT."""
-        return bool(self._heartbeat.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED)
-
-    @property
-    def mode(self) -> str:
-        """Its mode, such as "AUTO"; the number of an unknown mode."""
-        return _mode_name(self._heartbeat)
-
-    @property
-    def is_ready(self) -> bool:
-        """Whether it is armed or can be: its HEARTBEAT says STANDBY or ACTIVE."""
-        return self._heartbeat.system_status in {
-            dialect.MAV_STATE_STANDBY,
-            dialect.MAV_STATE_ACTIVE,
-        }
-
-    @property
     def time_s(self) -> float | None:
         """Simulated time of its newest private message [s]; None before the first one."""
         newest_ms = self._simulated.newest_ms
         return None if newest_ms < 0 else newest_ms / 1e3
 
     @property
-    def airspeed_m_s(self) -> float | None:
-        """Airspeed [m/s]."""
-        return self._field(dialect.MAVLINK_MSG_ID_VFR_HUD, "airspeed")
-
-    @property
-    def attitude_deg(self) -> tuple[float, float, float] | None:
-        """Roll, pitch, yaw [deg]."""
-        message = self.latest.get(dialect.MAVLINK_MSG_ID_ATTITUDE)
-        if message is None:
-            return None
-        return (math.degrees(message.roll), math.degrees(message.pitch), math.degrees(message.yaw))
-
-    @property
-    def position_m(self) -> tuple[float, float, float] | None:
-        """North, east, down [m]."""
-        message = self.latest.get(dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED)
-        return None if message is None else (message.x, message.y, message.z)
-
-    @property
-    def reference(self) -> tuple[float, ...] | None:
-        """Filtered reference: airspeed [m/s], roll, pitch, yaw [deg]."""
-        return self._four(dialect.MAVLINK_MSG_ID_FTC_TRACKING, "reference")
-
-    @property
-    def error(self) -> tuple[float, ...] | None:
-        """Actual minus reference: airspeed [m/s], roll, pitch, yaw [deg]."""
-        return self._four(dialect.MAVLINK_MSG_ID_FTC_TRACKING, "error")
-
-    @property
-    def sync_error(self) -> tuple[float, ...] | None:
-        """Synchronisation error (31), (32): airspeed [m/s], roll, pitch, yaw [deg]."""
-        return self._four(dialect.MAVLINK_MSG_ID_FTC_TRACKING, "sync_error")
-
-    @property
-    def held(self) -> tuple[float, ...] | None:
-        """Commands held: aileron, elevator, rudder, throttle, as shares of their limits."""
-        return self._four(dialect.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS, "actuator")
-
-    @property
     def active_faults(self) -> tuple[AnyFault, ...]:
         """The faults that are active now, in simulated time."""
         time_s = self.time_s or 0.0
-        return tuple(f for f in self.faults or () if f.is_active(time_s))
-
-    @property
-    def diagnosis(self) -> tuple[float, ...] | None:
-        """FTC_PHASE of each actuator; None while nothing is known, or under a law without any."""
-        phases = self._four(dialect.MAVLINK_MSG_ID_FTC_DIAGNOSIS, "phase")
-        return phases if phases is not None and _PHASES.issuperset(phases) else None
-
-    @property
-    def drops(self) -> dict[str, dict[str, int]] | None:
-        """Datagrams that it and the plant dropped, by link and reason; None before FTC_DROPS."""
-        message = self.latest.get(dialect.MAVLINK_MSG_ID_FTC_DROPS)
-        if message is None:
-            return None
-        links = ("gcs", "formation", "simulator", "plant")
-        reasons = [reason.text for reason in DropReason]
-        reported = {link: zip(reasons, getattr(message, link), strict=True) for link in links}
-        return {link: {reason: n for reason, n in ns if n} for link, ns in reported.items()}
-
-    @property
-    def fleet(self) -> frozenset[int]:
-        """System ids of its fleet, its own included; empty if it has not reported it."""
-        message = self.latest.get(dialect.MAVLINK_MSG_ID_FTC_FLEET)
-        return frozenset() if message is None else systems_of(message.members)
+        return tuple(f for f in self.faults or () if f.window.contains(time_s))
 
     # internals
-
-    @property
-    def _heartbeat(self) -> Any:
-        return self.latest[dialect.MAVLINK_MSG_ID_HEARTBEAT]  # the first message of a vehicle
-
-    def _field(self, number: int, name: str) -> float | None:
-        message = self.latest.get(number)
-        return None if message is None else float(getattr(message, name))
-
-    def _four(self, number: int, name: str) -> tuple[float, ...] | None:
-        message = self.latest.get(number)
-        return None if message is None else tuple(getattr(message, name)[:4])
 
     def _notifications(
         self, now: float, kind: Kind, severity: int, text: str, about: Any = None
@@ -349,7 +246,7 @@ class VehicleState:
             text = "armed" if self.armed else "disarmed"
             notifications.append(self._notifications(now, "mode", NOTICE, text))
         if heartbeat.custom_mode != before.custom_mode:
-            text = f"mode {_mode_name(before)} → {self.mode}"
+            text = f"mode {mode_name(before)} → {self.mode}"
             notifications.append(self._notifications(now, "mode", NOTICE, text))
         return notifications
 
@@ -398,7 +295,3 @@ class VehicleState:
             self.profile_due = now
         text = f"mission: {enum_name('MAV_MISSION_RESULT', message.type, 'MAV_MISSION_')}"
         return [self._notifications(now, "ack", INFO if accepted else WARNING, text, message)]
-
-
-def _mode_name(heartbeat: Any) -> str:
-    return MODE_NAMES.get(heartbeat.custom_mode, str(heartbeat.custom_mode))

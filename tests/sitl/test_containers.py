@@ -59,8 +59,17 @@ def test_the_image_gets_the_locked_versions() -> None:
     )
     locked = [Requirement(line).name.lower() for line in made.stdout.splitlines()]
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    assert {Requirement(text).name.lower() for text in project["dependencies"]} <= {*locked}
+    extras = project["optional-dependencies"].values()
+    needed = [*project["dependencies"], *(text for extra in extras for text in extra)]
+    assert {Requirement(text).name.lower() for text in needed} <= {*locked}
     assert len(locked) == len(re.findall(r"^\w", requirements.read_text(), re.MULTILINE))
+
+
+def test_the_image_gets_every_extra() -> None:
+    """What a command of the documentation needs is there, as nothing can be installed later."""
+    (extras,) = re.findall(r"/dist/\*\.whl\)\[(.*?)\]", (ROOT / "Dockerfile").read_text())
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert extras.split(",") == sorted(project["optional-dependencies"])
 
 
 def test_the_image_gets_all_that_the_wheel_is_built_from() -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from aiohttp import ClientSession
+from aiohttp import ClientSession, WSServerHandshakeError
 from browser import Page, browser
 from flying import TIMEOUT_S, scenario_tree, wait_until
 from needs import needs
@@ -172,6 +172,37 @@ def test_a_view_ends_with_its_server(fleet: Up) -> None:
     with serving(fleet) as (url, popen):
         asyncio.run(look(url, popen))
     wait_until(lambda: not views_of(fleet), "no dashboard is left")
+
+
+def test_one_browser_too_many_is_refused_until_another_has_gone(fleet: Up) -> None:
+    async def page_of(session: ClientSession, url: str) -> tuple[int, str]:
+        async with session.get(url) as answer:
+            return answer.status, await answer.text()
+
+    async def look(url: str) -> None:
+        async with ClientSession() as session:
+            first = await session.ws_connect(f"{url}/ws")
+            async with session.ws_connect(f"{url}/ws") as second:
+                for connection in (first, second):
+                    await connection.receive(TIMEOUT_S)
+                status, text = await page_of(session, url)
+                assert status == 503
+                assert text.startswith("2 dashboards are open, as many as this server has: close")
+                assert "--views" in text
+                with pytest.raises(WSServerHandshakeError) as refused:
+                    await session.ws_connect(f"{url}/ws")
+                assert refused.value.status == 503
+                assert len(views_of(fleet)) == 2
+                await first.close()
+                async with asyncio.timeout(TIMEOUT_S):
+                    while (await page_of(session, url))[0] != 200:
+                        await asyncio.sleep(0.05)
+                async with session.ws_connect(f"{url}/ws") as third:
+                    await third.receive(TIMEOUT_S)
+                assert not second.closed
+
+    with serving(fleet, "--views", "2") as (url, _):
+        asyncio.run(look(url))
 
 
 def test_a_port_in_use_is_one_message(fleet: Up, url: str) -> None:

@@ -15,7 +15,7 @@ from ftc_autopilot.control.heading import HeadingLoop
 from ftc_autopilot.control.laws.backstepping import Backstepping, backstepping_law
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.laws.pid import Pid, pid_law
-from ftc_autopilot.control.laws.plugin import load_law, plugin_law
+from ftc_autopilot.control.laws.plugin import LAW, plugin_law
 from ftc_autopilot.control.laws.proposed import Proposed, proposed_law
 from ftc_autopilot.control.laws.surviving import Surviving, surviving_law
 from ftc_autopilot.control.laws.tube import Tube, tube_law
@@ -44,7 +44,7 @@ def law_of(kind: str) -> type[LawParameters]:
     Raises:
         PluginError: The plug-in cannot be used.
     """
-    return LAWS.get(kind) or load_law(kind)
+    return LAWS.get(kind) or LAW.load(kind)
 
 
 Controller: TypeAlias = Annotated[

@@ -23,25 +23,14 @@ from ftc_autopilot.control.step import (
 )
 from ftc_autopilot.control.synchronisation_errors import FormationErrors
 from ftc_autopilot.control.transmit import not_finite
-from ftc_autopilot.plugins.functions import (
-    ABI,
-    NOT_FINITE,
-    Functions,
-    Sizes,
-    check_room,
-    function_of,
-    library_functions,
-)
-from ftc_autopilot.plugins.loading import LAWS, library_of, load_class
+from ftc_autopilot.plugins.functions import NOT_FINITE
+from ftc_autopilot.plugins.interface import Interface
+from ftc_autopilot.plugins.loading import LAWS
 from ftc_autopilot.plugins.memory import call, call_records, layout_of, tuple_at
 from ftc_autopilot.plugins.models import PLUGIN
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.aircraft import AIRCRAFT, AircraftRecord
 from sitl_plant.vec3 import Vec3
-
-SIGNATURE = "(now, aircraft, gains, state) or (now, aircraft, gains, state, signals)"
-
-ARGUMENTS = (4, 5)
 
 PARAMETER_BYTES, STATE_BYTES = 4096, 24576
 """Room for parameters and state of a plug-in."""
@@ -203,36 +192,16 @@ def output_of(command: Command) -> LawOutput:
     )
 
 
-# from the class of a plug-in to its C function
-
-
-def load_law(name: str) -> type[LawParameters]:
-    """Return the law of a name, FILE:CLASS or an entry point's; its interface is checked.
-
-    Raises:
-        PluginError: It cannot be used.
-    """
-    law = load_class(name, LAWS, LawParameters)
-    check_room(law, law.record, law.STATE, (PARAMETER_BYTES, STATE_BYTES))
-    if library_of(law) is not None:
-        library_of_law(law)
-    else:
-        function_of(law, ARGUMENTS, SIGNATURE)
-    return law
-
-
-def library_of_law(law: type[LawParameters]) -> Functions:
-    """Return the functions of a plug-in's shared library, its interface checked.
-
-    Raises:
-        PluginError: It cannot be used.
-    """
-    sizes = Sizes(
-        ABI,
-        LAW_INPUT.itemsize,
-        LAW_OUTPUT.itemsize,
-        AIRCRAFT.itemsize,
-        law.record().itemsize,
-        law.STATE.itemsize,
-    )
-    return library_functions(law, "ftc_law", sizes)
+LAW = Interface(
+    group=LAWS,
+    base=LawParameters,
+    symbol="ftc_law",
+    counts=(4, 5),
+    signature="(now, aircraft, gains, state) or (now, aircraft, gains, state, signals)",
+    given=LAW_INPUT,
+    result=LAW_OUTPUT,
+    further=AIRCRAFT.itemsize,
+    room=(PARAMETER_BYTES, STATE_BYTES),
+    record=lambda law: law.record(),
+)
+"""How laws of plug-ins are called."""

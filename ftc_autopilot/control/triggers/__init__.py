@@ -16,7 +16,7 @@ from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters
 from ftc_autopilot.control.triggers.dynamic import Dynamic, dynamic
 from ftc_autopilot.control.triggers.periodic import Periodic, Times, clock, periodic
 from ftc_autopilot.control.triggers.periodic_event import PeriodicEvent, periodic_event
-from ftc_autopilot.control.triggers.plugin import load_trigger, plugin_trigger
+from ftc_autopilot.control.triggers.plugin import TRIGGER, plugin_trigger
 from ftc_autopilot.control.triggers.scaled import Scaled, scaled
 from ftc_autopilot.control.triggers.self_triggered import SelfTriggered, self_triggered
 from ftc_autopilot.plugins.loading import TRIGGERS as GROUP
@@ -36,7 +36,7 @@ def trigger_of(mode: str) -> type[TriggerParameters]:
     Raises:
         PluginError: The plug-in cannot be used.
     """
-    return TRIGGERS.get(mode) or load_trigger(mode)
+    return TRIGGERS.get(mode) or TRIGGER.load(mode)
 
 
 Trigger: TypeAlias = Annotated[

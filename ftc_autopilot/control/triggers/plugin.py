@@ -10,20 +10,10 @@ import numpy as np
 
 from ftc_autopilot.common.records import record_dtype
 from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters
-from ftc_autopilot.plugins.functions import (
-    ABI,
-    Functions,
-    Sizes,
-    check_room,
-    function_of,
-    library_functions,
-)
-from ftc_autopilot.plugins.loading import TRIGGERS, library_of, load_class
+from ftc_autopilot.plugins.interface import Interface
+from ftc_autopilot.plugins.loading import TRIGGERS
 from ftc_autopilot.plugins.memory import call, call_records, layout_of, tuple_at
 from mavlink_defs.runtime.jit import compiled
-
-SIGNATURE = "(now, parameters, state)"
-ARGUMENTS = (3,)
 
 PARAMETER_BYTES, STATE_BYTES = 1024, 2048
 """Room for parameters and state of a plug-in."""
@@ -123,33 +113,16 @@ def own_record(trigger: type[TriggerParameters]) -> np.dtype:
     return record_dtype(trigger, TriggerParameters)
 
 
-def load_trigger(name: str) -> type[TriggerParameters]:
-    """Return the trigger of a name, FILE:CLASS or an entry point's; its interface is checked.
-
-    Raises:
-        PluginError: It cannot be used.
-    """
-    trigger = load_class(name, TRIGGERS, TriggerParameters)
-    check_room(trigger, lambda: own_record(trigger), trigger.STATE, (PARAMETER_BYTES, STATE_BYTES))
-    if library_of(trigger) is not None:
-        library_of_trigger(trigger)
-    else:
-        function_of(trigger, ARGUMENTS, SIGNATURE)
-    return trigger
-
-
-def library_of_trigger(trigger: type[TriggerParameters]) -> Functions:
-    """Return the functions of a plug-in's shared library, its interface checked.
-
-    Raises:
-        PluginError: It cannot be used.
-    """
-    sizes = Sizes(
-        ABI,
-        TRIGGER_INPUT.itemsize,
-        TRIGGER_OUTPUT.itemsize,
-        0,
-        own_record(trigger).itemsize,
-        trigger.STATE.itemsize,
-    )
-    return library_functions(trigger, "ftc_trigger", sizes)
+TRIGGER = Interface(
+    group=TRIGGERS,
+    base=TriggerParameters,
+    symbol="ftc_trigger",
+    counts=(3,),
+    signature="(now, parameters, state)",
+    given=TRIGGER_INPUT,
+    result=TRIGGER_OUTPUT,
+    further=0,
+    room=(PARAMETER_BYTES, STATE_BYTES),
+    record=own_record,
+)
+"""How triggers of plug-ins are called."""

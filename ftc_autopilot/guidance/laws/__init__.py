@@ -23,9 +23,9 @@ from ftc_autopilot.guidance.laws.path_following import (
     path_pace,
 )
 from ftc_autopilot.guidance.laws.plugin import (
+    GUIDANCE,
     PLUGIN_PARAMETERS,
     PLUGIN_STATE,
-    load_guidance,
     own_record,
     plugin_guidance,
 )
@@ -52,7 +52,7 @@ def guidance_of(kind: str) -> type[GuidanceParameters]:
     Raises:
         PluginError: The plug-in cannot be used.
     """
-    return GUIDANCE_LAWS.get(kind) or load_guidance(kind)
+    return GUIDANCE_LAWS.get(kind) or GUIDANCE.load(kind)
 
 
 Guidance: TypeAlias = Annotated[

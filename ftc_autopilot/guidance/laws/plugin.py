@@ -16,23 +16,13 @@ from ftc_autopilot.common.records import record_dtype
 from ftc_autopilot.guidance.coordination import Coordination
 from ftc_autopilot.guidance.laws.base import GuidanceParameters, Situation
 from ftc_autopilot.guidance.path import PathPoint, point_at
-from ftc_autopilot.plugins.functions import (
-    ABI,
-    NOT_FINITE,
-    Functions,
-    Sizes,
-    check_room,
-    function_of,
-    library_functions,
-)
-from ftc_autopilot.plugins.loading import GUIDANCE_LAWS, library_of, load_class
+from ftc_autopilot.plugins.functions import NOT_FINITE
+from ftc_autopilot.plugins.interface import Interface
+from ftc_autopilot.plugins.loading import GUIDANCE_LAWS
 from ftc_autopilot.plugins.memory import call, call_records, layout_of, tuple_at
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.aircraft import AIRCRAFT, AircraftRecord
 from sitl_plant.vec3 import Vec3
-
-SIGNATURE = "(now, path, s, coordination, aircraft, limits, gains, state, command)"
-ARGUMENTS = (9,)
 
 PARAMETER_BYTES, STATE_BYTES = 1024, 2048
 """Room for parameters and state of a plug-in."""
@@ -170,34 +160,16 @@ def own_record(guidance: type[GuidanceParameters]) -> np.dtype:
     return record_dtype(guidance, GuidanceParameters)
 
 
-def load_guidance(name: str) -> type[GuidanceParameters]:
-    """Return the law of a name, FILE:CLASS or an entry point's; its interface is checked.
-
-    Raises:
-        PluginError: It cannot be used.
-    """
-    guidance = load_class(name, GUIDANCE_LAWS, GuidanceParameters)
-    room = (PARAMETER_BYTES, STATE_BYTES)
-    check_room(guidance, lambda: own_record(guidance), guidance.STATE, room)
-    if library_of(guidance) is not None:
-        library_of_guidance(guidance)
-    else:
-        function_of(guidance, ARGUMENTS, SIGNATURE)
-    return guidance
-
-
-def library_of_guidance(guidance: type[GuidanceParameters]) -> Functions:
-    """Return the functions of a plug-in's shared library, its interface checked.
-
-    Raises:
-        PluginError: It cannot be used.
-    """
-    sizes = Sizes(
-        ABI,
-        GUIDANCE_INPUT.itemsize,
-        GUIDANCE_OUTPUT.itemsize,
-        AIRCRAFT.itemsize,
-        own_record(guidance).itemsize,
-        guidance.STATE.itemsize,
-    )
-    return library_functions(guidance, "ftc_guidance", sizes)
+GUIDANCE = Interface(
+    group=GUIDANCE_LAWS,
+    base=GuidanceParameters,
+    symbol="ftc_guidance",
+    counts=(9,),
+    signature="(now, path, s, coordination, aircraft, limits, gains, state, command)",
+    given=GUIDANCE_INPUT,
+    result=GUIDANCE_OUTPUT,
+    further=AIRCRAFT.itemsize,
+    room=(PARAMETER_BYTES, STATE_BYTES),
+    record=own_record,
+)
+"""How guidance laws of plug-ins are called."""

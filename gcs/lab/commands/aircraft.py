@@ -55,7 +55,7 @@ def aircraft(
     airspeed: Annotated[
         float | None,
         typer.Option(
-            help="Airspeed of the level flight [m/s]; by default its cruise, or amid its range.",
+            help="Airspeed of level flight [m/s]; by default cruise, or the middle of the range.",
             metavar="M/S",
             show_default=False,
         ),

@@ -76,7 +76,8 @@ def baseline(
         typer.Option("--no-per-channel", help="Do not search for a period for each channel."),
     ] = False,
     aircraft: Annotated[
-        int, typer.Option(min=0, metavar="NUMBER", help="Uncertain aircraft that are flown, too.")
+        int,
+        typer.Option(min=0, metavar="NUMBER", help="Number of uncertain aircraft to fly as well."),
     ] = 0,
     campaign: Annotated[
         Path | None,

@@ -50,7 +50,10 @@ def campaign(
     jobs: JobsOption = None,
     scheduler: Annotated[
         str | None,
-        typer.Option(help="Dask scheduler whose workers fly instead.", metavar="tcp://HOST:PORT"),
+        typer.Option(
+            help="Dask scheduler whose workers fly, instead of this machine.",
+            metavar="tcp://HOST:PORT",
+        ),
     ] = None,
     until: Annotated[
         str | None,
@@ -64,7 +67,7 @@ def campaign(
 ) -> None:
     """Fly every draw of a campaign, in process, on all cores or on a cluster.
 
-    All draws are checked before the first flight. The folder gets a table in Parquet, one row a
+    All draws are checked before the first flight. The folder gets a table in Parquet, one row per
     flight, stored every few seconds: after any interruption, the same command continues there.
     """
     from gcs.errors import BadInput

@@ -38,7 +38,7 @@ def compare(
     fail_if: Annotated[
         list[str] | None,
         typer.Option(
-            help="Condition under which NEW fails; repeatable. 'worse p(success) at 95 %' by "
+            help="Condition under which NEW fails; may be repeated. 'worse p(success) at 95 %' by "
             "default; also 'worse FIGURE at 99 %', 'p(attitude_lost) > 0.05 at 95 %'.",
             metavar="CONDITION",
             show_default=False,

@@ -44,7 +44,7 @@ class DesignOptions:
     airspeed: Annotated[
         float | None,
         typer.Option(
-            help="Cruising speed [m/s]; by default the aircraft's, or in the middle of its range.",
+            help="Cruising speed [m/s]; by default the aircraft's, or the middle of its range.",
             metavar="M/S",
         ),
     ] = None
@@ -53,7 +53,9 @@ class DesignOptions:
     ] = 0.0
     servo_rate: Annotated[
         float | None,
-        typer.Option(help="Their rate limit [deg/s]; without it none.", min=1.0, metavar="DEG/S"),
+        typer.Option(
+            help="Rate limit of these servos [deg/s]; without it, none.", min=1.0, metavar="DEG/S"
+        ),
     ] = None
     engine_lag: Annotated[
         float, typer.Option(help="Lag of the thrust [s].", min=0.0, max=10.0, metavar="S")
@@ -68,13 +70,16 @@ class DesignOptions:
         float, typer.Option(help="Age of a gyro's sample [s].", min=0.0, max=0.1, metavar="S")
     ] = 0.0
     uavs: Annotated[
-        int, typer.Option(help="How many fly in formation.", min=1, max=30, metavar="NUMBER")
+        int,
+        typer.Option(
+            help="Number of UAVs, which fly in formation.", min=1, max=30, metavar="NUMBER"
+        ),
     ] = 1
     plant: Annotated[
         str | None,
         typer.Option(
             help="Section `plant` of the scenario, as in '{kind: jsbsim, aircraft: c172p}': what "
-            "flies, where it is not these coefficients.",
+            "flies, if it is not these coefficients.",
             metavar="YAML",
         ),
     ] = None
@@ -120,7 +125,8 @@ def design(
     servos, noise, stops and thrust ask for has rules of its own. Each line of the scenario says
     which. It flies the paper's scenario 1, its steps no larger than the aircraft can fly.
 
-    An aircraft that no law can fly so is refused, with the reason: the checks of `gcs aircraft`.
+    An aircraft that no law can fly in this way is refused, with the reason: a check of `gcs
+    aircraft` that it does not meet.
     """
     from gcs.lab.design.scenario import plain, text_of, tree_of
     from gcs.scenario.model import scenario_of

@@ -21,7 +21,7 @@ JobsOption = Annotated[
     typer.Option(
         min=1,
         metavar="NUMBER",
-        help="Flights at a time here; by default as many as there are cores.",
+        help="Flights at a time on this machine; by default as many as it has cores.",
     ),
 ]
 

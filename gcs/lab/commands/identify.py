@@ -43,13 +43,16 @@ class IdentifyOptions:
         ),
     ] = None
     altitude: Annotated[
-        float, typer.Option(help="Altitude there [m].", min=0.0, max=20_000.0, metavar="M")
+        float,
+        typer.Option(
+            help="Altitude at which it is identified [m].", min=0.0, max=20_000.0, metavar="M"
+        ),
     ] = 1000.0
     thrust_limit: Annotated[
         float | None,
         typer.Option(
-            help="Largest thrust [N], which the experiment does not show; by default 0.4 of the "
-            "weight.",
+            help="Largest thrust at every airspeed [N], which the experiment does not show; by "
+            "default 0.4 of the weight.",
             min=0.1,
             metavar="N",
         ),
@@ -57,8 +60,8 @@ class IdentifyOptions:
     airspeed_min: Annotated[
         float | None,
         typer.Option(
-            help="Lowest airspeed accepted [m/s]; by default 1.2 times the stall's, where there is "
-            "one, else 0.65 of the cruise.",
+            help="Lowest airspeed accepted [m/s]; by default 1.2 times the stall speed, if there "
+            "is one, else 0.65 times the cruise.",
             min=0.1,
             metavar="M/S",
         ),
@@ -66,7 +69,9 @@ class IdentifyOptions:
     airspeed_max: Annotated[
         float | None,
         typer.Option(
-            help="Highest one [m/s]; by default 1.3 times the cruise.", min=0.1, metavar="M/S"
+            help="Highest airspeed accepted [m/s]; by default 1.3 times the cruise.",
+            min=0.1,
+            metavar="M/S",
         ),
     ] = None
     wing_area: Annotated[
@@ -78,11 +83,15 @@ class IdentifyOptions:
         ),
     ] = None
     seed: Annotated[
-        int, typer.Option(help="Of the experiment's random controls.", min=0, metavar="NUMBER")
+        int, typer.Option(help="Seed of the experiment's random controls.", min=0, metavar="NUMBER")
     ] = 1
     source: Annotated[
         Path | None,
-        typer.Option("--from", help="Run folder of a flight with --record full.", metavar="FOLDER"),
+        typer.Option(
+            "--from",
+            help="Identify from a flight: its run folder, recorded with --record full.",
+            metavar="FOLDER",
+        ),
     ] = None
     aircraft: Annotated[
         str | None,
@@ -97,7 +106,9 @@ class IdentifyOptions:
     ] = None
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="Aircraft file; without it none.", metavar="FILE"),
+        typer.Option(
+            "--out", "-o", help="Aircraft file to write; by default none.", metavar="FILE"
+        ),
     ] = None
     quiet: QuietOption = False
     as_json: Annotated[bool, typer.Option("--json", help="Print an object instead of tables.")] = (
@@ -143,7 +154,11 @@ def identify(
     moment with an interval of 95 %, and what they leave unexplained; then the checks of `gcs
     aircraft`, and a verdict. The constants are set so that the model trims where the plant does.
 
-    From a flight, only what it excites can be seen: other coefficients stay as --aircraft has them.
+    Propulsion is not identified: the file has no section `propulsion`, so its aircraft makes any
+    thrust from 0 to --thrust-limit at once, at every airspeed, through the centre of gravity.
+
+    From a flight, only what it excites can be seen: other coefficients, and the propulsion, stay as
+    --aircraft has them.
     """
     if (plant is None) == (options.source is None):
         raise BadInput(

@@ -25,9 +25,8 @@ Examples:
 - gcs sweep my.yaml --set 'controller.K1=[40, 40, 40], [50, 50, 50]' --jobs 2
 
 Exit status: 0 the sweep is complete (lost flights and single impossible values are results too),
-1 a flight could not be computed or written, 2 bad input, such
-as a key of which no value is valid, 70 a defect of ftc-sitl, 130 Ctrl-C; the
-same command continues.
+1 a flight could not be computed or written, 2 bad input, such as a key none of whose values is
+valid, 70 a defect of ftc-sitl, 130 Ctrl-C; the same command continues.
 """
 
 

@@ -63,7 +63,7 @@ def trim(
     ] = None,
     uav: Annotated[
         int | None,
-        typer.Option(help="Of which UAV's aircraft; by default the first's.", metavar="ID"),
+        typer.Option(help="UAV whose aircraft it is; by default the first.", metavar="ID"),
     ] = None,
     roll: Annotated[
         float, typer.Option(help="Roll angle [deg].", min=-80.0, max=80.0, metavar="DEG")
@@ -71,7 +71,8 @@ def trim(
     sideslip: Annotated[
         float,
         typer.Option(
-            help="Largest sideslip of a range's end [deg]; the coefficients are linear.",
+            help="Largest sideslip at an end of a range [deg]: linear coefficients hold for small "
+            "angles only.",
             min=1.0,
             max=90.0,
             metavar="DEG",

@@ -183,6 +183,7 @@ def _aircraft(
         "air_density_kg_m3": _short(body.air_density_kg_m3),
         "gravity_m_s2": level.gravity,
         "inertia_kg_m2": {name: _short(J) for name, J in body.inertia_kg_m2.model_dump().items()},
+        "any_inertia": not body.inertia_kg_m2.of_rigid_body,
         "coefficients": {name: _short(value) for name, value in values.items()},
         "stall_deg": None if stall is None else round(math.degrees(stall), 1),
         "thrust_limit_n": float(f"{limit:.4g}"),
@@ -253,6 +254,8 @@ def text_of(identified: Identified, command: str) -> str:
         "",
     ]
     tree = identified.aircraft.model_dump(exclude_none=True)
+    if not tree["any_inertia"]:
+        del tree["any_inertia"]
     del tree["coefficients"]
     lines = yaml_of({key: tree.pop(key) for key in ("source", "mass_kg")}).splitlines()
     lines += yaml_of(tree).splitlines()

@@ -66,7 +66,8 @@ def test_a_joint_move_turns_about_its_axis_only(
 ) -> None:
     assume(abs(cl_da * cn_dr - cl_dr * cn_da) > 1e-3)
     coefficients = {"cl_da": cl_da, "cl_dr": cl_dr, "cn_da": cn_da, "cn_dr": cn_dr}
-    aircraft = changed(COUPLED, coefficients=coefficients, inertia_kg_m2={"Jxz": Jxz})
+    inertia = {"inertia_kg_m2": {"Jxz": Jxz}, "any_inertia": True}
+    aircraft = changed(COUPLED, coefficients=coefficients, **inertia)
     moves = joint_moves(aircraft)
     assert np.abs(moves).max(axis=1) == pytest.approx(1.0)
     for row, (own, other) in enumerate(((0, 2), (2, 0))):

@@ -227,7 +227,7 @@ def test_telemetry_keeps_its_interval_in_simulated_time(scenario1: Scenario) -> 
 def test_a_dropped_neighbour_is_announced(scenario1: Scenario, over: bool) -> None:
     bench = Bench(scenario1)
     bench.hot.edges[:] = 1
-    bench.vehicle._edges = bench.hot.edges.copy()
+    bench.vehicle.handle_timer(0.0)
     bench.hot.edges[1] = 0
     bench.hot.edge_changes = 1
     if over:  # the flight ends before the next turn of the services

@@ -198,3 +198,12 @@ def test_the_moment_of_the_thrust_is_not_taken_for_the_airs() -> None:
     for name in ("cm_alpha", "cm_de", "cl_da", "cn_dr"):
         assert found.estimates[name].value == pytest.approx(known[name], rel=0.02), name
     assert found.residuals["cm"].share < 0.2 * without.residuals["cm"].share
+
+
+def test_the_file_of_an_inertia_of_no_rigid_body_says_so(identified: Identified) -> None:
+    assert "any_inertia" not in text_of(identified, "a test")
+    simulator = OwnSimulator(load_aircraft("skywalker_x8"))
+    text = text_of(identify(simulator, Choices(18.0, source="a test")), "a test")
+    assert "\nany_inertia: true\n" in text
+    found = Aircraft.model_validate(parse("x", text))
+    assert found.inertia_kg_m2 == simulator.body.inertia_kg_m2

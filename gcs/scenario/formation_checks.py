@@ -1,0 +1,83 @@
+"""Checks of a scenario's fleet as a formation: its graph, its slots, the path that all fly."""
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from ftc_autopilot.common.geography import Origin
+from ftc_autopilot.control.communication_graph import formation_problems
+from ftc_autopilot.guidance.formation import Formation
+from ftc_autopilot.guidance.planner import Planner
+from ftc_autopilot.guidance.reach import most_links, reach_problems
+from gcs.scenario.mission import MissionSection
+from gcs.scenario.sections import Found, Network
+from mavlink_defs.config.models import Loc
+from mavlink_defs.profile import ItemError
+
+
+def network_problems(network: Network, ids: Sequence[int]) -> Found:
+    """Yield what is wrong with the communication graph of the UAVs with these ids."""
+    edges = [(*edge.between, edge.weight) for edge in network.edges]
+    for loc, text in formation_problems(ids, edges, network.leader_access):
+        yield ("network", *loc), text
+
+
+def slot_problems(
+    formation: Formation | None,
+    network: Network,
+    ids: Sequence[int],
+    period_s: float,
+    silence_s: float | None,
+) -> Found:
+    """Yield what is wrong with the slots of a formation.
+
+    Args:
+        formation: The formation, if there is one.
+        network: The communication graph.
+        ids: Of the UAVs.
+        period_s: Of guidance [s].
+        silence_s: Longest time between two messages to a neighbour [s]; None: sent in each step.
+    """
+    if formation is None:
+        return
+    for uav_id in sorted(set(ids) - formation.slots.keys()):
+        yield ("formation", "slots"), f"expected a slot of each UAV, got none of UAV {uav_id}"
+    for uav_id in sorted(formation.slots.keys() - set(ids)):
+        known = ", ".join(map(str, ids))
+        yield ("formation", "slots", uav_id), f"expected one of the UAVs {known}, got {uav_id}"
+    if formation.slots.keys() != set(ids):
+        return
+    edges = [edge.between for edge in network.edges]
+    most = most_links(len(ids), period_s, silence_s)
+    for loc, text in reach_problems(formation, edges, most):
+        yield ("formation", *loc), text
+
+
+def mission_problems(
+    mission: MissionSection | None, planners: Iterable[Planner], origin: Origin, cruise_m_s: float
+) -> Found:
+    """Yield what is wrong with a mission.
+
+    Args:
+        mission: The mission, if one is flown.
+        planners: Of every UAV.
+        origin: Of the scenario.
+        cruise_m_s: Airspeed of guidance [m/s].
+    """
+    if mission is None:
+        return
+    found: dict[tuple[Loc, str], None] = {}  # each once, though of several aircraft
+    for planner in planners:
+        found |= dict.fromkeys(_path_problems(mission, planner, origin, cruise_m_s))
+    yield from found
+
+
+def _path_problems(
+    mission: MissionSection, planner: Planner, origin: Origin, cruise_m_s: float
+) -> Iterator[tuple[Loc, str]]:
+    low, high = planner.airspeeds.min_m_s, planner.airspeeds.max_m_s
+    if not low <= cruise_m_s <= high:
+        text = f"expected [{low:g}, {high:g}] m/s, the limits of guidance and aircraft"
+        yield ("guidance", "cruise_m_s"), f"{text}, got {cruise_m_s!r}"
+    try:
+        planner.check(mission.mission_items(origin))
+    except ItemError as error:
+        yield ("mission", "items", error.seq - 1), error.reason
