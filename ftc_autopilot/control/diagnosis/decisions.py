@@ -92,7 +92,7 @@ def monitor(actuator: np.void, limits: Limits, age: float, dt: float, gains: np.
             actuator["blanking_s"] = gains["blanking"] * gains["filter_s"]
             actuator["holdoff_s"] = gains["holdoff_s"]
             early_s = 0.0 if slight else gains["early_s"]
-            _suspect(actuator, limits, smooth_away, early_s, gains)
+            _suspect(actuator, limits, smooth_away, early_s, True, gains)
             actuator["long_var_u"] *= gains["remembered"]
             actuator["long_cov"] *= gains["remembered"]
         actuator["mean"] += dt / gains["mean_s"] * away
@@ -118,10 +118,10 @@ def monitor(actuator: np.void, limits: Limits, age: float, dt: float, gains: np.
     actuator["drift_mean"] += dt / gains["drift_mean_s"] * drift
     drifted = abs(drift) > gains["drift"] * jump and age > gains["drift_start_s"]
     if in_service and drifted:
-        _suspect(actuator, limits, drift, 0.0, gains)
+        _suspect(actuator, limits, drift, 0.0, False, gains)
     if age - dt < limits.check <= age:  # what failed before the start shows by no jump
         restart(actuator)  # y and u have risen together with their filters
-        _suspect(actuator, limits, -1.0 if r < 0.0 else 1.0, 0.0, gains)
+        _suspect(actuator, limits, -1.0 if r < 0.0 else 1.0, 0.0, False, gains)
 
 
 @compiled
@@ -158,7 +158,7 @@ def watch_stop(actuator: np.void, limits: Limits, at_stop: bool, dt: float, gain
     if counts:
         actuator["stop_s"] += dt
         if stop_suspected(actuator, gains):
-            _suspect(actuator, limits, r, math.inf, gains)
+            _suspect(actuator, limits, r, math.inf, False, gains)
 
 
 @compiled
@@ -169,19 +169,25 @@ def stop_suspected(actuator: np.void, gains: np.void) -> bool:
 
 @compiled
 def _suspect(
-    actuator: np.void, limits: Limits, away: float, early_s: float, gains: np.void
+    actuator: np.void,
+    limits: Limits,
+    away: float,
+    early_s: float,
+    jumped: bool,
+    gains: np.void,
 ) -> None:
     """Suspect an actuator, unless it was lately: its movements would renew the suspicion.
 
     No new suspicion is raised for a cooldown, `early_s` less after a clear jump. The surface will
-    be dithered against the change of its residual, as the law's own answer moves it.
+    be dithered against the change of its residual, as the law's own answer moves it; what it does
+    then has the tail of the jump in it, if the residual has `jumped`.
     """
     if actuator["cooldown_s"] <= early_s:
         actuator["dither_sign"], actuator["followed_s"] = -math.copysign(1.0, away), 0.0
         actuator["dither_s"] = 0.0
         actuator["suspect_s"] = limits.suspicion
         actuator["cooldown_s"] = limits.suspicion + gains["cooldown_s"]
-        restart_instrument(actuator)
+        restart_instrument(actuator, jumped)
 
 
 @compiled
@@ -243,7 +249,7 @@ def decide(
         jumped = abs(moved) > limits.jump and not arrived
         if not is_throttle and not is_new and jumped:  # it may be free again
             actuator["decided_s"] = 0.0
-            restart_instrument(actuator)
+            restart_instrument(actuator, True)
         actuator["stuck"] += dt / gains["mean_s"] * moved
         r = actuator["measured"] - actuator["commanded"]
         small = abs(r) < gains["quiet"] * limits.jump
@@ -367,7 +373,7 @@ def _change(actuator: np.void) -> None:
         actuator["stuck"] = actuator["measured"]
         actuator["offset"], actuator["effectiveness"] = 0.0, 1.0
         actuator["long_var_u"], actuator["long_cov"], actuator["long_var_y"] = 0.0, 0.0, 0.0
-        restart_instrument(actuator)
+        restart_instrument(actuator, False)
     else:
         actuator["lost"] = 0
         actuator["offset"] = actuator["measured"] - actuator["commanded"]

@@ -110,7 +110,7 @@ def _note_dead_time(
         if one and actuators[k]["dead_steps"] == 0:
             actuators[k]["dead_steps"] = steps
             restart_command(k, now, aircraft, gains, state)
-            restart_instrument(actuators[k])
+            restart_instrument(actuators[k], False)
 
 
 @compiled

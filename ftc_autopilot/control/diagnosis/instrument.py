@@ -3,14 +3,17 @@
 A loop that counteracts a swinging offset moves u against it, so that y hardly moves although the
 actuator works: the regression of y on u then finds ρ ≤ 0. The dither z, through the model of the
 servo and the filter of the measurement, is independent of the swing. Beside a trend that is
-quadratic in time, with exponential forgetting:
+quadratic in time, and the jump that raised the suspicion, if one did, with exponential forgetting:
 
     ρ = cov(z, y)/cov(z, u),   σ_ρ² = s² · var(z)/cov(z, u)² / n,   s² = var(y - ρ u)
 
-n counts independent samples, less the four numbers that are found from them: closer than the
-filter's time constant they are not. Where the offset swings faster than the trend can follow, s
-shows it, and nothing is decided. Where servos or gyro have a dead time that nobody has stated,
-z and u that are as much older explain more of y.
+A jump of the offset leaves a tail (1 - dt/τ)^k in y, by the filter of the measurement. Its size is
+found like the trend, and the time of the jump need not be known: that only changes the size.
+
+n counts independent samples, less the numbers that are found from them, four, or five with a jump:
+closer than the filter's time constant they are not. Where the offset swings faster than the trend
+can follow, s shows it, and nothing is decided. Where servos or gyro have a dead time that nobody
+has stated, z and u that are as much older explain more of y.
 
 Source: Söderström and Stoica, Instrumental Variable Methods for System Identification, 1983.
 """
@@ -27,9 +30,10 @@ LAG_S = 0.008
 LONGEST_DEAD_S = (LAGS - 1) * LAG_S
 PAST = 64
 """Steps that are remembered."""
-_TREND, _Y, _Z, _U = 3, 3, 4, 4 + LAGS
+_TAIL, _Y, _Z = 3, 4, 5
+_U = _Z + LAGS
 TERMS = _U + LAGS
-"""1, t, t², y, z of each lag, u of each lag."""
+"""Of the offset 1, t, t² and the tail of a jump; y, z of each lag, u of each lag."""
 _UNIT_S = 0.1  # of the trend's time
 _LEAST = 1e-12
 _CLEARLY = 0.6
@@ -42,13 +46,19 @@ def lag_steps(k: int, dt: float) -> int:
 
 
 @compiled
-def restart_instrument(actuator: np.void) -> None:
-    """Forget all; y and u count from their present values."""
+def restart_instrument(actuator: np.void, after_jump: bool) -> None:
+    """Forget all; y and u count from their present values.
+
+    Args:
+        actuator: Record of dtype `ACTUATOR`, updated in place.
+        after_jump: Whether a jump of the offset is passing the filter of the measurement.
+    """
     actuator["z"], actuator["z_position"] = 0.0, 0.0
     actuator["z_s"], actuator["z_samples"] = 0.0, 0.0
     actuator["z_y"], actuator["z_u"] = actuator["measured"], actuator["commanded"]
     actuator["z_past"][:], actuator["u_past"][:] = 0.0, 0.0
     actuator["moments"][:] = 0.0
+    actuator["z_tail"] = 1.0 if after_jump else 0.0
 
 
 @compiled
@@ -83,7 +93,9 @@ def learn_instrument(
     u[now % PAST] = actuator["commanded"] - actuator["z_u"]
     t = actuator["z_s"] / _UNIT_S
     x = np.zeros(TERMS)
-    x[0], x[1], x[2], x[_Y] = 1.0, t, t * t, actuator["measured"] - actuator["z_y"]
+    actuator["z_tail"] *= 1.0 - dt / filter_s
+    x[0], x[1], x[2], x[_TAIL] = 1.0, t, t * t, actuator["z_tail"]
+    x[_Y] = actuator["measured"] - actuator["z_y"]
     for k in range(lags):
         before = (now - lag_steps(k, dt)) % PAST
         x[_Z + k], x[_U + k] = z[before], u[before]
@@ -110,7 +122,8 @@ def estimate_by_dither(
         dt: Control period [s].
     """
     M = actuator["moments"].copy()
-    for p in range(_TREND):  # sweeps the trend out of the others
+    known = _Y if M[_TAIL, _TAIL] > 0.0 else _TAIL
+    for p in range(known):  # sweeps the offset's terms out of the others
         if M[p, p] <= _LEAST:
             return 1.0, math.inf, 0
         for i in range(p + 1, TERMS):
@@ -118,7 +131,7 @@ def estimate_by_dither(
             for k in range(p + 1, i + 1):
                 M[i, k] -= share * M[k, p]
     independent = actuator["z_samples"] * dt / filter_s
-    free = independent - _TREND - 1
+    free = independent - known - 1
     rho, error, lag, best = 1.0, math.inf, 0, -math.inf
     at_once = left = math.inf  # sums of squares
     for k in range(lags):

@@ -40,6 +40,7 @@ ACTUATOR = np.dtype(
         ("z_samples", "f8"),
         ("z_y", "f8"),  # y and u when it was raised
         ("z_u", "f8"),
+        ("z_tail", "f8"),  # what is left of a unit jump that raised it, in y
         ("z_past", "f8", (PAST,)),  # z and u of the last steps
         ("u_past", "f8", (PAST,)),
         ("moments", "f8", (TERMS, TERMS)),  # lower half

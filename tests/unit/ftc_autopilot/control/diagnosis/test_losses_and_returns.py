@@ -87,6 +87,7 @@ def test_a_loss_is_confirmed_for_8_ms_without_a_break() -> None:
 def test_a_lost_actuator_is_stuck_where_it_is() -> None:
     fields = {"measured": 4.0, "commanded": 1.0, "offset": 0.5, "effectiveness": 0.8}
     fields |= {"long_var_u": 3.0, "long_cov": 2.0, "long_var_y": 1.0, "quiet_s": 1.0}
+    fields |= {"z_tail": 0.5}
     actuator = flat(**fields)
     steps = 0
     while decided(actuator, 1) != LOST:
@@ -94,8 +95,8 @@ def test_a_lost_actuator_is_stuck_where_it_is() -> None:
     assert steps in {8, 9}
     assert actuator["stuck"] == 4.0
     assert (actuator["offset"], actuator["effectiveness"]) == (0.0, 1.0)
-    names = ("decided_s", "confirmed_s", "quiet_s", "suspect_s", "z_s")
-    assert [actuator[name] for name in names] == [0.0] * 5
+    names = ("decided_s", "confirmed_s", "quiet_s", "suspect_s", "z_s", "z_tail")
+    assert [actuator[name] for name in names] == [0.0] * 6
     assert [actuator[f"long_{name}"] for name in ("var_u", "cov", "var_y")] == [0.0] * 3
 
 
@@ -225,6 +226,7 @@ def test_a_stuck_surface_that_jumps_is_tried_again(side: float) -> None:
         actuator = gone(**still, measured=measured)
         decided(actuator, 1, is_throttle=is_throttle)
         assert actuator["decided_s"] == pytest.approx(decided_s)
+        assert (actuator["z_tail"] > 0.0) == (decided_s == 0.0)
 
 
 def tried(rho: float, seconds: float, noise: float = 0.02, suspect_s: float = 0.0) -> np.void:

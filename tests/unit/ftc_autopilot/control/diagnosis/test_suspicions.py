@@ -165,6 +165,17 @@ def test_each_actuator_is_checked_once_after_the_start() -> None:
         assert actuator["suspect_s"] == pytest.approx(0.6 - 0.039, abs=1.1e-3)
 
 
+def test_only_a_jump_has_a_tail() -> None:
+    """Movements after a drift, at the control check or at the stop are judged without one."""
+    assert shown(2.1)["z_tail"] == 1.0
+    assert shown(0.6, limits=SMOOTH, smooth=0.6)["z_tail"] == 1.0
+    drifted = shown(3.3, mean=3.3, smooth=3.3)
+    checked = shown(0.5, 0.06, LIMITS._replace(check=0.06))
+    for without in (drifted, checked, stopped(9.0, 101, z_tail=0.3)):
+        assert phase_of(without) == SUSPECT
+        assert without["z_tail"] == 0.0
+
+
 # the stop test
 
 

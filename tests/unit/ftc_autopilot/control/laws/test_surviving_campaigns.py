@@ -51,6 +51,13 @@ def test_a_stuck_surface_is_survived_and_no_other_one_blamed(
 
 
 @pytest.mark.slow
+def test_a_rudder_stuck_far_from_its_command_is_found_by_its_first_movement_back() -> None:
+    """The tail of its jump once passed for a movement of its own, for up to 176 ms."""
+    for row in results("stuck_surface", (123, 185, 187), "rudder"):
+        assert row["uav3.detection_s"] < 0.08
+
+
+@pytest.mark.slow
 def test_an_aircraft_that_needs_nearly_all_of_its_rudder_gets_it() -> None:
     """They need 34.5 of 35 deg: a rudder held 1.2 deg short of its stop was never sent the rest."""
     flights, chosen = rows("stuck_surface", (28, 41), "aileron_real")
