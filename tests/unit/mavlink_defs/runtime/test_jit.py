@@ -85,8 +85,12 @@ def project(tmp_path: Path) -> Path:
 
 
 def run(project: Path) -> list[str]:
-    """Value, variants of the inner function in the cache, and whether the others came from it."""
-    env = os.environ | {"NUMBA_CACHE_DIR": str(project / "cache"), "NUMBA_DISABLE_JIT": "0"}
+    """Value, variants of the inner function in the cache, and whether the others came from it.
+
+    Without .pyc: Python takes a file changed within a second, and as long as before, for the same.
+    """
+    own = {"NUMBA_CACHE_DIR": str(project / "cache"), "NUMBA_DISABLE_JIT": "0"}
+    env = os.environ | own | {"PYTHONDONTWRITEBYTECODE": "1"}
     command = [sys.executable, "-c", RUN]
     done = subprocess.run(
         command, check=False, cwd=project, env=env, capture_output=True, text=True
