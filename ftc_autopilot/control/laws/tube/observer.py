@@ -2,10 +2,8 @@
 
 Model error, faults and disturbances are lumped into an acceleration d_v and an angular
 acceleration d_ω, each with its slope. The accelerometer measures d_v but for its noise; the
-angular acceleration is not measured, so a Luenberger observer finds d_ω from the gyro, and with it
-the angular velocity without most of the gyro's noise. Its poles are those of a Butterworth filter
-of third order, to which a steady Kalman filter leads if d_ω' is a random walk and the gyro's noise
-white: with the same lag behind a changing d_ω, a triple pole lets pass 1.4 times as much noise.
+angular acceleration is not measured, so a Luenberger observer with a triple pole finds d_ω from
+the gyro, and with it the angular velocity without most of the gyro's noise.
 """
 
 import numpy as np
@@ -26,11 +24,11 @@ def observe(
 ) -> None:
     """Advance the estimates of d_v, d_ω, their slopes, and ω by one period.
 
-    With τ the memory, the innovations i and the poles 1/2τ (twice) and, on a circle, 1/τ:
+    With τ the memory, the innovations i and the poles 1/2τ (twice) and 1/τ (thrice):
 
         d_v  += dt (d_v' + i/τ),    d_v' += dt i/(4τ²),    i = f - (F0 + T e_x)/m - d_v
-        ω̂    += dt (ω̇_0 + d_ω + 2 i/τ),    i = ω - (ω̂ + dt (ω̇_0 + d_ω))
-        d_ω  += dt (d_ω' + 2 i/τ²),   d_ω' += dt i/τ³
+        ω̂    += dt (ω̇_0 + d_ω + 3 i/τ),    i = ω - (ω̂ + dt (ω̇_0 + d_ω))
+        d_ω  += dt (d_ω' + 3 i/τ²),   d_ω' += dt i/τ³
 
     Args:
         now: The present step.
@@ -65,7 +63,7 @@ def observe(
         j = 3 + i
         predicted = before[i] + dt * (known[i] + d[j])
         innovation = motion.omega[i] - predicted
-        omega[i] = predicted + min(2.0 * pole * dt, 1.0) * innovation
-        d[j] += dt * (slope[j] + 2.0 * pole * pole * innovation)
+        omega[i] = predicted + min(3.0 * pole * dt, 1.0) * innovation
+        d[j] += dt * (slope[j] + 3.0 * pole * pole * innovation)
         slope[j] += dt * pole * pole * pole * innovation
         state["v"][i] = motion.v[i]

@@ -100,7 +100,7 @@ class Tube(FaultTolerant):
         "m/s", gt=0.0, default=0.22, doc="Half the width of the airspeed's tube."
     )
     width_deg: tuple[_Width, _Width, _Width] = Field(
-        default=(0.27, 0.15, 1.22), description="Half the widths of the angles' tubes [deg]."
+        default=(0.30, 0.14, 1.22), description="Half the widths of the angles' tubes [deg]."
     )
     widening: _Shares = Field(
         default=(0.18, 0.135, 0.06, 0.07),
@@ -150,8 +150,8 @@ class Tube(FaultTolerant):
         "s",
         gt=0.0,
         le=10.0,
-        default=0.055,
-        doc="Memory of the observer of the angular velocity: one over its corner frequency.",
+        default=0.06,
+        doc="Memory of the observer of the angular velocity.",
     )
     persistence_s: float = quantity(
         "s",
