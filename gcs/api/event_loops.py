@@ -96,6 +96,8 @@ class _FlightThread(Generic[T]):
             self.done.set_result(asyncio.run(self._main()))
         except BaseException as problem:  # which the other thread raises
             self.done.set_exception(problem)
+        finally:  # without a loop, too, as when too many files are open
+            self._began.set()
 
     async def _main(self) -> T:
         task, loop = asyncio.current_task(), asyncio.get_running_loop()

@@ -123,6 +123,27 @@ def test_ctrl_c_in_a_coroutine(tmp_path: Path, how: str, times: int) -> None:
         assert mark.ended == "interrupted"
 
 
+WITHOUT_FILES = """
+import asyncio, resource
+from gcs.api.event_loops import beside_any_loop
+
+async def flown():
+    resource.setrlimit(resource.RLIMIT_NOFILE, (3, resource.getrlimit(resource.RLIMIT_NOFILE)[1]))
+    beside_any_loop(lambda: asyncio.sleep(0.0))
+
+try:
+    asyncio.run(flown())
+except OSError as problem:
+    print(problem.strerror)
+"""
+
+
+def test_without_room_for_another_event_loop_the_call_ends() -> None:
+    command = [sys.executable, "-c", WITHOUT_FILES]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
+    assert done.stdout == "Too many open files\n", done.stderr
+
+
 def test_many_flights_come_in_order_on_all_cores(in_process: Flight) -> None:
     masses = [0.9, 0.95, 1.0, 1.05, 1.1]
     changes = [{**SHORT, "uncertainty.mass": mass} for mass in masses]
