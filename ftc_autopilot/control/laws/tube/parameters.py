@@ -100,7 +100,7 @@ class Tube(FaultTolerant):
         "m/s", gt=0.0, default=0.22, doc="Half the width of the airspeed's tube."
     )
     width_deg: tuple[_Width, _Width, _Width] = Field(
-        default=(0.40, 0.13, 1.22), description="Half the widths of the angles' tubes [deg]."
+        default=(0.30, 0.14, 1.22), description="Half the widths of the angles' tubes [deg]."
     )
     widening: _Shares = Field(
         default=(0.18, 0.135, 0.06, 0.07),
@@ -147,7 +147,11 @@ class Tube(FaultTolerant):
         "s", gt=0.0, le=10.0, default=0.03, doc="Memory of the observer of the specific force."
     )
     rates_observer_s: float = quantity(
-        "s", gt=0.0, le=10.0, default=0.045, doc="Memory of the observer of the angular velocity."
+        "s",
+        gt=0.0,
+        le=10.0,
+        default=0.06,
+        doc="Memory of the observer of the angular velocity.",
     )
     persistence_s: float = quantity(
         "s",

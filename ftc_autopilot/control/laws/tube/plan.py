@@ -14,6 +14,7 @@ class Plan(NamedTuple):
     """A change of one command."""
 
     change: float
+    first: int  # first row that it counts
     leaves: int  # row in which the error leaves its share of the tube; the number of rows: never
 
 
@@ -69,4 +70,4 @@ def best_change(
         along -= weight * influence[k] * error[k]
         squared += weight * influence[k] * influence[k]
     change = along / squared if squared > 0.0 else 0.0
-    return Plan(clamp(change, low, high), leaves)
+    return Plan(clamp(change, low, high), first, leaves)
