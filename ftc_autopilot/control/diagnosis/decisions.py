@@ -138,7 +138,8 @@ def watch_stop(actuator: np.void, limits: Limits, at_stop: bool, dt: float, gain
     """Suspect an actuator whose command has been at its stop for a time, with a large residual.
 
     A law that counteracts what a lost surface does ends there, and as the command stands still, no
-    other test sees it. The cooldown does not hold: the aircraft may be overturning.
+    other test sees it. The cooldown does not hold: the aircraft may be overturning. A residual that
+    was as large when the surface was seen to follow is the wrong model's, and counts no more.
 
     Args:
         actuator: Record of dtype `ACTUATOR`, updated in place.
@@ -150,7 +151,8 @@ def watch_stop(actuator: np.void, limits: Limits, at_stop: bool, dt: float, gain
     if actuator["suspect_s"] > 0.0:
         return
     r = actuator["measured"] - actuator["effectiveness"] * actuator["commanded"]
-    counts = at_stop and actuator["lost"] == 0 and abs(r) > limits.jump
+    explained = _is_explained(actuator, r, limits, gains)
+    counts = at_stop and actuator["lost"] == 0 and abs(r) > limits.jump and not explained
     if stop_suspected(actuator, gains):
         actuator["stop_s"] = -gains["stop_holdoff_s"]
     elif not counts:
@@ -159,6 +161,20 @@ def watch_stop(actuator: np.void, limits: Limits, at_stop: bool, dt: float, gain
         actuator["stop_s"] += dt
         if stop_suspected(actuator, gains):
             _suspect(actuator, limits, r, math.inf, False, gains)
+
+
+@compiled
+def _is_explained(actuator: np.void, r: float, limits: Limits, gains: np.void) -> bool:
+    """Return whether the residual has been about the same since the surface was seen to follow.
+
+    Of one that swings this says nothing: it may have been seen when it went the right way.
+    """
+    same = (
+        abs(r - actuator["followed"]) <= limits.jump and actuator["swings"] < gains["stop_swings"]
+    )
+    if not same and actuator["holdoff_s"] <= 0.0:
+        actuator["followed"] = math.nan
+    return bool(same)
 
 
 @compiled
@@ -222,6 +238,7 @@ def decide(
     actuator["confidence"] = max(0.0, 1.0 - found.error)
     actuator["decided_s"] += dt
     if actuator["lost"] == 0:
+        r = actuator["measured"] - actuator["effectiveness"] * actuator["commanded"]
         enough = max(limits.excitation, gains["excitation_sigma"] * math.sqrt(actuator["variance"]))
         long_enough = actuator["samples"] * dt > gains["least_window_s"]
         moved = math.sqrt(actuator["var_u"]) if long_enough else 0.0
@@ -231,6 +248,7 @@ def decide(
             actuator["followed_s"] = 0.0
         if actuator["followed_s"] > limits.confirm and actuator["suspect_s"] > 0.0:
             actuator["suspect_s"] = 0.0
+            actuator["followed"] = r
             actuator["holdoff_s"] = min(actuator["holdoff_s"], gains["cleared_holdoff_s"])
             if is_check:
                 actuator["cooldown_s"] = 0.0

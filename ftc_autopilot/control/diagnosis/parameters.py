@@ -153,6 +153,7 @@ class DiagnosisParameters(Model):
     swing: float = _number(0.75, "Swings: least residual, relative to the jump test's threshold.")
     stop_s: float = _time(0.1, "Stop test: the command at its stop, the residual large, so long.")
     stop_holdoff_s: float = _time(0.2, "Stop test: hold-off after a suspicion that it has raised.")
+    stop_swings: float = _number(0.5, "Stop test: more swings, and to have followed says nothing.")
     loss_start_s: float = _time(0.06, "Loss: inhibited at first, while the filters settle.")
     excitation_sigma: float = _number(2.1, "Persistent excitation: least, relative to noise.")
     least_window_s: float = _time(0.006, "Persistent excitation: shortest window.")

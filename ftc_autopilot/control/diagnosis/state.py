@@ -20,6 +20,7 @@ ACTUATOR = np.dtype(
         ("smooth_variance", "f8"),  # of the smoothed r about the mean
         ("side", "f8"),  # on which that was last far
         ("swings", "f8"),  # how often it changed, with forgetting
+        ("followed", "f8"),  # r when it was last seen to follow; NaN once r is another
         ("drift_mean", "f8"),  # slower mean of r, from which r may drift
         # regression y = ρ u + f over the window
         ("samples", "f8"),
