@@ -84,6 +84,7 @@ TESTS = {
     f"{_C}/diagnosis/regression.py": (f"{_C}/diagnosis/test_regression", *_DIAGNOSIS),
     f"{_C}/diagnosis/instrument.py": (f"{_C}/diagnosis/test_instrument", *_DIAGNOSIS),
     f"{_C}/diagnosis/decisions.py": _DIAGNOSIS,
+    f"{_C}/diagnosis/suspicions.py": _DIAGNOSIS,
     f"{_C}/diagnosis/diagnose.py": (f"{_C}/diagnosis/test_measurement", *_DIAGNOSIS),
     f"{_C}/diagnosis/excitation.py": (f"{_C}/diagnosis/test_excitation", *_DIAGNOSIS),
     f"{_P}/aerodynamics.py": (*_PLANT, f"{_P}/test_aerodynamics"),

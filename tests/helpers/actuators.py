@@ -9,9 +9,9 @@ import numpy as np
 
 from ftc_autopilot.common.records import fill, record_dtype
 from ftc_autopilot.control.diagnosis import DiagnosisParameters
-from ftc_autopilot.control.diagnosis.decisions import monitor
 from ftc_autopilot.control.diagnosis.parameters import Limits
 from ftc_autopilot.control.diagnosis.state import ACTUATOR
+from ftc_autopilot.control.diagnosis.suspicions import monitor
 from sitl_plant.hardware import ActuatorServos
 
 DT, FILTER_S = 1e-3, 0.01

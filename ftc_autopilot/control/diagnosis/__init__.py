@@ -2,7 +2,7 @@
 
 Each actuator has a scalar measurement of what it does (`measurement`), a regression of that on
 the commands over a short window (`regression`), and a phase: healthy, suspect, lost
-(`decisions`). Small movements of the commands add the excitation that the flight lacks
+(`suspicions`, `decisions`). Small movements of the commands add the excitation that the flight lacks
 (`excitation`). Nothing here knows of fault commands.
 """
 

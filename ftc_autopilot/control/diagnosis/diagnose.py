@@ -4,11 +4,12 @@ import math
 
 import numpy as np
 
-from ftc_autopilot.control.diagnosis.decisions import decide, monitor, phase_of, watch_stop
+from ftc_autopilot.control.diagnosis.decisions import decide, phase_of
 from ftc_autopilot.control.diagnosis.instrument import restart_instrument
 from ftc_autopilot.control.diagnosis.measurement import measure, past_dither, restart_command
 from ftc_autopilot.control.diagnosis.parameters import limits_of
 from ftc_autopilot.control.diagnosis.regression import long_estimate
+from ftc_autopilot.control.diagnosis.suspicions import monitor, watch_stop
 from ftc_autopilot.control.step import SignalsRecord, Step
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined

@@ -135,6 +135,9 @@ class DiagnosisParameters(Model):
         0.015, "Jump test: filter of the smoothed residual, against gyro noise."
     )
     sigma_s: float = _time(5.0, "Jump test: memory of the residual's variance (EWMA).")
+    explained_start_s: float = _time(
+        2.0, "Jump test: before, nothing that the command explains is subtracted."
+    )
     first_sigma_s: float = _time(0.1, "Jump test: memory of the variance at first; it then grows.")
     slight: float = _number(2.0, "Jump test: a jump below this many thresholds is slight.")
     blanking: float = _number(1.5, "Blanking time, in `filter_s`: most of a step has passed then.")

@@ -18,6 +18,10 @@ ACTUATOR = np.dtype(
         ("variance", "f8"),  # of r about that mean
         ("smooth", "f8"),  # r through another filter
         ("smooth_variance", "f8"),  # of the smoothed r about the mean
+        ("smooth_u", "f8"),  # u through that filter
+        ("command_mean", "f8"),  # slow mean of u
+        ("moved_var_u", "f8"),  # of the smoothed u about it
+        ("moved_cov", "f8"),  # of it and the smoothed r: what of r the command explains
         ("side", "f8"),  # on which that was last far
         ("swings", "f8"),  # how often it changed, with forgetting
         ("followed", "f8"),  # r when it was last seen to follow; NaN once r is another

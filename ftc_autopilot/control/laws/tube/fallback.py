@@ -9,8 +9,8 @@ import math
 
 import numpy as np
 
-from ftc_autopilot.control.diagnosis.decisions import stop_suspected
 from ftc_autopilot.control.diagnosis.parameters import limits_of
+from ftc_autopilot.control.diagnosis.suspicions import stop_suspected
 from ftc_autopilot.control.step import Command, Step, Thresholds
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined

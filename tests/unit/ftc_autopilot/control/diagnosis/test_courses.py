@@ -11,9 +11,10 @@ from ftc_autopilot.common.motion import motion_of
 from ftc_autopilot.common.phases import LOST
 from ftc_autopilot.common.records import fill, record_dtype
 from ftc_autopilot.control.diagnosis import DIAGNOSIS, DiagnosisParameters
-from ftc_autopilot.control.diagnosis.decisions import decide, monitor
+from ftc_autopilot.control.diagnosis.decisions import decide
 from ftc_autopilot.control.diagnosis.excitation import dithered, dithered_thrust, probe, probed
 from ftc_autopilot.control.diagnosis.parameters import limits_of
+from ftc_autopilot.control.diagnosis.suspicions import monitor
 from ftc_autopilot.control.laws.surviving import Surviving
 from ftc_autopilot.control.triggers.static import PerChannel
 from gcs.scenario.model import Scenario

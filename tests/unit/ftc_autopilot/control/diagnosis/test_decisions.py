@@ -9,13 +9,10 @@ from actuators import DT, FILTER_S
 
 from ftc_autopilot.common.phases import HEALTHY, LOST, SUSPECT
 from ftc_autopilot.common.records import fill, record_dtype
-from ftc_autopilot.control.diagnosis.decisions import (
-    decide,
-    monitor,
-    phase_of,
-)
+from ftc_autopilot.control.diagnosis.decisions import decide, phase_of
 from ftc_autopilot.control.diagnosis.parameters import DiagnosisParameters
 from ftc_autopilot.control.diagnosis.state import ACTUATOR
+from ftc_autopilot.control.diagnosis.suspicions import monitor
 from sitl_plant.hardware import ActuatorServos
 
 DEGREE = math.radians(1.0)

@@ -7,8 +7,9 @@ import pytest
 from actuators import DT, GAINS, LIMITS, SMOOTH, actuator_with, shown
 
 from ftc_autopilot.common.phases import HEALTHY, LOST, SUSPECT
-from ftc_autopilot.control.diagnosis.decisions import monitor, phase_of, stop_suspected, watch_stop
+from ftc_autopilot.control.diagnosis.decisions import phase_of
 from ftc_autopilot.control.diagnosis.parameters import Limits
+from ftc_autopilot.control.diagnosis.suspicions import monitor, stop_suspected, watch_stop
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
