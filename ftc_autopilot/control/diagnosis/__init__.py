@@ -2,8 +2,8 @@
 
 Each actuator has a scalar measurement of what it does (`measurement`), a regression of that on
 the commands over a short window (`regression`), and a phase: healthy, suspect, lost
-(`suspicions`, `decisions`). Small movements of the commands add the excitation that the flight lacks
-(`excitation`). Nothing here knows of fault commands.
+(`suspicions`, `decisions`). Small movements of the commands add the excitation that the flight
+lacks (`excitation`). Nothing here knows of fault commands.
 """
 
 from ftc_autopilot.common.phases import HEALTHY, LOST, SUSPECT

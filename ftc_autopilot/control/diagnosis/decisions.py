@@ -151,9 +151,13 @@ def _estimates(
 
 @compiled
 def _is_cleared(found: _Estimates, moved: bool, actuator: np.void, gains: np.void) -> bool:
-    """Return whether an actuator follows: its command, if that moved, or its dither."""
+    """Return whether an actuator follows: its command, if that moved, or its dither.
+
+    One that swings may go along with its command by chance: its dither alone clears it.
+    """
     following = gains["following"] * actuator["effectiveness"]
-    by_command = moved and found.rho - found.error > following
+    by_chance = actuator["swings"] > gains["cleared_swings"]
+    by_command = moved and not by_chance and found.rho - found.error > following
     by_dither = found.by_dither - gains["cleared_sigma"] * found.dither_error > following
     return bool(by_command or by_dither)
 

@@ -170,6 +170,7 @@ class DiagnosisParameters(Model):
     dither_memory_s: float = _time(0.15, "Regression on the dither: memory of a suspicion.")
     cleared_sigma: float = _number(2.0, "Cleared: standard errors of that regression.")
     cleared_excitation: float = _number(0.7, "Cleared: excitation, relative to a loss's.")
+    cleared_swings: float = _number(1.5, "Cleared: more swings, and the command says nothing.")
     following: float = _number(0.5, "Cleared: effectiveness less its standard error above this.")
     return_start_s: float = _time(0.25, "Return test: inhibited until the probe has moved.")
     throttle_return_start_s: float = _time(0.3, "Return test: the same of the throttle.")

@@ -89,9 +89,9 @@ def test_nothing_is_learnt_without_being_asked_or_of_a_suspect(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("draw", [50, 27])
+@pytest.mark.parametrize("draw", [50, 55])
 def test_an_aircraft_whose_surfaces_are_unlike_the_models_needs_few_messages(draw: int) -> None:
-    """The worst of the first 80 draws without adaptation: aileron weak, elevator strong."""
+    """The worst of the first 80 draws without adaptation."""
     planned = plan(load_campaign(CAMPAIGN, draw + 1), CAMPAIGN)
     (row,) = [
         row
@@ -105,5 +105,5 @@ def test_an_aircraft_whose_surfaces_are_unlike_the_models_needs_few_messages(dra
         uavs = summarise(fly_in_process(scenario), scenario).uavs
         mean.append(np.mean([uav.events for uav in uavs]))
         assert [uav.false_alarms for uav in uavs] == [0, 0, 0]
-    assert mean[0] < 220
+    assert mean[0] < 200
     assert mean[0] < 0.85 * mean[1]

@@ -176,7 +176,7 @@ def test_the_width_of_the_tube_by_hand() -> None:
     build_tube(on_the_way(errors_with(1.0, 0.0, 0.0), command, reference), 40, gains, path, width)
     s = 0.015 * np.arange(1, 41)
     assert width[0] == pytest.approx(0.11 + (1.0 - 0.11) * np.exp(-s / 0.34))
-    assert width[1] == pytest.approx(np.full(40, math.radians(0.2)))
+    assert width[1] == pytest.approx(np.full(40, math.radians(0.15)))
     way = 0.2 * np.exp(-2.5 * s) * (1.0 + 2.5 * s + (2.5 * s) ** 2 / 2.0)
     assert path[2] == pytest.approx(way)
     assert width[2] == pytest.approx(math.radians(0.065) + 0.03 * way)
