@@ -75,15 +75,16 @@ def monitor(actuator: np.void, limits: Limits, age: float, dt: float, gains: np.
             actuator["long_var_u"] *= gains["remembered"]
             actuator["long_cov"] *= gains["remembered"]
         actuator["mean"] += dt / gains["mean_s"] * away
-        actuator["command_mean"] += dt / gains["mean_s"] * (u - actuator["command_mean"])
         if actuator["suspect_s"] == 0.0:  # else r moves because the commands do
             share = dt / clamp(age, gains["first_sigma_s"], gains["sigma_s"])
-            _learn_explained(actuator, clamp(whole_away, -smooth_jump, smooth_jump), share)
+            if in_service:
+                _learn_explained(actuator, clamp(whole_away, -smooth_jump, smooth_jump), share)
             moved = min(abs(smooth_away), smooth_jump)
             actuator["smooth_variance"] += share * (moved**2 - actuator["smooth_variance"])
             if age > limits.check:  # a fault from before the start would pass for noise
                 moved = min(abs(away), jump)
                 actuator["variance"] += share * (moved**2 - actuator["variance"])
+        actuator["command_mean"] += dt / gains["mean_s"] * (u - actuator["command_mean"])
         learn(actuator, limits.window, gains["long_s"], dt)
     actuator["suspect_s"] = max(actuator["suspect_s"] - dt, 0.0)
     blanking_s = actuator["blanking_s"]

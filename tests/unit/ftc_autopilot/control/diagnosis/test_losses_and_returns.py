@@ -112,6 +112,10 @@ CLEARED_BY: dict[str, tuple[dict[str, float], dict[str, float]]] = {
         {"cov": cov_for(0.344), "effectiveness": 0.6},
         {"cov": cov_for(0.341), "effectiveness": 0.6},
     ),
+    "without swings": (
+        {"cov": 1.3**2, "swings": 1.49},
+        {"cov": 1.3**2, "swings": 1.51},
+    ),
 }
 
 
@@ -125,7 +129,9 @@ def test_a_suspicion_ends_within_each_limit(name: str) -> None:
 
 
 def test_a_suspicion_ends_after_8_ms_without_a_break() -> None:
-    actuator = following(holdoff_s=0.2, cooldown_s=2.0)
+    actuator = following(
+        holdoff_s=0.2, cooldown_s=2.0, effectiveness=0.5, measured=7.0, commanded=3.0
+    )
     assert decided(actuator, 7) == SUSPECT
     actuator["cov"] = 0.0
     decided(actuator, 1)
@@ -134,6 +140,7 @@ def test_a_suspicion_ends_after_8_ms_without_a_break() -> None:
     assert decided(actuator, 2) == HEALTHY
     assert actuator["holdoff_s"] == 0.05
     assert actuator["cooldown_s"] == 2.0
+    assert actuator["followed"] == 7.0 - 0.5 * 3.0
     sooner = following(holdoff_s=0.02)
     assert decided(sooner, 10) == HEALTHY
     assert sooner["holdoff_s"] == 0.02

@@ -112,6 +112,39 @@ def test_what_a_suspect_actuator_shows_is_no_noise() -> None:
     assert before["smooth_variance"] < 0.25
 
 
+def explained(away: float, age: float = 3.0) -> int:
+    """Phase of an actuator whose command explains 0.4° of the smoothed residual, for 1° of it."""
+    moments = {"moved_cov": 0.4, "moved_var_u": 1.0 - 0.4**2}
+    command = {"smooth_u": 0.6, "command_mean": -0.4}
+    return phase_of(shown(away, age, SMOOTH, smooth=away, **moments, **command))
+
+
+def test_what_the_command_explains_is_no_jump() -> None:
+    for away, phase in ((0.89, HEALTHY), (0.91, SUSPECT), (-0.09, HEALTHY), (-0.11, SUSPECT)):
+        assert explained(away) == phase
+    for away, phase in ((0.49, HEALTHY), (0.51, SUSPECT), (-0.49, HEALTHY)):
+        assert explained(away, age=1.999) == phase
+
+
+@pytest.mark.parametrize(("smooth_jump", "moved"), [(np.inf, 0.66), (0.5, 0.5)])
+def test_what_the_command_explains_is_learnt_beside_the_variance(
+    smooth_jump: float, moved: float
+) -> None:
+    known: dict[str, Any] = {"mean": 0.2, "smooth": 0.8, "smooth_u": 1.05, "command_mean": 0.3}
+    known["holdoff_s"] = 0.1  # so that it raises no suspicion
+    moments = {"moved_var_u": 0.9, "moved_cov": -0.7}
+    limits = LIMITS._replace(smooth_jump=smooth_jump)
+    found = shown(1.7, 3.0, limits, **known, **moments)
+    u = 1.05 + DT / 0.015 * (0.6 - 1.05)
+    assert found["smooth_u"] == pytest.approx(u)
+    assert found["command_mean"] == pytest.approx(0.3 + DT / 0.15 * (0.6 - 0.3))
+    assert found["moved_var_u"] == pytest.approx(0.9 + DT / 3.0 * ((u - 0.3) ** 2 - 0.9))
+    assert found["moved_cov"] == pytest.approx(-0.7 + DT / 3.0 * (moved * (u - 0.3) + 0.7))
+    for other in ({"suspect_s": 0.3}, {"lost": 1}):
+        found = shown(1.7, 3.0, limits, **known, **moments, **other)
+        assert [found[name] for name in moments] == list(moments.values())
+
+
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_drift_counts_beyond_1_6_thresholds(side: float) -> None:
     def drifted(by: float, age: float = 3.0, **fields: Any) -> np.void:
@@ -216,3 +249,27 @@ def test_the_time_at_the_stop_is_counted_without_a_break() -> None:
     actuator["stop_s"] = -0.15
     watch_stop(actuator, LIMITS, False, DT, GAINS)
     assert actuator["stop_s"] == -0.15
+
+
+def test_a_residual_as_large_as_when_the_surface_followed_is_the_models() -> None:
+    """Within one jump, and of a surface that does not swing."""
+    for followed in (7.01, 10.99):
+        assert phase_of(stopped(9.0, 200, followed=followed)) == HEALTHY
+        assert phase_of(stopped(9.0, 200, followed=followed, swings=0.49)) == HEALTHY
+        assert phase_of(stopped(9.0, 200, followed=followed, swings=0.51)) == SUSPECT
+    for followed in (6.99, 11.01, -9.0, 0.0):
+        assert phase_of(stopped(9.0, 200, followed=followed)) == SUSPECT
+
+
+@pytest.mark.parametrize(("holdoff_s", "phase"), [(0.01, HEALTHY), (0.0, SUSPECT)])
+def test_once_the_residual_is_another_that_it_followed_says_nothing(
+    holdoff_s: float, phase: int
+) -> None:
+    """Unless it is on its way back from the dither."""
+    actuator = stopped(9.0, 1, followed=9.0)
+    actuator["measured"], actuator["holdoff_s"] = 15.0 + 12.0, holdoff_s
+    watch_stop(actuator, LIMITS, True, DT, GAINS)
+    actuator["measured"] = 15.0 + 9.0
+    for _ in range(200):
+        watch_stop(actuator, LIMITS, True, DT, GAINS)
+    assert phase_of(actuator) == phase
