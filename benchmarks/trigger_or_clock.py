@@ -5,7 +5,7 @@
     python -m benchmarks.trigger_or_clock --laws tube --set controller.tube_scale=0.7
     python -m benchmarks.trigger_or_clock --laws tube --turbulence none --seeds 12
 
-Another seed draws other gusts and noise; with several each figure is the mean, that of `saved` with
+Another seed draws other gusts and noise; with several each figure is the mean, `saved` also with
 the least and the most. A clock tracks as well if no IAE of any UAV is more than 1 % above the
 triggered flight's.
 """

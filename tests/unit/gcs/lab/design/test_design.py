@@ -126,7 +126,7 @@ def test_a_similar_aircraft_flies_the_same_flight(law: str, stuck: str | None) -
         tree["aircraft"] = airframe.aircraft.model_dump(exclude_none=True)
         if stuck is not None:
             # with a rudder at 0° it turns round and round, and the last digit decides
-            stuck_deg = 15.0 if stuck == "rudder" else 0.0
+            stuck_deg = 14.0 if stuck == "rudder" else 0.0
             fault = {"uav": 1, "actuator": stuck, "stuck_deg": stuck_deg, "start_s": 10.0 * time}
             tree["faults"] = [fault]
         scenario = scenario_of("x", tree)
