@@ -112,18 +112,22 @@ def test_what_a_suspect_actuator_shows_is_no_noise() -> None:
     assert before["smooth_variance"] < 0.25
 
 
-def explained(away: float, age: float = 3.0) -> int:
-    """Phase of an actuator whose command explains 0.4° of the smoothed residual, for 1° of it."""
+def explained(away: float, age: float = 3.0) -> np.void:
+    """An actuator whose command explains 0.4° of the smoothed residual, for 1° of it."""
     moments = {"moved_cov": 0.4, "moved_var_u": 1.0 - 0.4**2}
     command = {"smooth_u": 0.6, "command_mean": -0.4}
-    return phase_of(shown(away, age, SMOOTH, smooth=away, **moments, **command))
+    return shown(away, age, SMOOTH, smooth=away, **moments, **command)
 
 
 def test_what_the_command_explains_is_no_jump() -> None:
     for away, phase in ((0.89, HEALTHY), (0.91, SUSPECT), (-0.09, HEALTHY), (-0.11, SUSPECT)):
-        assert explained(away) == phase
+        assert phase_of(explained(away)) == phase
     for away, phase in ((0.49, HEALTHY), (0.51, SUSPECT), (-0.49, HEALTHY)):
-        assert explained(away, age=1.999) == phase
+        assert phase_of(explained(away, age=1.999)) == phase
+    known: dict[str, Any] = {"moved_cov": 0.8, "moved_var_u": 1.0 - 0.4**2, "command_mean": -0.4}
+    against = shown(0.2, limits=SMOOTH, smooth=0.2, smooth_u=0.6, **known)
+    assert phase_of(against) == SUSPECT
+    assert against["dither_sign"] == 1.0  # against what it does not explain, -0.6°
 
 
 @pytest.mark.parametrize(("smooth_jump", "moved"), [(np.inf, 0.66), (0.5, 0.5)])
