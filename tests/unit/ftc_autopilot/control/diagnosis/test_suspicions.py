@@ -114,8 +114,8 @@ def test_what_a_suspect_actuator_shows_is_no_noise() -> None:
 
 def explained(away: float, age: float = 3.0) -> np.void:
     """An actuator whose command explains 0.4° of the smoothed residual, for 1° of it."""
-    moments = {"moved_cov": 0.4, "moved_var_u": 1.0 - 0.4**2}
-    command = {"smooth_u": 0.6, "command_mean": -0.4}
+    moments: dict[str, Any] = {"moved_cov": 0.4, "moved_var_u": 1.0 - 0.4**2}
+    command: dict[str, Any] = {"smooth_u": 0.6, "command_mean": -0.4}
     return shown(away, age, SMOOTH, smooth=away, **moments, **command)
 
 
@@ -136,7 +136,7 @@ def test_what_the_command_explains_is_learnt_beside_the_variance(
 ) -> None:
     known: dict[str, Any] = {"mean": 0.2, "smooth": 0.8, "smooth_u": 1.05, "command_mean": 0.3}
     known["holdoff_s"] = 0.1  # so that it raises no suspicion
-    moments = {"moved_var_u": 0.9, "moved_cov": -0.7}
+    moments: dict[str, Any] = {"moved_var_u": 0.9, "moved_cov": -0.7}
     limits = LIMITS._replace(smooth_jump=smooth_jump)
     found = shown(1.7, 3.0, limits, **known, **moments)
     u = 1.05 + DT / 0.015 * (0.6 - 1.05)
@@ -144,8 +144,8 @@ def test_what_the_command_explains_is_learnt_beside_the_variance(
     assert found["command_mean"] == pytest.approx(0.3 + DT / 0.15 * (0.6 - 0.3))
     assert found["moved_var_u"] == pytest.approx(0.9 + DT / 3.0 * ((u - 0.3) ** 2 - 0.9))
     assert found["moved_cov"] == pytest.approx(-0.7 + DT / 3.0 * (moved * (u - 0.3) + 0.7))
-    for other in ({"suspect_s": 0.3}, {"lost": 1}):
-        found = shown(1.7, 3.0, limits, **known, **moments, **other)
+    for other in ({"suspect_s": 0.3}, {"lost": 1.0}):
+        found = shown(1.7, 3.0, limits, **known | moments | other)
         assert [found[name] for name in moments] == list(moments.values())
 
 
