@@ -104,11 +104,12 @@ def test_every_point_is_in_the_tables(tmp_path: Path) -> None:
     assert done.stdout.count(" lost  ") == 2
 
     before = {path: path.stat().st_mtime_ns for path in (folder / "results").iterdir()}
-    again = sweep(*arguments, "--quiet", "--uav", "1")
-    assert (again.returncode, again.stderr) == (0, "")
+    quiet = sweep(*arguments, "--quiet", "--uav", "1")
+    assert (quiet.returncode, quiet.stderr) == (0, "")
     assert {path: path.stat().st_mtime_ns for path in (folder / "results").iterdir()} == before
     number = next(row["row"] for row in rows if row["faults[0].stuck_n"] == "900")
-    flown = run("gcs", "fly", "--campaign", folder, "--row", number, "--in-process", "--quiet")
+    again = ("fly", "--campaign", folder, "--row", number, "--out", tmp_path / "run")
+    flown = run("gcs", *again, "--in-process", "--quiet")
     assert flown.returncode == 0, flown.stderr
 
 
