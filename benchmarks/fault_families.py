@@ -117,6 +117,16 @@ def constant(rng: random.Random) -> tuple[list[Fault], Keys]:
     return [fault], {}
 
 
+def pair(rng: random.Random) -> tuple[list[Fault], Keys]:
+    """Two constant faults of different actuators, at once or one after the other."""
+    faults: list[Fault] = []
+    while len(faults) < 2:
+        (fault,), _ = constant(rng)
+        if fault["actuator"] not in [other["actuator"] for other in faults]:
+            faults.append(fault)
+    return faults, {}
+
+
 def wrong_model(rng: random.Random) -> tuple[list[Fault], Keys]:
     """No fault; mass, inertia and coefficients up to 30 % off."""
     tree = scenario_tree("paper/scenario1")
@@ -157,6 +167,7 @@ FAMILIES: dict[str, Callable[[random.Random], tuple[list[Fault], Keys]]] = {
         drift,
         hardover,
         constant,
+        pair,
         wrong_model,
         dead_time,
         known_delay,
