@@ -21,7 +21,7 @@ from statistics import fmean
 from typing import Any, NamedTuple
 
 from gcs.fleet.in_process import fly_in_process
-from gcs.lab.baselines.baseline import Search
+from gcs.lab.baselines.baseline import Search, saved
 from gcs.lab.baselines.senders import (
     FINE,
     Verdict,
@@ -101,20 +101,22 @@ class Compared(NamedTuple):
 
 def cells_of(compared: Sequence[Compared]) -> list[str]:
     """Return comparisons of several seeds, as texts: their means."""
-    sent = [f"{fmean(each.transmissions for each in compared):.0f}"]
-    sent.append(f"{fmean(each.messages for each in compared):.0f}")
+    counts = [
+        f"{fmean(each.transmissions for each in compared):.0f}",
+        f"{fmean(each.messages for each in compared):.0f}",
+    ]
     if any(each.is_lost for each in compared):
-        return [*sent, "lost", "-", "-"]
+        return [*counts, "lost", "-", "-"]
     found = [(each.transmissions, each.slowest) for each in compared if each.slowest is not None]
     if len(found) < len(compared):
-        return [*sent, "none", "-", "-"]
+        return [*counts, "none", "-", "-"]
     period_ms = 1e3 * fmean(slowest.sender.period_s for _, slowest in found)
     count = fmean(slowest.transmissions for _, slowest in found)
-    shares = [100.0 * (1.0 - by_trigger / slowest.transmissions) for by_trigger, slowest in found]
+    shares = [100.0 * (saved(sent, slowest.transmissions) or 0.0) for sent, slowest in found]
     share = f"{fmean(shares):.1f} %"
     if len(shares) > 1:
         share += f" ({min(shares):.1f} to {max(shares):.1f})"
-    return [*sent, f"{period_ms:.0f} ms", f"{count:.0f}", share]
+    return [*counts, f"{period_ms:.0f} ms", f"{count:.0f}", share]
 
 
 def compare(scenario: Scenario, fly_all: Any) -> Compared:

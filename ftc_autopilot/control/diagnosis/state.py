@@ -24,7 +24,7 @@ ACTUATOR = np.dtype(
         ("moved_cov", "f8"),  # of it and the smoothed r: what of r the command explains
         ("side", "f8"),  # on which that was last far
         ("swings", "f8"),  # how often it changed, with forgetting
-        ("followed", "f8"),  # r when it was last seen to follow; NaN once r is another
+        ("followed", "f8"),  # r when it was last seen to follow; 0 once r is another
         ("drift_mean", "f8"),  # slower mean of r, from which r may drift
         # regression y = ρ u + f over the window
         ("samples", "f8"),

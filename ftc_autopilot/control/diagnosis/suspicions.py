@@ -154,8 +154,8 @@ def watch_stop(actuator: np.void, limits: Limits, at_stop: bool, dt: float, gain
     if actuator["suspect_s"] > 0.0:
         return
     r = actuator["measured"] - actuator["effectiveness"] * actuator["commanded"]
-    explained = _is_explained(actuator, r, limits, gains)
-    counts = at_stop and actuator["lost"] == 0 and abs(r) > limits.jump and not explained
+    unchanged = _is_unchanged(actuator, r, limits, gains)
+    counts = at_stop and actuator["lost"] == 0 and abs(r) > limits.jump and not unchanged
     if stop_suspected(actuator, gains):
         actuator["stop_s"] = -gains["stop_holdoff_s"]
     elif not counts:
@@ -167,7 +167,7 @@ def watch_stop(actuator: np.void, limits: Limits, at_stop: bool, dt: float, gain
 
 
 @compiled
-def _is_explained(actuator: np.void, r: float, limits: Limits, gains: np.void) -> bool:
+def _is_unchanged(actuator: np.void, r: float, limits: Limits, gains: np.void) -> bool:
     """Return whether the residual has been about the same since the surface was seen to follow.
 
     Of one that swings this says nothing: it may have been seen when it went the right way.
@@ -176,7 +176,7 @@ def _is_explained(actuator: np.void, r: float, limits: Limits, gains: np.void) -
         abs(r - actuator["followed"]) <= limits.jump and actuator["swings"] < gains["stop_swings"]
     )
     if not same and actuator["holdoff_s"] <= 0.0:
-        actuator["followed"] = math.nan
+        actuator["followed"] = 0.0
     return bool(same)
 
 

@@ -107,8 +107,10 @@ def check(
             _predict_errors(start, commands, h, rows, aircraft, path, error)
         plan = _plan(now, o, together, start, commands, aircraft, gains, tables)
         least_s = 0.0 if is_sent else gains["gain_s"]
-        # A plan of the yaw begins later than it is sent for: what leaves before, no plan keeps in.
-        if o == YAW and not together and not _is_suspect(channels, state):
+        # A rudder's plan begins later than it is sent for: what leaves before, no plan keeps in.
+        # The moves of a suspect rudder show what it is.
+        is_suspect = state["fallback"]["diagnosis"]["actuators"][RUDDER]["suspect_s"] > 0.0
+        if o == YAW and not together and not is_suspect:
             leaves = plan.first + first_exit(error[o, plan.first :], width[o, plan.first :])
         worth = abs(plan.change) > _NO_CHANGE and (plan.leaves - leaves) * h >= least_s
         if not (now.first or by_clock or worth):
@@ -149,16 +151,6 @@ def _have_rested(now: Step, channels: int, gains: np.void, state: np.void) -> bo
         if channels & (1 << c) and rest < gains["dwell_s"] - _ROUNDING_S:
             return False
     return True
-
-
-@inlined
-def _is_suspect(channels: int, state: np.void) -> bool:
-    """Return whether one of some channels, a bit mask, is suspect: its moves show what it is."""
-    actuators = state["fallback"]["diagnosis"]["actuators"]
-    for c in range(N_CHANNELS):
-        if channels & (1 << c) and actuators[c]["suspect_s"] > 0.0:
-            return True
-    return False
 
 
 @inlined

@@ -147,11 +147,7 @@ class Tube(FaultTolerant):
         "s", gt=0.0, le=10.0, default=0.03, doc="Memory of the observer of the specific force."
     )
     rates_observer_s: float = quantity(
-        "s",
-        gt=0.0,
-        le=10.0,
-        default=0.06,
-        doc="Memory of the observer of the angular velocity.",
+        "s", gt=0.0, le=10.0, default=0.06, doc="Memory of the observer of the angular velocity."
     )
     persistence_s: float = quantity(
         "s",
