@@ -11,6 +11,7 @@ from ftc_autopilot.control.laws.pid import Pid
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.laws.surviving import Surviving
 from ftc_autopilot.control.laws.tube import Tube
+from ftc_autopilot.control.pairing import is_coupled
 from ftc_autopilot.control.triggers.periodic import Periodic
 from ftc_autopilot.control.triggers.static import Consequence, PerChannel
 from gcs.scenario.model import Scenario
@@ -105,12 +106,35 @@ TUBES: dict[str, tuple[dict[str, Any], Any, tuple[Fault, ...]]] = {
 }  # fmt: skip
 
 
+COUPLED: dict[str, tuple[Any, tuple[Fault, ...]]] = {
+    "healthy": (Consequence(), ()),
+    "clock": (Periodic(period_s=0.06, rudder_period_s=0.09), ()),
+    "no_rudder": (Consequence(), (Fault(RUDDER, 0.0, 20.0, 0.0, 0.3, math.inf),)),
+}
+
+
+def fly_tube(
+    name: str, law: Tube, trigger: Any, faults: tuple[Fault, ...], scenario: Scenario
+) -> None:
+    plant = plant_of(scenario)
+    for fault in faults:
+        add_fault(plant.faults[0], fault, now_s=0.0)
+    pilot = Pilot(law.with_servos(SERVOS), trigger, scenario.aircraft, 0.004)
+    fly_along(Course(f"tube_{name}"), pilot, plant, 1.0)
+
+
 @pytest.mark.parametrize("name", TUBES)
 def test_the_tube_law_in_flight(name: str, scenario1: Scenario) -> None:
     parameters, trigger, faults = TUBES[name]
-    plant = plant_of(scenario1)
-    for fault in faults:
-        add_fault(plant.faults[0], fault, now_s=0.0)
-    law = Tube.model_validate(parameters).with_servos(SERVOS)
-    pilot = Pilot(law, trigger, scenario1.aircraft, 0.004)
-    fly_along(Course(f"tube_{name}"), pilot, plant, 1.0)
+    fly_tube(name, Tube.model_validate(parameters), trigger, faults, scenario1)
+
+
+@pytest.mark.parametrize("name", COUPLED)
+def test_the_tube_law_with_aileron_and_rudder_together(name: str, scenario1: Scenario) -> None:
+    """The aileron yaws three times as much: relative gain 0.67."""
+    trigger, faults = COUPLED[name]
+    tree = scenario1.model_dump(exclude_none=True)
+    tree["aircraft"]["coefficients"]["cn_da"] *= 3.0
+    scenario = Scenario.model_validate(tree)
+    assert is_coupled(scenario.aircraft)
+    fly_tube(f"coupled_{name}", Tube(), trigger, faults, scenario)
