@@ -231,6 +231,8 @@ def main() -> int:
     )
     parser.add_argument("--seed", type=int, default=1, help="by which they are drawn")
     arguments = parser.parse_args()
+    if os.environ.get("NUMBA_DISABLE_JIT") != "1":
+        parser.error("compiled code would not notice a change: set NUMBA_DISABLE_JIT=1")
     os.chdir(ROOT)
     mutants = {}
     for module in arguments.modules or TESTS:
