@@ -14,7 +14,7 @@ from pathlib import Path
 from ftc_autopilot.autopilot import Autopilot, log
 from ftc_autopilot.config import PLUGIN_FAILED, AutopilotConfig
 from ftc_autopilot.hot.loop import new_loops, run
-from ftc_autopilot.plugins.loading import PluginError
+from ftc_autopilot.plugins.errors import PluginError
 from mavlink_defs.config.files import load
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.endpoint import (

@@ -12,6 +12,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from ftc_autopilot.plugins.errors import PluginError
 from gcs.commands.options import ConnectOption, ThemeOption
 from gcs.errors import BadInput, GcsError, Interrupted
 from gcs.extras import load_lab
@@ -292,6 +293,8 @@ def main() -> None:
             sys.stdout.flush()  # here and not at exit, where an error could not be reported
     except ConfigError as problem:
         _end(BadInput.exit_status, str(problem))
+    except PluginError as problem:
+        _end(BadInput.exit_status, f"error: {problem}")
     except Interrupted as problem:
         _end(problem.exit_status, str(problem), problem.hint)
     except GcsError as problem:

@@ -5,10 +5,15 @@ A flight ended by ``timeout`` or a closed terminal therefore keeps its recording
 
 import contextlib
 import signal
+import threading
 from collections.abc import Iterator
+from pathlib import Path
 from types import FrameType
 
 from gcs.errors import Interrupted
+from gcs.terminal import print_line
+
+_LONG_S = 5.0
 
 
 def stop_signals() -> list[signal.Signals]:
@@ -61,6 +66,46 @@ def noting_ctrl_c() -> Iterator[list[int]]:
         yield noted
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+@contextlib.contextmanager
+def running_code(file: Path, digest: str) -> Iterator[None]:
+    """Tell of a file that is run because a scenario names it, and of one that takes long.
+
+    Of the command line, those signals meanwhile end the process, with the name of the file: code of
+    others may catch, or lose, an exception.
+    """
+    print_line(f"runs {file}, code {digest}", stderr=True)
+    what = f"{file} is being imported"
+    text = f"{what} for {_LONG_S:g} s now; Ctrl-C ends it"
+    timer = threading.Timer(_LONG_S, print_line, [text], {"stderr": True})
+    timer.daemon = True
+    timer.start()
+    try:
+        with _ending_with(f"interrupted while {what}"):
+            yield
+    finally:
+        timer.cancel()
+
+
+@contextlib.contextmanager
+def _ending_with(text: str) -> Iterator[None]:
+    if signal.getsignal(signal.SIGTERM) is not _interrupt:  # not of the command line
+        yield
+        return
+    with ending_at_once():
+
+        def end(number: int, _frame: FrameType | None) -> None:
+            signal.signal(number, signal.SIG_DFL)
+            with contextlib.suppress(OSError):
+                print_line(text, stderr=True)
+            signal.raise_signal(number)
+
+        before = {number: signal.getsignal(number) for number in stop_signals()}
+        for number, handler in before.items():
+            if handler == signal.SIG_DFL:
+                signal.signal(number, end)
+        yield
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

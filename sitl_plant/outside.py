@@ -6,6 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from mavlink_defs.constants import SURFACES
+from mavlink_defs.runtime.foreign import ForeignCode
 from sitl_plant.aircraft_config import Aircraft
 from sitl_plant.config import PlantConfig, PlantUav
 from sitl_plant.fleet import ADVANCE, PlantState
@@ -45,17 +46,19 @@ class Outside:
             if not isinstance(uav.plant, OwnPlant)
         }
         for i, simulator in self._simulators.items():
-            simulator.reset(_motion(fleet.states[i]))
-            fleet.outside["specific_force"][i] = simulator.read().specific_force
+            with ForeignCode(_failure):
+                simulator.reset(_motion(fleet.states[i]))
+                fleet.outside["specific_force"][i] = simulator.read().specific_force
 
     def advance(self) -> None:
         """Advance every simulator by one period, for which the fleet has begun."""
         outside = self._fleet.outside
         for i, simulator in self._simulators.items():
-            try:
-                motion = self._advanced(i, simulator)
-            except Exception as problem:  # whatever another package raises ends this flight alone
-                self.failures[i] = _reason(problem)
+            try:  # whatever another package raises ends this flight alone
+                with ForeignCode(_failure):
+                    motion = self._advanced(i, simulator)
+            except SimulatorError as problem:
+                self.failures[i] = str(problem)
                 self._fleet.states[i] = math.nan
                 continue
             position, velocity, attitude, rates, force = motion
@@ -125,10 +128,10 @@ def _check_stops(uav_id: int, aircraft: Aircraft, simulator: Simulator) -> None:
             )
 
 
-def _reason(problem: Exception) -> str:
+def _failure(problem: BaseException) -> BaseException:
     if isinstance(problem, SimulatorError):
-        return str(problem)
-    return f"its simulator failed: {type(problem).__name__}: {problem}"
+        return problem
+    return SimulatorError(f"its simulator failed: {type(problem).__name__}: {problem}")
 
 
 def _motion(x: np.ndarray) -> Motion:

@@ -16,7 +16,7 @@ from ftc_autopilot.control.triggers.static import PerChannel
 from ftc_autopilot.guidance.formation import Formation
 from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
-from ftc_autopilot.plugins.loading import plugin_of
+from ftc_autopilot.plugins.loading import calling, plugin_of
 from mavlink_defs.config.models import HostPort, Loc, Model, Problems, SystemId, repeated
 from mavlink_defs.config.quantity import quantity, whole
 from sitl_plant.aircraft_config import Aircraft
@@ -27,7 +27,9 @@ def trigger_problems(
     controller: Controller, trigger: Trigger, step_us: int
 ) -> Iterator[tuple[Loc, str]]:
     """Yield place and text if law, trigger and control period [µs] do not go together."""
-    yield from ((("trigger", *loc), text) for loc, text in trigger.misfits(step_us))
+    with calling(type(trigger), "misfits"):
+        misfits = list(trigger.misfits(step_us))
+    yield from ((("trigger", *loc), text) for loc, text in misfits)
     if type(controller).goes_with(trigger.mode):
         return
     if controller.SELECTS_CHANNELS:
@@ -42,7 +44,9 @@ def trigger_problems(
 
 def law_problems(controller: Controller, aircraft: Aircraft) -> Iterator[tuple[Loc, str]]:
     """Yield place and text if a law cannot fly a nominal aircraft."""
-    for reason in controller.misfits(aircraft):
+    with calling(type(controller), "misfits"):
+        reasons = list(controller.misfits(aircraft))
+    for reason in reasons:
         able = [kind for kind, law in LAWS.items() if not any(law(kind=kind).misfits(aircraft))]
         text = f"expected one of {', '.join(able)}, as {reason}"
         yield ("controller", "kind"), f"{text}; got {controller.kind!r}"
@@ -101,7 +105,8 @@ class FormationTrigger(Model):
 
 def _with_ideal_servos(controller: Controller) -> Controller:
     """Return all parameters; servos that are not given are ideal."""
-    return controller.with_servos(ActuatorServos())
+    with calling(type(controller), "with_servos"):
+        return controller.with_servos(ActuatorServos())
 
 
 class Neighbour(Model):

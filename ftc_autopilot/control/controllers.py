@@ -25,6 +25,7 @@ from ftc_autopilot.guidance.coordination import FORMATION, new_formation
 from ftc_autopilot.guidance.formation import LAYOUT, layout_record
 from ftc_autopilot.guidance.laws import GUIDANCE_STATE
 from ftc_autopilot.guidance.path import PATH
+from ftc_autopilot.plugins.loading import calling
 from ftc_autopilot.plugins.models import PLUGIN
 from mavlink_defs.framing.codec import ACTUATORS, NEIGHBOUR
 from sitl_plant.aircraft import AIRCRAFT, aircraft_record
@@ -83,7 +84,18 @@ _LASTING = {"aircraft", "parameters", "profiles", "paths", "layouts"}
 
 
 def new_controllers(configs: Sequence[ControllerConfig]) -> Controllers:
-    """Return the controllers of the given UAVs before the first step: no profile, not active."""
+    """Return the controllers of the given UAVs before the first step: no profile, not active.
+
+    Raises:
+        PluginError: A plug-in cannot be used.
+    """
+    controllers = unbound_controllers(configs)
+    bind_plugins(controllers, configs)
+    return controllers
+
+
+def unbound_controllers(configs: Sequence[ControllerConfig]) -> Controllers:
+    """Return the same to read their parameters: plug-ins have no functions, and cannot fly."""
     n = len(configs)
     degree = max((len(config.neighbours) for config in configs), default=0)
     arrays = []
@@ -108,8 +120,8 @@ def new_controllers(configs: Sequence[ControllerConfig]) -> Controllers:
         law = own_parameters(
             controllers.parameters[i], type(config.controller), config.controller.kind
         )
-        config.controller.derive(config.aircraft, law)
-    bind_plugins(controllers, configs)
+        with calling(type(config.controller), "derive"):
+            config.controller.derive(config.aircraft, law)
     reset_controllers(controllers)
     return controllers
 

@@ -19,8 +19,8 @@ import numpy as np
 from numba.core import types
 from numba.core.errors import NumbaError
 
+from ftc_autopilot.plugins.errors import PluginError
 from ftc_autopilot.plugins.loading import (
-    PluginError,
     file_of,
     label,
     library_of,
@@ -31,6 +31,7 @@ from ftc_autopilot.plugins.loading import (
 from ftc_autopilot.plugins.memory import c_function
 from mavlink_defs.config.models import Model
 from mavlink_defs.runtime.code_cache import add_to_cache
+from mavlink_defs.runtime.foreign import ForeignCode, is_ctrl_c
 from mavlink_defs.runtime.jit import is_compiled
 
 _types: Any = types  # without annotations
@@ -191,7 +192,8 @@ def plain_function(work: Callable[..., None], arguments: int, found: type[Model]
 
     def entry(*addresses: int) -> int:
         try:
-            work(*addresses)
+            with ForeignCode(_itself):
+                work(*addresses)
         except BaseException as problem:  # of whatever kind: it cannot pass through compiled code
             _note(found, problem)
             return FAILED
@@ -200,6 +202,10 @@ def plain_function(work: Callable[..., None], arguments: int, found: type[Model]
     made = c_function(arguments)(entry)
     _KEPT.append(made)
     return int(ctypes.cast(made, ctypes.c_void_p).value or 0)
+
+
+def _itself(problem: BaseException) -> BaseException:
+    return problem
 
 
 def array_at(address: int, dtype: np.dtype) -> np.ndarray:
@@ -265,7 +271,7 @@ _EXCEPTIONS: dict[type[Model], BaseException] = {}
 
 def _note(found: type[Model], problem: BaseException) -> None:
     """Keep the first exception of a plug-in, or one that is not an error of its own."""
-    if found not in _EXCEPTIONS or not isinstance(problem, Exception):
+    if found not in _EXCEPTIONS or is_ctrl_c(problem):
         _EXCEPTIONS[found] = problem
 
 
@@ -273,12 +279,12 @@ def exception_of(found: type[Model]) -> str | None:
     """Return the exception that a plug-in's function raised, as a text; forget it.
 
     Raises:
-        BaseException: It was none of the function's own, such as KeyboardInterrupt.
+        KeyboardInterrupt: It was none of the function's own.
     """
     problem = _EXCEPTIONS.pop(found, None)
     if problem is None:
         return None
-    if not isinstance(problem, Exception):
+    if is_ctrl_c(problem):
         raise problem
     return line_about(problem, _sources_of(found))
 

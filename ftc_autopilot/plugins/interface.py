@@ -6,6 +6,7 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
+from ftc_autopilot.plugins.errors import PluginError
 from ftc_autopilot.plugins.functions import (
     ABI,
     Functions,
@@ -14,7 +15,7 @@ from ftc_autopilot.plugins.functions import (
     function_of,
     library_functions,
 )
-from ftc_autopilot.plugins.loading import library_of, load_class
+from ftc_autopilot.plugins.loading import calling, library_of, load_class, runs_code
 from mavlink_defs.config.models import Model
 
 _M = TypeVar("_M", bound=Model)
@@ -27,6 +28,7 @@ class Interface(Generic[_M]):
     Attributes:
         group: Group of their entry points.
         base: What a plug-in is a subclass of.
+        unread: What stands for a plug-in whose code is not run.
         symbol: Struct that a shared library exports; the header's name without its ending.
         counts: Numbers of arguments that a Python function may have.
         signature: These arguments, for messages.
@@ -39,6 +41,7 @@ class Interface(Generic[_M]):
 
     group: str
     base: type[_M]
+    unread: type[_M]
     symbol: str
     counts: tuple[int, ...]
     signature: str
@@ -51,11 +54,16 @@ class Interface(Generic[_M]):
     def load(self, name: str) -> type[_M]:
         """Return the class of a name, FILE:CLASS or an entry point's; its interface is checked.
 
+        Where no code is run, it is `unread`.
+
         Raises:
             PluginError: It cannot be used.
         """
+        if not runs_code():
+            return self.unread
         found = load_class(name, self.group, self.base)
-        check_room(found, lambda: self.record(found), _state_of(found), self.room)
+        with calling(found, "record"):
+            check_room(found, lambda: self.record(found), _state_of(found), self.room)
         if library_of(found) is not None:
             self._of_library(found)
         else:
@@ -74,6 +82,8 @@ class Interface(Generic[_M]):
         Raises:
             PluginError: It cannot be used.
         """
+        if found is self.unread:
+            raise PluginError("a scenario that was read without its code cannot be flown")
         if library_of(found) is not None:
             return self._of_library(found)
         return Functions(address_of(self._of_python(found)), 0)

@@ -4,6 +4,7 @@ Whatever is wrong with one is a `PluginError`, one line that names the file, and
 is one.
 """
 
+import contextlib
 import functools
 import hashlib
 import importlib
@@ -11,15 +12,18 @@ import importlib.util
 import re
 import sys
 import traceback
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextvars import ContextVar
 from importlib.machinery import SourceFileLoader
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple, TypeVar
 
-from mavlink_defs.config.models import Model
+from ftc_autopilot.plugins.errors import PluginError
+from mavlink_defs.config.models import Model, Problems
 from mavlink_defs.runtime.code_cache import forget_sources, source_digest, sources_of
+from mavlink_defs.runtime.foreign import ForeignCode
 
 LAWS, TRIGGERS = "ftc_sitl.laws", "ftc_sitl.triggers"
 GUIDANCE_LAWS, SCENARIOS = "ftc_sitl.guidance_laws", "ftc_sitl.scenarios"
@@ -29,8 +33,17 @@ _SUFFIX = {"darwin": ".dylib", "win32": ".dll"}.get(sys.platform, ".so")
 _M = TypeVar("_M", bound=Model)
 
 
-class PluginError(ValueError):
-    """A plug-in cannot be used; one line that names its file and the line, as far as known."""
+Watch = Callable[[Path, str], contextlib.AbstractContextManager[None]]
+"""Context in which a file runs that lies beside a scenario: gets the file, and its digest."""
+
+
+@contextlib.contextmanager
+def _unwatched(_file: Path, _digest: str) -> Iterator[None]:
+    yield
+
+
+_watch: ContextVar[Watch] = ContextVar("watch", default=_unwatched)
+_runs_code: ContextVar[bool] = ContextVar("runs_code", default=True)
 
 
 class Plugin(NamedTuple):
@@ -69,6 +82,47 @@ def label(name: str) -> str:
 def registered(group: str) -> dict[str, EntryPoint]:
     """Return the entry points of a group, by name."""
     return {point.name: point for point in entry_points(group=group)}
+
+
+@contextlib.contextmanager
+def watching(watch: Watch) -> Iterator[None]:
+    """Let a context be around each file that is run in here because a plug-in names it."""
+    token = _watch.set(watch)
+    try:
+        yield
+    finally:
+        _watch.reset(token)
+
+
+@contextlib.contextmanager
+def without_code() -> Iterator[None]:
+    """Run no code of plug-ins in here: their names and keys are read, and not checked."""
+    token = _runs_code.set(False)
+    try:
+        yield
+    finally:
+        _runs_code.reset(token)
+
+
+def runs_code() -> bool:
+    """Return whether code of plug-ins is run to read what names them."""
+    return _runs_code.get()
+
+
+def calling(found: type[Model], method: str) -> ForeignCode:
+    """Return the context in which a method of a plug-in's class is called, or of one of ours.
+
+    Raises:
+        PluginError: Whatever that of a plug-in raised, with its line.
+    """
+
+    def error(problem: BaseException) -> BaseException:
+        if (plugin := plugin_of(found)) is None or isinstance(problem, PluginError | Problems):
+            return problem
+        text = line_about(problem, plugin.sources)
+        return PluginError(f"{text}, raised by {found.__name__}.{method}")
+
+    return ForeignCode(error)
 
 
 def load_class(name: str, group: str, base: type[_M]) -> type[_M]:
@@ -183,16 +237,27 @@ def _module_of_file(file: Path) -> ModuleType:
     assert spec is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
-    try:  # what was read, not a .pyc, which passes for the new code if saved in the same second
-        exec(loader.source_to_code(content, str(file)), module.__dict__)
-    except Exception as problem:
+    try:
+        with _watch.get()(file, source_digest([file])[:16]), importing(file):
+            # what was read, not a .pyc, which passes for the new code if saved in the same second
+            exec(loader.source_to_code(content, str(file)), module.__dict__)
+    except BaseException:
         del sys.modules[name]
-        raise PluginError(_cannot_import(problem, file)) from problem
+        raise
     _MODULES[file] = digest, module
     return module
 
 
-def _cannot_import(problem: Exception, file: Path) -> str:
+def importing(file: Path) -> ForeignCode:
+    """Return the context in which a file is run, in which nothing may fork.
+
+    Raises:
+        PluginError: Whatever was raised, with its line.
+    """
+    return ForeignCode(lambda problem: PluginError(_cannot_import(problem, file)), may_fork=False)
+
+
+def _cannot_import(problem: BaseException, file: Path) -> str:
     text = line_about(problem, [file])
     place = "" if text.startswith(str(file)) else f"{file}: "
     lacking = isinstance(problem, ModuleNotFoundError)
@@ -203,13 +268,15 @@ def _cannot_import(problem: Exception, file: Path) -> str:
 def _of_entry_point(point: EntryPoint, group: str) -> tuple[Any, str, str]:
     """Return what an entry point means, its package, and the file of its module."""
     package = _package_of(point)
-    try:
-        module = importlib.import_module(point.module)
-    except Exception as problem:
+
+    def error(problem: BaseException) -> PluginError:
         frames = traceback.extract_tb(problem.__traceback__)
         text = line_about(problem, {Path(frame.filename) for frame in frames[-1:]})
         text = f"{text}, raised when {point.module} was imported"
-        raise PluginError(f"{point.name!r} of {package} in {group}: {text}") from problem
+        return PluginError(f"{point.name!r} of {package} in {group}: {text}")
+
+    with ForeignCode(error, may_fork=False):
+        module = importlib.import_module(point.module)
     file = str(module.__file__)
     return _attribute(module, point.attr, file), package, file
 

@@ -6,7 +6,8 @@ from typing import Any, TypeVar
 import numpy as np
 from pydantic import ValidationError
 
-from ftc_autopilot.plugins.loading import PluginError, is_by_file, registered
+from ftc_autopilot.plugins.errors import PluginError
+from ftc_autopilot.plugins.loading import calling, is_by_file, registered
 from mavlink_defs.config.files import problems_of
 from mavlink_defs.config.models import Model, Problems
 
@@ -38,14 +39,19 @@ def model_of(key: str, load: Callable[[str], type[_M]]) -> Callable[[Any], Any]:
             return value
         try:
             model = load(value[key])
+            with calling(model, "model_validate"):
+                return _checked(model, value)
         except PluginError as problem:
             raise Problems([((key,), str(problem))]) from problem
-        try:
-            return model.model_validate(value)
-        except ValidationError as problem:
-            raise Problems(problems_of(model, problem)) from problem
 
     return validated
+
+
+def _checked(model: type[_M], value: Any) -> _M:
+    try:
+        return model.model_validate(value)
+    except ValidationError as problem:
+        raise Problems(problems_of(model, problem)) from problem
 
 
 def owned(record: Any, dtype: Any) -> Any:

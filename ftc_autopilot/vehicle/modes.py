@@ -15,6 +15,7 @@ from ftc_autopilot.control.reference import profile_record
 from ftc_autopilot.guidance.mission_items import is_path, refusal
 from ftc_autopilot.guidance.mission_places import Home
 from ftc_autopilot.hot.hot_state import HotState
+from ftc_autopilot.plugins.loading import calling
 from ftc_autopilot.vehicle.flight_path import FlightPath, Way
 from mavlink_defs import dialect
 from mavlink_defs.constants import AUTO, FORCE_DISARM, GUIDED, LOITER, MODE_NAMES, RTL
@@ -49,7 +50,8 @@ class Modes:
         self._item = 1  # of the mission's path, to continue with
         self.armed = False
         self.airspeeds = config.aircraft.airspeed_limits
-        self._by_bank = config.controller.holds_heading_by_bank(config.aircraft)
+        with calling(type(config.controller), "holds_heading_by_bank"):
+            self._by_bank = config.controller.holds_heading_by_bank(config.aircraft)
         self._hot, self._controllers, self._say = hot, controllers, say
         self._guidance = controllers.guidance[0]
         self._autopilot = config.mav_autopilot

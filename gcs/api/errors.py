@@ -3,6 +3,7 @@
 import contextlib
 from collections.abc import Iterator
 
+from ftc_autopilot.plugins.errors import PluginError
 from gcs.errors import BadInput, GcsError
 from mavlink_defs.config.models import ConfigError
 
@@ -12,7 +13,7 @@ def python_errors() -> Iterator[None]:
     """Raise what the command line prints as an error of `gcs.errors`, with its hint as a note."""
     try:
         yield
-    except ConfigError as problem:
+    except (ConfigError, PluginError) as problem:
         raise BadInput(str(problem)) from None
     except GcsError as problem:
         note = f"hint: {problem.hint}"

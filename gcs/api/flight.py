@@ -18,7 +18,7 @@ from gcs.results.quantities import percent
 from gcs.results.recording import Ending, Recording
 from gcs.results.run_folder import SCENARIO, read_summary
 from gcs.results.store import EVENTS, TRAJECTORY, is_complete, read_table
-from gcs.scenario.model import Scenario, load_scenario
+from gcs.scenario.model import Scenario, read_scenario
 from gcs.terminal import as_html, as_text
 
 if TYPE_CHECKING:
@@ -345,7 +345,7 @@ def open_run(folder: Path | str) -> Flight:
     return Flight(
         Source(
             lambda: read_summary(folder),
-            lambda: load_scenario(folder / SCENARIO),
+            lambda: read_scenario(folder / SCENARIO),
             trajectory if trajectory.exists() else None,
             events if events.exists() else None,
             folder,

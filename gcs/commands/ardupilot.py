@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
+from ftc_autopilot.plugins.loading import without_code
 from gcs.commands.common import (
     QuietOption,
     RunFolderOption,
@@ -108,7 +109,8 @@ def ardupilot(
     then the time of the scenario, and of its faults, begins. Changes of the outputs are counted as
     the events of our autopilots are.
     """
-    whole = changed_scenario(scenario, additions, settings)
+    with without_code():
+        whole = changed_scenario(scenario, additions, settings)
     loaded = _chosen(whole, None if uav is None else systems_in(uav))
     _check(loaded, port)
     check_simulators(loaded)
@@ -134,7 +136,7 @@ def ardupilot(
         for address in (*addresses, *stations):
             warn_if_exposed(address, with_key=False)
         try:
-            warm_up(whole, console)
+            warm_up(whole, console, law=False)
             flown = _Flown(loaded, folder, record, console)
             with marked(folder, loaded, mark), contextlib.closing(flown):
                 flown.fly(sockets, addresses, patience, next(iter(station), None))

@@ -7,12 +7,16 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
 from rich.console import Console
 
+from ftc_autopilot.control.laws.pid import Pid
+from ftc_autopilot.control.triggers.static import PerChannel
+from ftc_autopilot.guidance.laws.path_following import PathFollowing
+from ftc_autopilot.plugins.loading import calling
 from gcs.commands.options import SigningKeyOption
 from gcs.commands.progress import working
 from gcs.errors import BadInput
@@ -166,7 +170,8 @@ def tell_heading(scenario: Scenario, console: Console) -> None:
     """Tell of which UAVs the heading is held by bank, and why."""
     uavs: dict[str, list[int]] = {}
     for uav in scenario.uavs:
-        reason = scenario.controller.holds_heading_by_bank(scenario.aircraft_of(uav.id))
+        with calling(type(scenario.controller), "holds_heading_by_bank"):
+            reason = scenario.controller.holds_heading_by_bank(scenario.aircraft_of(uav.id))
         if reason is not None:
             uavs.setdefault(reason, []).append(uav.id)
     for reason, ids in uavs.items():
@@ -174,14 +179,22 @@ def tell_heading(scenario: Scenario, console: Console) -> None:
         console.print(f"UAV {named}: heading is held by bank ({reason})", soft_wrap=True)
 
 
-def warm_up(scenario: Scenario, console: Console) -> None:
+def warm_up(scenario: Scenario, console: Console, *, law: bool = True) -> None:
     """Compile the numeric core, and plug-ins, before processes need them, unless they are cached.
+
+    Args:
+        scenario: What is to be flown.
+        console: For remarks.
+        law: Whether its law, trigger and guidance law are; without, ours are compiled.
 
     Raises:
         BadInput: A plug-in cannot be used.
     """
     from mavlink_defs.runtime.code_cache import cache_is_cold
 
+    if not law:
+        own: dict[str, Any] = {"controller": Pid(), "trigger": PerChannel()}
+        scenario = scenario.model_copy(update={**own, "guidance": PathFollowing()})
     for text in prepare_plugins(scenario):
         console.print(text, soft_wrap=True)
     if not cache_is_cold():

@@ -13,7 +13,7 @@ from gcs.commands.station import EXIT_STATUS, Station, station_command
 from gcs.commands.transfer import Note
 from gcs.errors import BadInput
 from gcs.scenario.itinerary import Itinerary, dry_run, load_mission
-from gcs.scenario.model import load_scenario
+from gcs.scenario.model import read_scenario
 from gcs.station.mission import Mission, is_same, item_text
 from gcs.station.vehicle import Vehicle
 from gcs.terminal import console_of, numbers, print_json, table_of, texts
@@ -79,7 +79,7 @@ def show(
     """
     items = load_mission(file)
     own = Path("paper/scenario1") if is_mission_file(file) else file
-    itinerary = dry_run(file, items, load_scenario(fleet or own))
+    itinerary = dry_run(file, items, read_scenario(fleet or own))
     if as_json:
         listed = [{"item": item.seq, "text": item_text(item)} for item in items[1:]]
         print_json({"file": str(file), "items": listed, **asdict(itinerary)})

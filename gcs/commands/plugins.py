@@ -13,17 +13,19 @@ from rich.table import Column
 
 import ftc_autopilot.plugins
 from ftc_autopilot.common.schedule import Schedule
+from ftc_autopilot.plugins.errors import PluginError
 from ftc_autopilot.plugins.functions import way_of
 from ftc_autopilot.plugins.loading import (
-    PluginError,
     check_shadowed,
     class_of,
     is_by_file,
     plugin_of,
     registered,
     resolved,
+    watching,
 )
 from gcs.errors import BadInput
+from gcs.stopping import running_code
 from gcs.terminal import console_of, print_json, print_line, table_of, texts
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import describe
@@ -100,7 +102,8 @@ def found(kind: Kind, name: str) -> type[Model]:
             f"there is no {kind.noun} {name!r}, expected one of {known}, or FILE.py:CLASS"
         )
     try:
-        return kind.load(resolved(name, Path.cwd()))
+        with watching(running_code):
+            return kind.load(resolved(name, Path.cwd()))
     except PluginError as problem:
         raise BadInput(str(problem)) from problem
 
@@ -155,7 +158,8 @@ def _class_of(kind: Kind, name: str) -> type[Model]:
     if name in kind.own or not is_by_file(name):
         return found(kind, name)
     try:
-        return class_of(resolved(name, Path.cwd()), kind.group, kind.base)[0]
+        with watching(running_code):
+            return class_of(resolved(name, Path.cwd()), kind.group, kind.base)[0]
     except PluginError as problem:
         raise BadInput(str(problem)) from problem
 

@@ -22,7 +22,7 @@ from ftc_autopilot.control.stepping import (
 )
 from ftc_autopilot.estimation.estimator import Estimator, estimate
 from ftc_autopilot.hot.navigation import estimator_of, write_estimate
-from ftc_autopilot.plugins.loading import PluginError
+from ftc_autopilot.plugins.errors import PluginError
 from gcs.errors import BadInput
 from gcs.results.figures import FlightSummary
 from gcs.results.path_following import paths_of

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, BinaryIO
 import numpy as np
 
 from ftc_autopilot.common.geography import Origin
+from ftc_autopilot.plugins.loading import without_code
 from gcs.errors import BadInput
 from gcs.results.figures import UavSummary
 from gcs.results.flight_mark import read_mark
@@ -16,7 +17,7 @@ from gcs.results.run_folder import SCENARIO, read_summary
 from gcs.results.store import EVENTS, TRAJECTORY, batches
 from gcs.results.ulog_file import Level, UlogWriter, text_message
 from gcs.results.ulog_topics import event_messages, step_messages, topics_of
-from gcs.scenario.model import Scenario, load_scenario
+from gcs.scenario.model import Scenario, read_scenario
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.config.output_files import complete_file
 from mavlink_defs.constants import ACTUATORS
@@ -44,7 +45,7 @@ def to_ulg(run: Path, folder: Path) -> list[Path]:
         raise BadInput(f"{run / TRAJECTORY} has no rows")
     logs = _Logs(run, first.schema)
     paths = {system: folder / f"uav{system}.ulg" for system in logs.systems}
-    with contextlib.ExitStack() as stack:
+    with without_code(), contextlib.ExitStack() as stack:
         files = {system: stack.enter_context(complete_file(path)) for system, path in paths.items()}
         logs.begin(files, round(float(first.column("time_s")[0].as_py()) * 1e6))
         logs.add(first)
@@ -178,7 +179,7 @@ def _events_of(run: Path) -> dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]
 def _scenario_of(run: Path) -> Scenario | None:
     """Return what was flown; None of an earlier version, which did not store it."""
     try:
-        return load_scenario(run / SCENARIO)
+        return read_scenario(run / SCENARIO)
     except ConfigError:
         return None
 
@@ -187,7 +188,7 @@ def _parameters(scenario: Scenario | None, system: int) -> dict[str, int | float
     """Return the parameters of a UAV at its start, as it has them over MAVLink."""
     if scenario is None:
         return {}
-    from ftc_autopilot.control.controllers import new_controllers
+    from ftc_autopilot.control.controllers import unbound_controllers
     from ftc_autopilot.hot.hot_state import HotState
     from ftc_autopilot.hot.link import new_link
     from ftc_autopilot.hot.navigation import new_navigation
@@ -198,7 +199,7 @@ def _parameters(scenario: Scenario | None, system: int) -> dict[str, int | float
     hot = HotState(
         new_link(system, config.neighbours, config.step_us, 0.25, 0, new_navigation(config))
     )
-    found = parameters_of(config, hot, new_controllers([config]))
+    found = parameters_of(config, hot, unbound_controllers([config]))
     return {one.name: int(one.get()) if one.type == INT32 else float(one.get()) for one in found}
 
 

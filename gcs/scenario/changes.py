@@ -7,6 +7,7 @@ from typing import Any
 from ftc_autopilot.plugins.loading import label as short_name
 from gcs.errors import BadInput
 from gcs.scenario.model import Scenario, load_scenario, scenario_of, scenario_tree
+from gcs.scenario.plugins import is_unread
 from gcs.scenario.settings import label, plain
 from mavlink_defs.config.inherit import PlaceError, merged, with_values
 
@@ -32,8 +33,10 @@ def with_changes(
         BadInput: A key does not exist, or is not written as one.
         ConfigError: A file cannot be used, or the result is no valid scenario.
     """
-    if not additions and not values:
-        return scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
+    if not additions and not values and not isinstance(scenario, Scenario):
+        return load_scenario(scenario)
+    if isinstance(scenario, Scenario) and not additions and not values and not is_unread(scenario):
+        return scenario
     if isinstance(scenario, Scenario):
         origin, tree = scenario.name, plain(scenario.model_dump(exclude_unset=True))
     else:

@@ -11,7 +11,7 @@ import numpy as np
 from ftc_autopilot.guidance.mission_items import is_path
 from ftc_autopilot.guidance.path import NO_LOOP, point_at
 from gcs.scenario.bundled import find_scenario
-from gcs.scenario.model import Scenario, load_scenario
+from gcs.scenario.model import Scenario, read_scenario
 from mavlink_defs.config.models import ConfigError, Problem
 from mavlink_defs.mission_files import is_mission_file, read_mission_file
 from mavlink_defs.profile import ItemError
@@ -73,7 +73,7 @@ def load_mission(name: Path | str) -> tuple[MissionItem, ...]:
     """
     if is_mission_file(Path(name)):
         return read_mission_file(Path(name))
-    return load_scenario(find_scenario(name)).mission_items()
+    return read_scenario(find_scenario(name)).mission_items()
 
 
 def dry_run(name: Path | str, items: Sequence[MissionItem], fleet: Scenario) -> Itinerary:

@@ -28,6 +28,7 @@ from ftc_autopilot.guidance.formation import Formation
 from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.guidance.planner import Planner
+from ftc_autopilot.plugins.loading import calling, without_code
 from gcs.scenario.aircraft_checks import (
     aircraft_law_problems,
     hardware_problems,
@@ -186,6 +187,8 @@ class Scenario(Model):
         """
         uavs = {uav.id: uav for uav in self.uavs}
         links = self.links
+        with calling(type(self.controller), "with_servos"):
+            controller = self.controller.with_servos(self.servos_of(uav_id))
         return AutopilotConfig(
             id=uav_id,
             name=uavs[uav_id].name,
@@ -196,7 +199,7 @@ class Scenario(Model):
             navigation=self.navigation,
             sensors=self.sensors.navigation,
             aircraft=self.aircraft_of(uav_id),
-            controller=self.controller.with_servos(self.servos_of(uav_id)),
+            controller=controller,
             trigger=self.trigger,
             formation_trigger=links.formation.trigger,
             guidance=self.guidance,
@@ -361,6 +364,12 @@ def load_scenario(name: Path | str) -> Scenario:
     """
     path = find_scenario(name)
     return scenario_of(path, scenario_tree(path))
+
+
+def read_scenario(name: Path | str) -> Scenario:
+    """Read a scenario as `load_scenario` does, but run no code of plug-ins: it cannot be flown."""
+    with without_code():
+        return load_scenario(name)
 
 
 def scenario_tree(name: Path | str, *, is_base: bool = False) -> dict[Any, Any]:

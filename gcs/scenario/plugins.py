@@ -8,23 +8,29 @@ import numpy as np
 
 from ftc_autopilot.control.controller import PARAMETERS
 from ftc_autopilot.control.laws import KINDS, law_of
+from ftc_autopilot.control.laws.plugin import UnreadLaw
 from ftc_autopilot.control.plugin_functions import Chosen, bind
 from ftc_autopilot.control.triggers import MODES, trigger_of
+from ftc_autopilot.control.triggers.plugin import UnreadTrigger
 from ftc_autopilot.guidance.laws import GUIDANCE_LAWS as OUR_GUIDANCE_LAWS
 from ftc_autopilot.guidance.laws import guidance_of
+from ftc_autopilot.guidance.laws.plugin import UnreadGuidance
+from ftc_autopilot.plugins.errors import PluginError
 from ftc_autopilot.plugins.functions import way_of
 from ftc_autopilot.plugins.loading import (
     GUIDANCE_LAWS,
     LAWS,
     TRIGGERS,
-    PluginError,
     check_shadowed,
     label,
     plugin_of,
     resolved,
+    runs_code,
+    watching,
 )
 from ftc_autopilot.plugins.models import is_plugin
 from gcs.errors import BadInput
+from gcs.stopping import running_code
 from mavlink_defs.config.models import ConfigError, Model, Problem
 from mavlink_defs.config.written import WrittenDict, located
 
@@ -34,6 +40,9 @@ _SECTIONS: dict[str, tuple[str, str, tuple[str, ...], Callable[[str], type[Model
     "guidance": ("kind", GUIDANCE_LAWS, tuple(OUR_GUIDANCE_LAWS), guidance_of),
 }
 """Sections that may be a plug-in's: key of its name, group of entry points, our names, loader."""
+
+
+_UNREAD = (UnreadLaw, UnreadTrigger, UnreadGuidance)
 
 
 def with_plugins(path: Path | str, tree: dict[Any, Any]) -> dict[Any, Any]:
@@ -83,18 +92,27 @@ def _with_plugin(path: Path, tree: dict[Any, Any], section: str) -> dict[Any, An
         if not isinstance(keys, dict) or not is_plugin(name, group, own):
             return tree
         name = resolved(str(name), path.parent)
-        plugin = plugin_of(load(name))
+        named = WrittenDict({**keys, key: name}, _sources(keys))
+        if not runs_code():
+            return WrittenDict({**tree, section: named}, _sources(tree))
+        with watching(running_code):
+            plugin = plugin_of(load(name))
     except PluginError as problem:
         raise ConfigError(path, located(tree, [Problem((section, key), str(problem))])) from problem
     assert plugin is not None
     known = tree.get("plugins")
     digests = {name: plugin.digest, **(known if isinstance(known, dict) else {})}
-    named = WrittenDict({**keys, key: name}, _sources(keys))
     return WrittenDict({**tree, section: named, "plugins": digests}, _sources(tree))
 
 
 def _sources(tree: dict[Any, Any]) -> dict[Any, str]:
     return tree.sources if isinstance(tree, WrittenDict) else {}
+
+
+def is_unread(chosen: Chosen) -> bool:
+    """Return whether a scenario was read without the code of its plug-ins, and cannot be flown."""
+    models = (chosen.controller, chosen.trigger, chosen.guidance)
+    return any(isinstance(model, _UNREAD) for model in models)
 
 
 def prepare_plugins(chosen: Chosen) -> list[str]:

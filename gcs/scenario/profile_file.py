@@ -8,6 +8,7 @@ import yaml
 from pydantic import Field
 
 from ftc_autopilot.guidance.mission_items import is_path
+from ftc_autopilot.plugins.loading import without_code
 from gcs.scenario.aircraft_file import with_named_files
 from gcs.scenario.bundled import base_of, find_scenario
 from gcs.scenario.model import Scenario, scenario_of
@@ -50,9 +51,12 @@ def load_profile(name: Path | str) -> tuple[Segment, ...]:
     path = find_scenario(name)
     if is_mission_file(path):
         return _segments_of(path, read_mission_file(path))
-    data = read_inherited(path, Scenario.model_fields.keys(), base_of, with_named_files)
-    if not data.keys() <= ProfileFile.model_fields.keys():
-        segments = scenario_of(path, data).segments()
+    with without_code():
+        data = read_inherited(path, Scenario.model_fields.keys(), base_of, with_named_files)
+        is_scenario = not data.keys() <= ProfileFile.model_fields.keys()
+        scenario = scenario_of(path, data) if is_scenario else None
+    if scenario is not None:
+        segments = scenario.segments()
         if not segments:
             raise ConfigError(path, [Problem((), "has a mission, no profile; see gcs mission")])
         return segments

@@ -23,9 +23,10 @@ from ftc_autopilot.control.triggers.static import PerChannel
 from ftc_autopilot.guidance.formation import FormationParameters
 from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
 from ftc_autopilot.guidance.laws.base import GuidanceParameters
+from ftc_autopilot.plugins.errors import PluginError
 from ftc_autopilot.plugins.loading import LAWS as LAW_GROUP
 from ftc_autopilot.plugins.loading import TRIGGERS as TRIGGER_GROUP
-from ftc_autopilot.plugins.loading import PluginError, registered
+from ftc_autopilot.plugins.loading import registered
 from ftc_autopilot.vehicle.param_table import Tunable, law_tunables, trigger_tunables, tunables
 from gcs.station.param_file import READ_ONLY
 from mavlink_defs.config.quantity import Quantity

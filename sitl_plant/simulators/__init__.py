@@ -7,6 +7,7 @@ simulator.
 
 from importlib.metadata import entry_points
 
+from mavlink_defs.runtime.foreign import ForeignCode
 from sitl_plant.plant_section import JsbSimPlant, OwnPlant, PlantSection, PluginPlant
 from sitl_plant.simulators.base import Simulator, SimulatorError
 
@@ -40,14 +41,14 @@ def _of_other_package(plant: PluginPlant, altitude_m: float) -> Simulator:
         names = ", ".join(sorted(found.names)) or "none is installed here"
         text = f"plant.name: expected a simulator registered in {GROUP}, got {plant.name!r}"
         raise SimulatorError(text, f"those registered: {names}")
-    try:
+
+    def error(problem: BaseException) -> BaseException:
+        if isinstance(problem, SimulatorError):
+            return problem
+        what = f"{type(problem).__name__}: {problem}"
+        return SimulatorError(f"the simulator {plant.name!r} cannot be started: {what}")
+
+    with ForeignCode(error):
         make = found[plant.name].load()
         simulator: Simulator = make(dict(plant.options), altitude_m)
-    except SimulatorError:
-        raise
-    except Exception as problem:
-        text = (
-            f"the simulator {plant.name!r} cannot be started: {type(problem).__name__}: {problem}"
-        )
-        raise SimulatorError(text) from problem
     return simulator

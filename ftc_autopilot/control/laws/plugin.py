@@ -8,6 +8,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from pydantic import ConfigDict
 
 from ftc_autopilot.common.motion import Motion
 from ftc_autopilot.control.laws.base import LawParameters
@@ -192,9 +193,21 @@ def output_of(command: Command) -> LawOutput:
     )
 
 
+class UnreadLaw(LawParameters):
+    """A law whose code is not run: any keys, no parameters of its own."""
+
+    model_config = ConfigDict(extra="allow")
+
+    @classmethod
+    def goes_with(cls, _mode: str) -> bool:
+        """Return True: what it goes with is in its code."""
+        return True
+
+
 LAW = Interface(
     group=LAWS,
     base=LawParameters,
+    unread=UnreadLaw,
     symbol="ftc_law",
     counts=(4, 5),
     signature="(now, aircraft, gains, state) or (now, aircraft, gains, state, signals)",

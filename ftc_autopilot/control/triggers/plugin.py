@@ -4,9 +4,10 @@ A plug-in is a subclass of `TriggerParameters` with a static method `step`, as t
 own triggers, or with a `LIBRARY` that has the interface of `ftc_autopilot/plugins/ftc_trigger.h`.
 """
 
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
+from pydantic import ConfigDict
 
 from ftc_autopilot.common.records import record_dtype
 from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters
@@ -113,9 +114,17 @@ def own_record(trigger: type[TriggerParameters]) -> np.dtype:
     return record_dtype(trigger, TriggerParameters)
 
 
+class UnreadTrigger(TriggerParameters):
+    """A trigger whose code is not run: any keys, no parameters of its own, fit for every law."""
+
+    model_config = ConfigDict(extra="allow")
+    BY_CLOCK: ClassVar[bool] = True
+
+
 TRIGGER = Interface(
     group=TRIGGERS,
     base=TriggerParameters,
+    unread=UnreadTrigger,
     symbol="ftc_trigger",
     counts=(3,),
     signature="(now, parameters, state)",

@@ -10,6 +10,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from pydantic import ConfigDict
 
 from ftc_autopilot.common.motion import Motion
 from ftc_autopilot.common.records import record_dtype
@@ -160,9 +161,16 @@ def own_record(guidance: type[GuidanceParameters]) -> np.dtype:
     return record_dtype(guidance, GuidanceParameters)
 
 
+class UnreadGuidance(GuidanceParameters):
+    """A guidance law whose code is not run: any keys, no parameters of its own."""
+
+    model_config = ConfigDict(extra="allow")
+
+
 GUIDANCE = Interface(
     group=GUIDANCE_LAWS,
     base=GuidanceParameters,
+    unread=UnreadGuidance,
     symbol="ftc_guidance",
     counts=(9,),
     signature="(now, path, s, coordination, aircraft, limits, gains, state, command)",

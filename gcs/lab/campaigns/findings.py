@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ftc_autopilot.plugins.loading import without_code
 from gcs.lab.campaigns.conditions import severity
 from gcs.lab.campaigns.draws import dimensions
 from gcs.lab.campaigns.factors import title_of, unit_of
@@ -161,7 +162,8 @@ class Findings:
     def _base(self) -> Scenario | None:
         """The base scenario; None if it is none without the values that are drawn."""
         try:
-            return scenario_of(self.mark.file, self.mark.scenario)
+            with without_code():
+                return scenario_of(self.mark.file, self.mark.scenario)
         except ConfigError:
             return None
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich import box
 
+from ftc_autopilot.plugins.loading import without_code
 from gcs.commands.common import (
     QuietOption,
     ScenarioArgument,
@@ -93,7 +94,8 @@ def trim(
     """
     from sitl_plant.aircraft_config import true_aircraft
 
-    loaded = changed_scenario(scenario, additions, settings)
+    with without_code():
+        loaded = changed_scenario(scenario, additions, settings)
     aircraft = true_aircraft(_aircraft_of(loaded, uav), loaded.uncertainty)
     airspeeds = sorted({*(airspeed or _airspeeds(loaded))})
     low, high = aircraft.airspeed_min_m_s, aircraft.airspeed_max_m_s
