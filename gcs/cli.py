@@ -15,7 +15,7 @@ from typer.core import TyperCommand, TyperGroup
 from ftc_autopilot.plugins.errors import PluginError
 from gcs.commands.options import ConnectOption, ThemeOption
 from gcs.errors import BadInput, GcsError, Interrupted
-from gcs.extras import load_lab
+from gcs.extras import LAB_PACKAGES, WEB_PACKAGES, load_lab, missing
 from gcs.stopping import ending_at_once, stop_as_ctrl_c
 from gcs.terminal import print_line
 from mavlink_defs.config.problems import ConfigError
@@ -140,7 +140,12 @@ _LAB = {
     *("aircraft", "baseline", "campaign", "compare", "design", "identify"),
     *("reproduce", "sweep", "trim"),
 }
-"""Commands of `gcs.lab`, which needs more packages than operators do."""
+"""Commands of `gcs.lab`."""
+_EXTRAS = {
+    **dict.fromkeys(("baseline", "campaign", "reproduce", "sweep"), ("lab", LAB_PACKAGES)),
+    "web": ("web", WEB_PACKAGES),
+}
+"""Commands that need an extra: its name, and the packages that they import."""
 
 _EPILOG = """
 Examples:
@@ -166,12 +171,19 @@ class _Commands(TyperGroup):
             self.load(args[0])
         return super().resolve_command(ctx, args)
 
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Show the help, which marks what lacks an extra."""
+        for name, (extra, packages) in _EXTRAS.items():
+            if missing(packages):
+                self.commands[name].short_help += f" Needs the extra `{extra}`."
+        super().format_help(ctx, formatter)
+
     def load(self, name: str) -> None:
         """Import a command."""
         module, _ = COMMANDS[name]
         with ending_at_once():
             home: Any = (
-                load_lab(f"commands.{module}")
+                load_lab(f"commands.{module}", f"gcs {name}" if name in _EXTRAS else None)
                 if name in _LAB
                 else import_module(f"gcs.commands.{module}")
             )

@@ -1,13 +1,19 @@
-"""Loading of what is an extra: operators and vehicles do without `gcs.lab`, pandas and servers."""
+"""Loading of what is an extra: operators and vehicles do without pandas, servers and reports."""
 
+import re
 from importlib import import_module
+from importlib.metadata import requires
 from importlib.util import find_spec
 from typing import Any
 
 from gcs.errors import BadInput
 
 LAB_PACKAGES = ("SALib", "distributed", "jinja2")
-"""What `gcs.lab` imports besides the dependencies of the core; extra `lab` in pyproject.toml."""
+"""What campaigns and reports import besides what the core brings: the extra `lab`."""
+WEB_PACKAGES = ("aiohttp", "textual_serve")
+"""What `gcs web` imports: the extra `web`."""
+
+_OF_EXTRA = re.compile(r"(?P<package>[^;]+);.*extra == .(?P<extra>\w+).")
 
 
 def load_package(name: str, purpose: str, extra: str = "python") -> Any:
@@ -21,25 +27,40 @@ def load_package(name: str, purpose: str, extra: str = "python") -> Any:
     Raises:
         BadInput: It is not installed.
     """
-    if find_spec(name) is None:
-        raise BadInput(
-            f"{purpose} needs {name}, not installed here", f"pip install 'ftc-sitl[{extra}]'"
-        )
+    _check((name,), purpose, extra)
     return import_module(name)
 
 
-def load_lab(module: str) -> Any:
+def load_lab(module: str, purpose: str | None = None) -> Any:
     """Import a module of `gcs.lab`, by its name there.
 
     Nothing else of `gcs` may import what lies in `gcs.lab`.
 
+    Args:
+        module: The module.
+        purpose: What needs the packages of the extra `lab`, for the message; None: it does not.
+
     Raises:
-        BadInput: A package that it needs is not installed.
+        BadInput: One of them is not installed.
     """
-    missing = [package for package in LAB_PACKAGES if find_spec(package) is None]
-    if missing:
-        raise BadInput(
-            f"campaigns, sweeps and baselines need {', '.join(missing)}, not installed here",
-            "pip install 'ftc-sitl[lab]'",
-        )
+    if purpose is not None:
+        _check(LAB_PACKAGES, purpose, "lab")
     return import_module(f"gcs.lab.{module}")
+
+
+def missing(packages: tuple[str, ...]) -> list[str]:
+    """Return those of some packages that are not installed."""
+    return [package for package in packages if find_spec(package) is None]
+
+
+def install_command(extra: str) -> str:
+    """Return the command that installs what an extra brings, however ftc-sitl was installed."""
+    found = map(_OF_EXTRA.match, requires("ftc-sitl") or ())
+    named = [one["package"].strip() for one in found if one is not None and one["extra"] == extra]
+    return f"pip install {' '.join(map(repr, named))}"
+
+
+def _check(packages: tuple[str, ...], purpose: str, extra: str) -> None:
+    if absent := missing(packages):
+        text = f"{purpose} needs {', '.join(absent)}, not installed here"
+        raise BadInput(text, f"{install_command(extra)} (the extra `{extra}`)")

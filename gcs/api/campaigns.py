@@ -52,7 +52,7 @@ def campaign(
         OSError: A file cannot be written; it is named.
     """
     with python_errors():
-        plans, run = load_lab("campaigns.plan"), load_lab("run")
+        plans, run = load_lab("campaigns.plan", "gcs.campaign"), load_lab("run")
         if isinstance(campaign, Mapping):
             tree = plain(campaign) | ({} if draws is None else {"draws": draws})
             model = load_lab("campaigns.model").Campaign

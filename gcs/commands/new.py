@@ -1,8 +1,11 @@
 """``gcs new``: start a scenario of your own, or a project with a control law."""
 
+import json
 import keyword
 import re
 import shutil
+from importlib.metadata import PackageNotFoundError, distribution
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
@@ -18,6 +21,7 @@ Examples:
 
 - gcs new my.yaml && gcs fly my.yaml
 - gcs new --project my-law && pip install -e ./my-law && gcs fly my_law/first
+- gcs new --project my-law --source git+https://example.org/me/ftc-sitl.git
 
 Exit status: 0 written, 2 the file or folder exists or cannot be written.
 """
@@ -44,7 +48,7 @@ faults:
 
 
 PROJECT = Path(__file__).parents[1] / "project"
-"""Template of a project; PROJECT and PACKAGE in its texts and paths are replaced."""
+"""Template of a project; PROJECT, PACKAGE and SOURCE in its texts and paths are replaced."""
 _RENAMED = {"gitignore": ".gitignore"}
 
 
@@ -62,18 +66,71 @@ def new(
             show_default=False,
         ),
     ] = None,
+    source: Annotated[
+        str | None,
+        typer.Option(
+            help="Where the project's CI and its users install ftc-sitl from, as pip takes it: the "
+            "URL of a repository (git+https://...) or of a wheel. Without it: where this one is "
+            "from.",
+            metavar="URL",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """Write a small commented scenario, or a whole project, as a starting point for your own."""
     if (file is None) == (project is None):
         raise BadInput("expected either FILE or --project FOLDER", "see `gcs new --help`")
     if file is not None:
+        if source is not None:
+            raise BadInput("--source is of a project", "gcs new --project FOLDER --source URL")
         _write_scenario(file)
     elif project is not None:
-        _write_project(project)
+        _write_project(project, _source_of(source))
 
 
-def _write_project(folder: Path) -> None:
-    """Write the files of the template, with the folder's name as the project's and package's."""
+def _source_of(chosen: str | None) -> str:
+    """Return the URL of ftc-sitl as pip takes it: a chosen one, or where this one is from.
+
+    Raises:
+        BadInput: It is no URL, or nobody knows where this one is from.
+    """
+    source = chosen or _own_source()
+    if source is None:
+        text = "this ftc-sitl does not say where it was installed from"
+        raise BadInput(text, "name it by --source, as in --source git+https://HOST/ftc-sitl.git")
+    if not re.fullmatch(r"[a-z+]+://[^\s'\"\\]+", source):
+        text = f"--source is {source!r}, expected a URL without blanks"
+        raise BadInput(text, "as in git+https://example.org/me/ftc-sitl.git or file:///tmp/a.whl")
+    return source
+
+
+def _own_source() -> str | None:
+    """Return what pip noted when it installed ftc-sitl from a URL or a folder."""
+    noted = json.loads(distribution("ftc-sitl").read_text("direct_url.json") or "{}")
+    if (vcs := noted.get("vcs_info")) is not None:
+        return f"{vcs['vcs']}+{noted['url']}@{vcs['commit_id']}"
+    return noted.get("url")
+
+
+def _is_taken(name: str, package: str) -> bool:
+    """Return whether a project of that name would replace, or hide, what is installed."""
+    try:
+        distribution(name)
+    except PackageNotFoundError:
+        return find_spec(package) is not None
+    return True
+
+
+def _write_project(folder: Path, source: str) -> None:
+    """Write the files of the template, with the folder's name as the project's and package's.
+
+    Args:
+        folder: The folder, new.
+        source: Where ftc-sitl is installed from, for the CI.
+
+    Raises:
+        BadInput: It exists, cannot be written, or has a name that is taken.
+    """
     name = folder.resolve().name
     package = re.sub(r"[-. ]+", "_", name).lower()
     if not re.fullmatch(r"[a-z][a-z0-9_]*", package) or keyword.iskeyword(package):
@@ -81,6 +138,9 @@ def _write_project(folder: Path) -> None:
         raise BadInput(text, "letters, digits, - and _, beginning with a letter, as in my-law")
     if package in LAWS:
         text = f"--project is {name!r}, and {package} is a law of ftc-sitl"
+        raise BadInput(text, "choose another name")
+    if _is_taken(name, package):
+        text = f"--project is {name!r}, and {package} is installed here: it would be replaced"
         raise BadInput(text, "choose another name")
     if folder.exists():
         raise BadInput(f"{folder} already exists and was not changed", "choose another name")
@@ -94,6 +154,7 @@ def _write_project(folder: Path) -> None:
             target.parent.mkdir(parents=True, exist_ok=True)
             text = path.read_text(encoding="utf-8")
             text = text.replace("PACKAGE", package).replace("PROJECT", name)
+            text = text.replace("SOURCE", source)
             target.write_text(text, encoding="utf-8")
         part.rename(folder)
     except OSError as problem:
@@ -103,6 +164,11 @@ def _write_project(folder: Path) -> None:
         f"{folder} written: its law is in {package}/law.py\n"
         f"next: pip install -e {folder} && gcs fly {package}/first"
     )
+    if source.startswith("file:"):
+        print_line(
+            f"its CI installs ftc-sitl from {source}, which other machines do not have: "
+            "--source names another place"
+        )
 
 
 def _write_scenario(file: Path) -> None:

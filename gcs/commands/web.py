@@ -11,7 +11,7 @@ import typer
 from gcs.commands.listening import listen as listen_at
 from gcs.commands.listening import listening_address
 from gcs.commands.options import SIGNING_KEY_VARIABLE, ConnectOption, ThemeOption
-from gcs.extras import load_package
+from gcs.extras import WEB_PACKAGES, load_package
 from gcs.fleet.hub import MAX_STATIONS
 from gcs.station.connection import choose_connection
 from gcs.terminal import print_line
@@ -22,7 +22,7 @@ Examples:
 - gcs web                         (then open http://127.0.0.1:8000)
 - gcs web --control --connect udpout:127.0.0.1:14600
 
-Needs `pip install 'ftc-sitl[web]'`.
+Needs the extra `web`.
 
 Exit status: 0 stopped by Ctrl-C, SIGTERM or SIGHUP, 2 bad input.
 """
@@ -57,8 +57,8 @@ def web(
 
         served_dashboard(connect, theme, control)
         return
-    for package in ("aiohttp", "textual_serve"):
-        load_package(package, "the dashboard in a browser", "web")
+    for package in WEB_PACKAGES:
+        load_package(package, "gcs web", "web")
     connection = choose_connection(connect, os.environ.get(SIGNING_KEY_VARIABLE) or None)
     address = listening_address("--listen", listen)
     from gcs.commands.web_server import serve

@@ -1,1 +1,1 @@
-"""What serves research: campaigns, sweeps, baselines, theory; needs `ftc-sitl[lab]`."""
+"""What serves research: campaigns, sweeps, baselines, theory. Campaigns need the extra `lab`."""

@@ -29,7 +29,7 @@ try:
 except ImportError as missing:
     raise SimulatorError(
         "plant.kind is 'jsbsim': the package jsbsim is not installed here",
-        "pip install 'ftc-sitl[jsbsim]'",
+        "pip install 'jsbsim>=1.3.3'",
     ) from missing
 
 _LATITUDE_DEG = 45.0  # where gravity is standard gravity, 9.80665 m/s², to 0.005 %

@@ -11,7 +11,7 @@ from sitl_plant.aircraft_config import Aircraft
 
 needs_jsbsim = pytest.mark.skipif(
     find_spec("jsbsim") is None,
-    reason="jsbsim is missing: pip install 'ftc-sitl[jsbsim]'",
+    reason="jsbsim is missing: pip install jsbsim",
 )
 
 AILERON, ELEVATOR, RUDDER = (

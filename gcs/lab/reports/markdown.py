@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from gcs.extras import load_package
 from gcs.lab.campaigns.statistics import Estimate
 from mavlink_defs.config.output_files import write_text
 from mavlink_defs.visible import visible_lines
@@ -49,6 +50,7 @@ def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 
 def render(template: str, **values: object) -> str:
     """Return a report in Markdown, from a file in `templates`; each of its lines is a paragraph."""
+    load_package("jinja2", "a report", "lab")
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(

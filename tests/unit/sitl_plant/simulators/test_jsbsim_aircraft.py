@@ -323,4 +323,4 @@ def test_without_the_package_the_extra_is_named(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.delitem(sys.modules, "sitl_plant.simulators.jsbsim", raising=False)
     with pytest.raises(SimulatorError, match="jsbsim is not installed here") as missing:
         loaded("c172p")
-    assert missing.value.hint == "pip install 'ftc-sitl[jsbsim]'"
+    assert missing.value.hint == "pip install 'jsbsim>=1.3.3'"
