@@ -16,6 +16,7 @@ from ftc_autopilot.plugins.errors import PluginError
 from gcs.commands.options import ConnectOption, ThemeOption
 from gcs.errors import BadInput, GcsError, Interrupted
 from gcs.extras import LAB_PACKAGES, WEB_PACKAGES, load_lab, missing
+from gcs.outputs import remove_empty
 from gcs.stopping import ending_at_once, stop_as_ctrl_c
 from gcs.terminal import print_line
 from mavlink_defs.config.problems import ConfigError
@@ -31,6 +32,7 @@ _NOT_WRITABLE = {
     errno.EPERM,
     errno.EIO,
 }
+_MISPLACED = {errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR}
 _SPACE = "free some space, or choose a writable folder; files written so far stay"
 
 COMMANDS = {
@@ -175,7 +177,8 @@ class _Commands(TyperGroup):
         """Show the help, which marks what lacks an extra."""
         for name, (extra, packages) in _EXTRAS.items():
             if missing(packages):
-                self.commands[name].short_help += f" Needs the extra `{extra}`."
+                line = COMMANDS[name][1]
+                self.commands[name].short_help = f"{line} Needs the extra `{extra}`."
         super().format_help(ctx, formatter)
 
     def load(self, name: str) -> None:
@@ -326,6 +329,8 @@ def main() -> None:
             limit = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
             text = f"error: too many files and sockets are open; the limit is {limit}"
             _end(GcsError.exit_status, text, "raise it, as in `ulimit -n 1024`")
+        if isinstance(problem, OSError) and problem.errno in _MISPLACED and problem.filename:
+            _end(BadInput.exit_status, f"error: {problem.filename}: {problem.strerror}")
         if isinstance(problem, OSError) and problem.errno in _NOT_WRITABLE:
             if problem.filename is None:
                 _close_output()
@@ -338,6 +343,8 @@ def main() -> None:
         )
     if status == _EXIT_CTRL_C:  # before the command could handle it
         _end(Interrupted.exit_status, "interrupted")
+    if status:
+        remove_empty()
     sys.exit(status)
 
 
@@ -373,6 +380,7 @@ def _wrong_value(problem: Any) -> str:
 
 
 def _end(status: int, text: str, hint: str = "") -> NoReturn:
+    remove_empty()
     with contextlib.suppress(OSError):  # the terminal may be gone
         print_line(text, stderr=True)
         if hint:

@@ -140,9 +140,10 @@ def test_a_missing_package_is_one_line(
     first, hint = done.stderr.splitlines()
     assert first.startswith("error: gcs " if extra != "foxglove" else "error: --foxglove needs ")
     assert package in first
-    (needed,) = re.fullmatch(rf"hint: pip install (.*) \(the extra `{extra}`\)", hint).groups()
+    found = re.fullmatch(rf"hint: pip install (.*) \(the extra `{extra}`\)", hint)
+    assert found is not None
     declared = PROJECT["optional-dependencies"][extra]
-    assert [name.lower() for name in shlex.split(needed)] == [name.lower() for name in declared]
+    assert [name.lower() for name in shlex.split(found[1])] == [name.lower() for name in declared]
 
 
 def test_the_packages_match_the_extra() -> None:

@@ -16,6 +16,7 @@ from gcs.commands.common import (
 )
 from gcs.commands.options import SigningKeyOption
 from gcs.errors import BadInput
+from gcs.outputs import all_or_none, make_folder
 from gcs.scenario.model import Scenario
 from gcs.scenario.signing_key import signed
 from gcs.terminal import console_of, print_line
@@ -65,14 +66,12 @@ def config(
         raise BadInput(text, "take them out of the scenario")
     hosts = _hosts(loaded, host or [])
     moved = _moved_addresses(loaded, hosts)
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as problem:
-        text = f"cannot make the folder {out}: {problem.strerror}"
-        raise BadInput(text, "choose another with --out") from None
-    dump(_plant(loaded, moved), out / "plant.yaml")
-    for uav in loaded.uavs:
-        dump(_autopilot(loaded, uav.id, moved), out / f"uav{uav.id}.yaml")
+    make_folder(out)
+    plant, files = out / "plant.yaml", {uav.id: out / f"uav{uav.id}.yaml" for uav in loaded.uavs}
+    with all_or_none([plant, *files.values()]):
+        dump(_plant(loaded, moved), plant)
+        for uav_id, file in files.items():
+            dump(_autopilot(loaded, uav_id, moved), file)
     warm_up(loaded, console_of())
     for name, address in hosts.items():
         program = {"plant": "sitl-plant", "gcs": "gcs"}.get(name, "ftc-autopilot")

@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from gcs.errors import BadInput, FlightLost
+from gcs.errors import FlightLost
+from gcs.outputs import all_or_none, make_folder
 from gcs.results.choices import Format
 from gcs.terminal import console_of
 
@@ -37,9 +38,11 @@ def export(
     from gcs.results.store import EVENTS, TRAJECTORY, is_complete
 
     folder = out or run
-    if not folder.is_dir():
-        raise BadInput(f"{folder} is no folder", "name one that exists")
-    for path in convert(run, to, folder):
+    if out is not None:
+        make_folder(out)
+    with all_or_none(folder / f"{name}.{to}" for name in ("events", "trajectory")):
+        written = convert(run, to, folder)
+    for path in written:
         console_of(stderr=False).print(path, soft_wrap=True)
     torn = [name for name in (TRAJECTORY, EVENTS) if not is_complete(run / name)]
     if torn:

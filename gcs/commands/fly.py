@@ -177,10 +177,12 @@ def fly(
     record, over_udp = options.record, not options.in_process
     try:
         check_space(folder, loaded, record, over_udp=over_udp, restart=options.restarts)
-        recorder = FlightRecorder(loaded, folder, record)
         if (size := trajectory_bytes(loaded, record)) > _LARGE:
             console.print(f"recording the trajectory needs up to {size / 1e6:.0f} MB")
-        with marked(folder, loaded, mark), contextlib.closing(recorder):
+        with (
+            marked(folder, loaded, mark),
+            contextlib.closing(FlightRecorder(loaded, folder, record)) as recorder,
+        ):
             warn_of_one_path(loaded, console)
             warn_of_sensors(loaded, console)
             tell_heading(loaded, console)

@@ -12,6 +12,7 @@ from gcs.commands import transfer
 from gcs.commands.station import EXIT_STATUS, Station, station_command
 from gcs.commands.transfer import Note
 from gcs.errors import BadInput
+from gcs.outputs import check_file
 from gcs.scenario.itinerary import Itinerary, dry_run, load_mission
 from gcs.scenario.model import read_scenario
 from gcs.station.mission import Mission, is_same, item_text
@@ -122,6 +123,8 @@ def download(
     """Print the missions of vehicles, or write the one that all hold to a file."""
     if out is not None and not is_mission_file(out):
         raise BadInput(f"{out} has neither the suffix .plan nor .waypoints", "choose one of them")
+    if out is not None:
+        check_file(out)
     held: dict[int, Mission] = {}
 
     async def action(vehicle: Vehicle) -> str:

@@ -13,6 +13,7 @@ import typer
 
 from ftc_autopilot.control.laws import LAWS
 from gcs.errors import BadInput
+from gcs.outputs import make_folder, write_file
 from gcs.terminal import print_line
 from mavlink_defs.config.yaml_text import yaml_of
 
@@ -23,7 +24,7 @@ Examples:
 - gcs new --project my-law && pip install -e ./my-law && gcs fly my_law/first
 - gcs new --project my-law --source git+https://example.org/me/ftc-sitl.git
 
-Exit status: 0 written, 2 the file or folder exists or cannot be written.
+Exit status: 0 written, 1 it cannot be written, 2 the file or folder exists, or bad input.
 """
 
 _TEXT = """\
@@ -109,7 +110,8 @@ def _own_source() -> str | None:
     noted = json.loads(distribution("ftc-sitl").read_text("direct_url.json") or "{}")
     if (vcs := noted.get("vcs_info")) is not None:
         return f"{vcs['vcs']}+{noted['url']}@{vcs['commit_id']}"
-    return noted.get("url")
+    url: str | None = noted.get("url")
+    return url
 
 
 def _is_taken(name: str, package: str) -> bool:
@@ -144,6 +146,7 @@ def _write_project(folder: Path, source: str) -> None:
         raise BadInput(text, "choose another name")
     if folder.exists():
         raise BadInput(f"{folder} already exists and was not changed", "choose another name")
+    make_folder(folder.parent, "--project")
     part = folder.with_name(f"{name}.part")
     try:
         for path in sorted(PROJECT.rglob("*")):
@@ -157,9 +160,11 @@ def _write_project(folder: Path, source: str) -> None:
             text = text.replace("SOURCE", source)
             target.write_text(text, encoding="utf-8")
         part.rename(folder)
-    except OSError as problem:
+    except BaseException as problem:
         shutil.rmtree(part, ignore_errors=True)
-        raise BadInput(f"cannot write {folder}: {problem.strerror}") from problem
+        if isinstance(problem, OSError):
+            raise OSError(problem.errno, problem.strerror, str(folder)) from None
+        raise
     print_line(
         f"{folder} written: its law is in {package}/law.py\n"
         f"next: pip install -e {folder} && gcs fly {package}/first"
@@ -172,12 +177,8 @@ def _write_project(folder: Path, source: str) -> None:
 
 
 def _write_scenario(file: Path) -> None:
-    try:
-        with file.open("x", encoding="utf-8") as out:
-            out.write(_TEXT.format(name=yaml_of({"name": file.stem})))
-    except FileExistsError:
+    if file.is_symlink() or file.exists():
         text = f"{file} already exists and was not changed"
-        raise BadInput(text, "choose another name, or remove it") from None
-    except OSError as problem:
-        raise BadInput(f"cannot write {file}: {problem.strerror}") from problem
+        raise BadInput(text, "choose another name, or remove it")
+    write_file(file, _TEXT.format(name=yaml_of({"name": file.stem})), "FILE")
     print_line(f"{file} written; `gcs fly {file}` flies it")

@@ -12,6 +12,7 @@ from gcs.commands import transfer
 from gcs.commands.station import EXIT_STATUS, Station, station_command
 from gcs.commands.transfer import Note
 from gcs.errors import CommandRefused
+from gcs.outputs import check_file
 from gcs.scenario.profile_file import load_profile, profile_yaml
 from gcs.station.vehicle import Vehicle
 from gcs.terminal import console_of, numbers, print_json, print_line, table_of
@@ -81,6 +82,8 @@ def download(
     ] = None,
 ) -> None:
     """Print the profiles of vehicles as YAML, one document for each distinct profile."""
+    if out is not None:
+        check_file(out)
     held: dict[int, tuple[Segment, ...]] = {}
 
     async def action(vehicle: Vehicle) -> str:

@@ -15,6 +15,7 @@ from typer.core import TyperGroup
 from gcs.commands.common import QuietOption
 from gcs.commands.progress import working
 from gcs.errors import BadInput
+from gcs.outputs import check_file
 from gcs.results.quantities import percent
 from gcs.runs.index import list_runs
 from gcs.runs.run import Run
@@ -188,6 +189,8 @@ def html(
     """
     from gcs.runs.page import save_page
 
+    path = out or folder / "index.html"
+    check_file(path)
     conditions = conditions_of(where or ())
     order_of(sort)
     found = _listing(folder, False, quiet=quiet)
@@ -195,7 +198,6 @@ def html(
     names = [_name_in(found, folder, run) for run in compare or ()]
     first = {name: place for place, name in enumerate(names)}
     runs.sort(key=lambda run: first.get(run.name, len(first)))  # the others as they were
-    path = out or folder / "index.html"
     with working(console_of(quiet=quiet), "drawing") as work:
         task = work.add("reading", min(figures, len(runs)), "runs")
         save_page(path, folder, runs, found.foreign, names, figures, task.advance)

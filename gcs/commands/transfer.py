@@ -7,9 +7,9 @@ from typing import Any, TypeAlias, TypeVar
 from gcs.commands.progress import working
 from gcs.commands.station import Station
 from gcs.errors import BadInput
+from gcs.outputs import write_file
 from gcs.station.vehicle import Vehicle
 from gcs.terminal import console_of
-from mavlink_defs.config.output_files import write_text
 
 Note: TypeAlias = Callable[[int, int], None]
 """Notes how many items of how many a vehicle has received."""
@@ -57,13 +57,11 @@ def write_held(
         text_of: Returns the text of the file.
 
     Raises:
-        BadInput: They hold different ones, or the file cannot be written.
+        BadInput: They hold different ones, or the file cannot be there.
+        OSError: It cannot be written; it is named.
     """
     first, *others = held.values()
     if not all(same(first, other) for other in others):
         names = ", ".join(map(str, sorted(held)))
         raise BadInput(f"UAV {names} hold different {kind}s", "choose one with --uav")
-    try:
-        write_text(out, text_of(first))
-    except OSError as problem:
-        raise BadInput(f"cannot write {out}: {problem.strerror}") from problem
+    write_file(out, text_of(first))

@@ -1,6 +1,7 @@
 """``gcs wire``: count traffic and impair links."""
 
 import contextlib
+import io
 import json
 import math
 import threading
@@ -15,6 +16,7 @@ from rich.live import Live
 
 from gcs.commands.progress import working
 from gcs.errors import BadInput, GcsError
+from gcs.outputs import write_file
 from gcs.reports.wire import wire_tables, write_csv
 from gcs.terminal import console_of, print_json, print_line
 from mavlink_defs import dialect
@@ -241,8 +243,6 @@ def _impairment(text: str) -> Impairment:
 
 
 def _save_csv(report: TapReport, path: Path) -> None:
-    try:
-        with path.open("w", newline="") as output:
-            write_csv(report, output)
-    except OSError as problem:
-        raise BadInput(f"cannot write {path}: {problem.strerror}") from problem
+    text = io.StringIO(newline="")
+    write_csv(report, text)
+    write_file(path, text.getvalue(), "--csv")

@@ -6,8 +6,7 @@ from typing import Annotated
 
 import typer
 
-from gcs.errors import BadInput
-from mavlink_defs.config.output_files import write_text
+from gcs.outputs import check_file, write_file
 from mavlink_defs.constants import FORMATION_BASE_PORT, GCS_PORT, LAST_SYSTEM, PLANT_PORT
 from mavlink_defs.mavgen import generate
 
@@ -25,7 +24,7 @@ Examples:
 Wireshark loads the dissector from its plugin folder (Help, About Wireshark, Folders: Personal Lua
 Plugins). Install only one MAVLink dissector. It does not verify checksums.
 
-Exit status: 0 written, 2 bad input.
+Exit status: 0 written, 1 the file cannot be written, 2 bad input.
 """
 
 
@@ -44,15 +43,13 @@ def wireshark(
     ] = None,
 ) -> None:
     """Write a Wireshark dissector for all messages of the dialect (Lua, 3 MB)."""
+    if out is not None:
+        check_file(out)
     lua = lua_dissector(tuple(port or ()))
     if out is None:
         sys.stdout.write(lua)
         return
-    try:
-        write_text(out, lua)
-    except OSError as problem:
-        hint = "make its folder first" if not out.parent.exists() else ""
-        raise BadInput(f"cannot write {out}: {problem.strerror}", hint) from problem
+    write_file(out, lua)
 
 
 def lua_dissector(ports: tuple[int, ...] = ()) -> str:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import numpy as np
 
 from gcs.figures.flown import PlottedFlight, fault_windows
-from mavlink_defs.config.output_files import naming
+from mavlink_defs.config.output_files import complete_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -313,9 +313,9 @@ def save(figure: "Figure", folder: Path, stem: str) -> None:
     with _saving, mpl.rc_context({"svg.hashsalt": stem, "svg.fonttype": "path"}):
         # savefig would draw twice for each file
         figure.set_dpi(_PNG_DPI)
-        with naming(folder / f"{stem}.png"):
-            FigureCanvasAgg(figure).print_png(folder / f"{stem}.png")  # type: ignore[no-untyped-call]  # matplotlib's own
+        with complete_file(folder / f"{stem}.png") as file:
+            FigureCanvasAgg(figure).print_png(file)  # type: ignore[no-untyped-call]  # matplotlib's own
         figure.set_dpi(_SVG_DPI)
-        with naming(folder / f"{stem}.svg"):
-            FigureCanvasSVG(figure).print_svg(folder / f"{stem}.svg", metadata={"Date": None})  # type: ignore[no-untyped-call]  # as above
+        with complete_file(folder / f"{stem}.svg") as file:
+            FigureCanvasSVG(figure).print_svg(file, metadata={"Date": None})  # type: ignore[no-untyped-call]  # as above
     figure.clear()

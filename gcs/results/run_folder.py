@@ -8,6 +8,7 @@ from datetime import datetime
 from pathlib import Path
 
 from gcs.errors import BadInput
+from gcs.outputs import make_folder
 from gcs.results.figures import FlightSummary
 from mavlink_defs.config.output_files import write_text
 from mavlink_defs.config.user_files import open_file
@@ -28,8 +29,8 @@ def make_run_folder(chosen: Path | None, scenario_name: str) -> Path:
     now = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
     name = re.sub(r"[^\w.-]+", "-", scenario_name)
     folder = chosen or Path("runs") / f"{name}-{now}"
+    make_folder(folder)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
         occupied = any(folder.iterdir())
         if not os.access(folder, os.W_OK | os.X_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))

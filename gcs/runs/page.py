@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import quote
 
+from gcs.outputs import write_file
 from gcs.results.quantities import IAE_UNITS, QUANTITIES, UNITS
 from gcs.runs.details import curves_of, figure_of, own_keys, scenario_keys, thumbnail
 from gcs.runs.run import Run
 from gcs.runs.scan import Foreign
-from mavlink_defs.config.output_files import write_text
 from mavlink_defs.visible import visible_lines
 
 
@@ -117,7 +117,7 @@ def save_page(
         "script": _resource("page.js"),
     }.items():
         page = page.replace(f"<!-- {name} -->", value)
-    write_text(path, page)
+    write_file(path, page)
 
 
 def _row(run: Run, link: str, thumbnails: dict[str, tuple[str, str]]) -> str:

@@ -50,8 +50,11 @@ def complete_file(path: Path) -> Iterator[BinaryIO]:
         with naming(path), part.open("wb") as file:
             yield file
         part.replace(path)
-    except BaseException:
-        part.unlink(missing_ok=True)
+    except BaseException as problem:
+        with contextlib.suppress(OSError):
+            part.unlink()
+        if isinstance(problem, OSError) and problem.filename == str(part):
+            raise OSError(problem.errno, problem.strerror, str(path)) from None
         raise
 
 

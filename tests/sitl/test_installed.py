@@ -205,9 +205,9 @@ def test_a_new_scenario_never_overwrites(programs: Path, folder: Path) -> None:
     assert_one_message(done.stderr)
     assert "my.yaml already exists" in done.stderr
     assert (folder / "my.yaml").read_text() == "mine"
-    done = run(programs, folder, "gcs", "new", "no/my.yaml")
+    done = run(programs, folder, "gcs", "new", "my.yaml/my.yaml")
     assert done.returncode == 2
-    assert "cannot write no/my.yaml" in done.stderr
+    assert "my.yaml is a file" in done.stderr
 
 
 def test_a_bundled_scenario_flies_by_its_name(programs: Path, folder: Path) -> None:

@@ -11,6 +11,7 @@ from gcs.errors import BadInput
 from gcs.lab.campaigns.mark import MARK, Mark, mark_of, unfinished, write_mark
 from gcs.lab.campaigns.plan import Plan
 from gcs.lab.campaigns.store import alone_in, planned_rows, read_draws, write_draws
+from gcs.outputs import make_folder
 from gcs.scenario.settings import plain
 from mavlink_defs.config.models import shown
 from mavlink_defs.config.yaml_text import yaml_of
@@ -39,8 +40,8 @@ def open_folder(folder: Path, plan: Plan) -> None:
         BadInput: It holds something else, another campaign, or was flown by other code; or it
             cannot be made.
     """
+    make_folder(folder)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
         names = {path.name for path in folder.iterdir()}
     except OSError as problem:
         raise BadInput(

@@ -11,6 +11,7 @@ from typing import Any
 
 from gcs.errors import BadInput
 from gcs.lab.campaigns.model import Campaign
+from gcs.outputs import all_or_none
 from gcs.scenario.settings import plain
 from mavlink_defs.config.files import parse, read
 from mavlink_defs.config.output_files import naming, write_text
@@ -112,12 +113,13 @@ def write_mark(folder: Path, mark: Mark) -> None:
     Raises:
         OSError: It cannot be written; it is named.
     """
-    path, part = folder / MARK, folder / _PART
-    with naming(path):
-        part.write_text(mark.to_yaml(), encoding="utf-8")
-    write_text(folder / _SCENARIO, yaml_of(mark.scenario))
-    with naming(path):
-        part.replace(path)
+    path, part, scenario = folder / MARK, folder / _PART, folder / _SCENARIO
+    with all_or_none([part, scenario]):
+        with naming(path):
+            part.write_text(mark.to_yaml(), encoding="utf-8")
+        write_text(scenario, yaml_of(mark.scenario))
+        with naming(path):
+            part.replace(path)
 
 
 def unfinished(names: Set[str]) -> Set[str]:

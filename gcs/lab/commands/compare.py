@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gcs.errors import BadInput
+from gcs.outputs import check_file, write_file
 from gcs.terminal import console_of, print_json
+from mavlink_defs.visible import visible_lines
 
 if TYPE_CHECKING:
     from gcs.lab.campaigns.findings import Findings
@@ -75,18 +77,20 @@ def compare(
     from gcs.lab.campaigns.findings import findings_of
     from gcs.lab.campaigns.gate import DEFAULT, gate, parse_rules
     from gcs.lab.reports import gate as reports
-    from gcs.lab.reports.markdown import save_markdown
-    from mavlink_defs.config.output_files import write_text
 
+    for path, option in ((junit, "--junit"), (markdown, "--markdown")):
+        if path is not None:
+            check_file(path, option)
     both = findings_of(old), findings_of(new)
     notes = _checked(*both)
     before, after = both[0].counted, both[1].counted
     rules = parse_rules(fail_if or [DEFAULT], [*before.values(), *after.values()])
     checks = gate(before, after, rules)
     if markdown is not None:
-        save_markdown(markdown, reports.gate_markdown(str(old), str(new), checks, notes))
+        text = visible_lines(reports.gate_markdown(str(old), str(new), checks, notes))
+        write_file(markdown, text, "--markdown")
     if junit is not None:
-        write_text(junit, reports.junit(str(old), str(new), checks, notes))
+        write_file(junit, reports.junit(str(old), str(new), checks, notes), "--junit")
     console = console_of(stderr=False)
     for line in reports.gate_lines(checks, notes):
         console.print(line, soft_wrap=True)

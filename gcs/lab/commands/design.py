@@ -11,7 +11,8 @@ from ftc_autopilot.control.laws import KINDS
 from gcs.commands.common import QuietOption, check_simulators, flight_progress, warm_up
 from gcs.commands.options import options_of, with_options
 from gcs.errors import BadInput, FlightLost
-from gcs.lab.written_files import check_out, write_out
+from gcs.lab.written_files import check_out
+from gcs.outputs import write_file
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES, UNITS, percent
 from gcs.terminal import Terminal, console_of, numbers, print_line, table_of, texts
 from mavlink_defs.config.yaml_text import parse_yaml
@@ -140,7 +141,7 @@ def design(
     for warning in made.warnings:
         console.print(f"warning: {warning}", soft_wrap=True)
     if options.out is not None:
-        write_out(options.out, text)
+        write_file(options.out, text)
         console.print(f"{options.out} written; `gcs fly {options.out}` flies it", soft_wrap=True)
     elif not options.fly:
         print_line(text.rstrip("\n"))

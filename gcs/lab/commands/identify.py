@@ -10,7 +10,8 @@ from gcs.commands.common import QuietOption
 from gcs.commands.options import options_of, with_options
 from gcs.commands.progress import working
 from gcs.errors import BadInput
-from gcs.lab.written_files import check_out, write_out
+from gcs.lab.written_files import check_out
+from gcs.outputs import write_file
 from gcs.terminal import Terminal, console_of, numbers, print_json, table_of, texts
 
 if TYPE_CHECKING:
@@ -177,7 +178,7 @@ def identify(
     if options.out is not None:
         from gcs.lab.identification.identified import text_of
 
-        write_out(options.out, text_of(found, command))
+        write_file(options.out, text_of(found, command))
     if options.as_json:
         print_json(_json(found), indent=2)
     else:

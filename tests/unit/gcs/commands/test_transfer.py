@@ -28,7 +28,7 @@ def test_different_ones_are_not_written(tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_written_is_named(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match=r"cannot write .*: Is a directory"):
+    with pytest.raises(BadInput, match=r"--out is .*, a folder, expected a file"):
         write_held(tmp_path, {1: "a"}, "profile", operator.eq, str.upper)
 
 

@@ -118,7 +118,7 @@ def test_identify_refuses(
         (("--cruise", "1e9"), "Input should be less than or equal to 300"),
         (("--airspeed-min", "30"), "--airspeed-min is 30, expected at most --cruise, 28 m/s"),
         (("--airspeed-max", "20"), "--airspeed-max is 20, expected at least --cruise, 28 m/s"),
-        (("-o", "nowhere/out.yaml"), "cannot write nowhere/out.yaml: nowhere is no folder"),
+        (("-o", "mine.yaml/out.yaml"), "--out is mine.yaml/out.yaml, but mine.yaml is a file"),
         (("-o", "."), "--out is ., a folder, expected a file"),
     ],
 )
