@@ -14,7 +14,6 @@ from pathlib import Path
 from ftc_autopilot.autopilot import Autopilot, log
 from ftc_autopilot.config import PLUGIN_FAILED, AutopilotConfig
 from ftc_autopilot.hot.loop import new_loops, run
-from ftc_autopilot.plugins.errors import PluginError
 from mavlink_defs.config.files import load
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.endpoint import (
@@ -31,6 +30,7 @@ from mavlink_defs.framing.hot_link import Outcome
 from mavlink_defs.framing.key_file import KeyFile
 from mavlink_defs.framing.signing import SigningError, counts_text
 from mavlink_defs.runtime.arguments import ArgumentParser
+from mavlink_defs.runtime.foreign import PluginError
 from mavlink_defs.runtime.shutdown import on_stop
 from mavlink_defs.visible import log_line
 

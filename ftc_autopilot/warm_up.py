@@ -18,11 +18,11 @@ from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.hot.link import AutopilotLink, new_link
 from ftc_autopilot.hot.loop import Loop, new_loops, run
 from ftc_autopilot.hot.navigation import new_navigation
-from ftc_autopilot.plugins.errors import PluginError
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from mavlink_defs.config.files import load
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.framing.codec import SIM_STATE
+from mavlink_defs.runtime.foreign import PluginError
 
 
 def warm_up_with(config_file: Path) -> None:

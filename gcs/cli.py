@@ -12,7 +12,6 @@ from typing import Annotated, Any, NoReturn
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from ftc_autopilot.plugins.errors import PluginError
 from gcs.commands.options import ConnectOption, ThemeOption
 from gcs.errors import BadInput, GcsError, Interrupted
 from gcs.extras import LAB_PACKAGES, WEB_PACKAGES, load_lab, missing
@@ -20,6 +19,7 @@ from gcs.outputs import remove_empty
 from gcs.stopping import ending_at_once, stop_as_ctrl_c
 from gcs.terminal import print_line
 from mavlink_defs.config.problems import ConfigError
+from mavlink_defs.runtime.foreign import PluginError
 
 _EXIT_CTRL_C = 130  # of typer
 _EXIT_DEFECT = 70

@@ -2,7 +2,6 @@
 
 import re
 from importlib import import_module
-from importlib.metadata import requires
 from importlib.util import find_spec
 from typing import Any
 
@@ -55,6 +54,8 @@ def missing(packages: tuple[str, ...]) -> list[str]:
 
 def install_command(extra: str) -> str:
     """Return the command that installs what an extra brings, however ftc-sitl was installed."""
+    from importlib.metadata import requires  # takes time, of every command
+
     found = map(_OF_EXTRA.match, requires("ftc-sitl") or ())
     named = [one["package"].strip() for one in found if one is not None and one["extra"] == extra]
     return f"pip install {' '.join(map(repr, named))}"

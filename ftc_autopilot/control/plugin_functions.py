@@ -29,7 +29,6 @@ from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
 from ftc_autopilot.guidance.laws import plugin as guidances
 from ftc_autopilot.guidance.laws.base import GuidanceParameters
 from ftc_autopilot.guidance.path import PATH
-from ftc_autopilot.plugins.errors import PluginError
 from ftc_autopilot.plugins.functions import (
     Functions,
     array_at,
@@ -39,6 +38,7 @@ from ftc_autopilot.plugins.functions import (
 from ftc_autopilot.plugins.loading import line_of
 from ftc_autopilot.plugins.memory import bytes_of, load, store, tuple_at
 from ftc_autopilot.plugins.models import PLUGIN
+from mavlink_defs.runtime.foreign import PluginError
 from mavlink_defs.runtime.jit import is_compiled
 from sitl_plant.aircraft import AIRCRAFT
 

@@ -19,7 +19,6 @@ import numpy as np
 from numba.core import types
 from numba.core.errors import NumbaError
 
-from ftc_autopilot.plugins.errors import PluginError
 from ftc_autopilot.plugins.loading import (
     file_of,
     label,
@@ -31,7 +30,7 @@ from ftc_autopilot.plugins.loading import (
 from ftc_autopilot.plugins.memory import c_function
 from mavlink_defs.config.models import Model
 from mavlink_defs.runtime.code_cache import add_to_cache
-from mavlink_defs.runtime.foreign import ForeignCode, is_ctrl_c
+from mavlink_defs.runtime.foreign import ForeignCode, PluginError, is_ctrl_c
 from mavlink_defs.runtime.jit import is_compiled
 
 _types: Any = types  # without annotations

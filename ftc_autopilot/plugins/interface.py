@@ -6,7 +6,6 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from ftc_autopilot.plugins.errors import PluginError
 from ftc_autopilot.plugins.functions import (
     ABI,
     Functions,
@@ -17,6 +16,7 @@ from ftc_autopilot.plugins.functions import (
 )
 from ftc_autopilot.plugins.loading import calling, library_of, load_class, runs_code
 from mavlink_defs.config.models import Model
+from mavlink_defs.runtime.foreign import PluginError
 
 _M = TypeVar("_M", bound=Model)
 

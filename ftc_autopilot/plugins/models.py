@@ -6,10 +6,10 @@ from typing import Any, TypeVar
 import numpy as np
 from pydantic import ValidationError
 
-from ftc_autopilot.plugins.errors import PluginError
 from ftc_autopilot.plugins.loading import calling, is_by_file, registered
 from mavlink_defs.config.files import problems_of
 from mavlink_defs.config.models import Model, Problems
+from mavlink_defs.runtime.foreign import PluginError
 
 PLUGIN = "plugin"
 """Name of their part of a record."""

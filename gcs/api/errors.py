@@ -3,9 +3,9 @@
 import contextlib
 from collections.abc import Iterator
 
-from ftc_autopilot.plugins.errors import PluginError
 from gcs.errors import BadInput, GcsError
 from mavlink_defs.config.models import ConfigError
+from mavlink_defs.runtime.foreign import PluginError
 
 
 @contextlib.contextmanager

@@ -13,7 +13,6 @@ from rich.table import Column
 
 import ftc_autopilot.plugins
 from ftc_autopilot.common.schedule import Schedule
-from ftc_autopilot.plugins.errors import PluginError
 from ftc_autopilot.plugins.functions import way_of
 from ftc_autopilot.plugins.loading import (
     check_shadowed,
@@ -29,6 +28,7 @@ from gcs.stopping import running_code
 from gcs.terminal import console_of, print_json, print_line, table_of, texts
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import describe
+from mavlink_defs.runtime.foreign import PluginError
 
 _OURS = "ftc-sitl"
 

@@ -22,7 +22,6 @@ from ftc_autopilot.control.stepping import (
 )
 from ftc_autopilot.estimation.estimator import Estimator, estimate
 from ftc_autopilot.hot.navigation import estimator_of, write_estimate
-from ftc_autopilot.plugins.errors import PluginError
 from gcs.errors import BadInput
 from gcs.results.figures import FlightSummary
 from gcs.results.path_following import paths_of
@@ -34,6 +33,7 @@ from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.faults import fault_from_params
 from mavlink_defs.framing.codec import SIM_STATE, copy_step
 from mavlink_defs.profile import items_to_segments
+from mavlink_defs.runtime.foreign import PluginError
 from mavlink_defs.runtime.jit import compiled, inlined
 from mavlink_defs.runtime.memory import (
     borrowed,

@@ -15,7 +15,6 @@ from ftc_autopilot.control.triggers.plugin import UnreadTrigger
 from ftc_autopilot.guidance.laws import GUIDANCE_LAWS as OUR_GUIDANCE_LAWS
 from ftc_autopilot.guidance.laws import guidance_of
 from ftc_autopilot.guidance.laws.plugin import UnreadGuidance
-from ftc_autopilot.plugins.errors import PluginError
 from ftc_autopilot.plugins.functions import way_of
 from ftc_autopilot.plugins.loading import (
     GUIDANCE_LAWS,
@@ -33,6 +32,7 @@ from gcs.errors import BadInput
 from gcs.stopping import running_code
 from mavlink_defs.config.models import ConfigError, Model, Problem
 from mavlink_defs.config.written import WrittenDict, located
+from mavlink_defs.runtime.foreign import PluginError
 
 _SECTIONS: dict[str, tuple[str, str, tuple[str, ...], Callable[[str], type[Model]]]] = {
     "controller": ("kind", LAWS, KINDS, law_of),

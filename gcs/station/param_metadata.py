@@ -23,7 +23,6 @@ from ftc_autopilot.control.triggers.static import PerChannel
 from ftc_autopilot.guidance.formation import FormationParameters
 from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
 from ftc_autopilot.guidance.laws.base import GuidanceParameters
-from ftc_autopilot.plugins.errors import PluginError
 from ftc_autopilot.plugins.loading import LAWS as LAW_GROUP
 from ftc_autopilot.plugins.loading import TRIGGERS as TRIGGER_GROUP
 from ftc_autopilot.plugins.loading import registered
@@ -31,6 +30,7 @@ from ftc_autopilot.vehicle.param_table import Tunable, law_tunables, trigger_tun
 from gcs.station.param_file import READ_ONLY
 from mavlink_defs.config.quantity import Quantity
 from mavlink_defs.float32 import float32s
+from mavlink_defs.runtime.foreign import PluginError
 from mavlink_defs.services.param import Param
 
 __all__ = ["READ_ONLY", "Defaults", "defaults_of", "differs", "known_quantity", "permitted"]

@@ -6,6 +6,10 @@ from collections.abc import Callable
 from types import TracebackType
 
 
+class PluginError(ValueError):
+    """A plug-in cannot be used; one line that names its file and the line, as far as known."""
+
+
 class _Forks(threading.local):
     """How often this thread has forked, and how often it is the child of a fork."""
 
