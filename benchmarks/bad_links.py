@@ -93,7 +93,8 @@ class _Autopilot:
         if compensated:
             controllers.delays[0]["periods"] = periods
         else:
-            controllers.delays[0]["started"] = 0  # no state counts as lost
+            delay = controllers.delays[0]
+            delay["step"], delay["n_events"] = step - 1, 0  # no state counts as lost, none as late
         mask = controller_step(controllers, 0, measured, step_us)
         broadcast_if_triggered(controllers, 0, step, step_us)
         self.link["step"] = step

@@ -3,7 +3,10 @@
 A law that is given the present state commands what acts only later. With a known delay it is given
 the state at that time instead: the measured one, predicted over the delay under the commands that
 are on their way. And a state that was lost is replaced, once the next one is there, by one between
-its neighbours, so that filters, estimates and diagnosis advance by every control period.
+its neighbours, so that filters and estimates advance by every control period.
+
+A state names the command in force. That tells how late commands are at each state, and when nothing
+is known of it; a diagnosis needs that, as it compares commands with what they do.
 """
 
 import math
@@ -21,7 +24,16 @@ from sitl_plant.vec3 import add, sub, vec3
 
 LONGEST_S = 0.1
 """Longest delay that is predicted over, and longest gap that is interpolated [s]."""
+_RESOLVED_S, _RESOLVED_HELD_S = 0.003, 0.01
+"""Longest gap of which interpolated states show what actuators did [s].
+
+If a command came into force in it, and if none did: then what the filter of a diagnosis'
+measurement averages over.
+"""
+UNKNOWN = -1
+"""In place of an age: it is not known which command was in force."""
 _HISTORY = 128  # periods that are remembered
+_EVENTS = 64  # that are remembered
 
 DELAY = np.dtype(
     [
@@ -29,6 +41,9 @@ DELAY = np.dtype(
         ("found", "i8"),  # dead time that the law has found besides [control periods]
         ("step", "i8"),  # last step whose commands are noted
         ("started", "i8"),  # 0: nothing is noted yet
+        ("begun", "i8"),  # step since which no gap was too long to be resolved
+        ("n_events", "i8"),  # events noted
+        ("events", "i8", (_EVENTS,)),  # steps of the last ones
         ("commands", "f8", (N_CHANNELS,)),  # of the last step noted
         ("positions", "f8", (_HISTORY, N_CHANNELS)),  # of the servos' model after the last steps
         ("measured", SIM_STATE),  # last state received
@@ -64,6 +79,70 @@ def is_after_gap(delay: np.void, measured: np.void, step_us: int) -> bool:
     """
     missing = _missing(delay, measured)
     return missing > 0 and missing > _periods(LONGEST_S, step_us)
+
+
+@compiled
+def is_unresolved(delay: np.void, measured: np.void, step_us: int) -> bool:
+    """Return whether so many states before this one were lost that they show nothing of actuators.
+
+    Of a command that came into force meanwhile it is not known when.
+
+    Args:
+        delay: Record of dtype `DELAY`.
+        measured: FTC_SIM_STATE payload.
+        step_us: Control period [µs].
+    """
+    missing, before = _missing(delay, measured), delay["measured"]["actuator_time_usec"]
+    held = measured["actuator_time_usec"] == before
+    longest_s = _RESOLVED_HELD_S if held else _RESOLVED_S
+    return missing > 0 and missing > _periods(longest_s, step_us)
+
+
+@compiled
+def note_event(delay: np.void, step: int) -> None:
+    """Note that a command was made in a step.
+
+    Args:
+        delay: Record of dtype `DELAY`, updated in place.
+        step: The step.
+    """
+    delay["events"][delay["n_events"] % _EVENTS] = step
+    delay["n_events"] += 1
+
+
+@compiled
+def age_in_force(delay: np.void, step: int, named: np.void, links: int, step_us: int) -> int:
+    """Return by how many control periods the commands that a state shows are older than the step.
+
+    That is `links`, unless the command that the state names says otherwise.
+
+    Args:
+        delay: Record of dtype `DELAY`.
+        step: The step.
+        named: FTC_SIM_STATE payload that names the command in force at it.
+        links: Delay of the links [control periods].
+        step_us: Control period [µs].
+
+    Returns:
+        The age, or UNKNOWN: a command made before the last gap is still on its way, or one made
+        longer ago than `LONGEST_S`.
+    """
+    count, events = delay["n_events"], delay["events"]
+    applied = np.int64(named["actuator_time_usec"]) // step_us  # -1: none yet
+    k = count - 1
+    if k < 0 or (events[k % _EVENTS] <= applied and events[k % _EVENTS] < step - links):
+        return links
+    least = 0
+    while k >= 0 and events[k % _EVENTS] > applied:
+        if k == count - _EVENTS or events[k % _EVENTS] < delay["begun"]:
+            return UNKNOWN
+        least = step - events[k % _EVENTS]
+        k -= 1
+    age = max(links, least)
+    if k >= max(0, count - _EVENTS):
+        age = min(age, step - 1 - events[k % _EVENTS])
+    longest = min(_periods(LONGEST_S, step_us), _HISTORY - 1)
+    return int(age) if age <= longest else UNKNOWN
 
 
 @compiled

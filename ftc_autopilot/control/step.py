@@ -29,12 +29,12 @@ class Thresholds(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """What a measurement shows, which a known delay makes older than the step."""
+    """What a measurement shows, which a delay makes older than the step."""
 
     motion: Motion  # as measured; a step's is predicted from it
-    ahead: int  # by how many control periods it is older, of surfaces
+    ahead: int  # by how many control periods the commands that it shows are older, of surfaces
     links: int  # the same without what is known of servos and sensors
-    after_gap: bool  # whether states before it were lost, and not replaced
+    after_gap: bool  # whether states before it were lost, or the command in force is not known
 
 
 class Step(NamedTuple):

@@ -61,7 +61,8 @@ def publish_own_state(controllers: Controllers, i: int, measured: np.void) -> No
 def controller_step(controllers: Controllers, i: int, measured: np.void, step_us: int) -> int:
     """Make one step from a measured state: own state, guidance, control, actuator message.
 
-    Of states lost before it the law makes the steps, too, but sends nothing.
+    Of states lost before it the law makes the steps, too, but sends nothing. If there were many,
+    these and the step after them count as after a gap; so does the first of a new process.
 
     Args:
         controllers: Arrays over UAVs; own state, controller state, actuator message and signals of
@@ -76,8 +77,12 @@ def controller_step(controllers: Controllers, i: int, measured: np.void, step_us
     delay, aircraft, state = controllers.delays[i], controllers.aircraft[i], controllers.states[i]
     common = controllers.parameters[i]["common"]
     mask = lost = 0
+    gap = False
     if state["started"] != 0:
         lost = state_predictor.lost_states(delay, measured, step_us)
+        gap = delay["started"] == 0 or state_predictor.is_unresolved(delay, measured, step_us)
+    if gap or delay["started"] == 0:
+        delay["begun"] = measured["step"]
     for k in range(lost + 1):
         may_send = k == lost
         now = measured if may_send else state_predictor.interpolate(delay, measured)
@@ -90,7 +95,7 @@ def controller_step(controllers: Controllers, i: int, measured: np.void, step_us
         )
         fill_neighbour_state(motion, now["step"], controllers.own_states[i])
         if controllers.guidance[i]["active"] != 0:
-            seen = _seen(controllers, i, now, motion, step_us)
+            seen = _seen(controllers, i, now, motion, step_us, gap, may_send)
             mask = _control(controllers, i, now, motion, seen, step_us, may_send)
             delay["found"] = controllers.signals[i]["dead_steps"]
         elif may_send:
@@ -100,6 +105,7 @@ def controller_step(controllers: Controllers, i: int, measured: np.void, step_us
         )
     state_predictor.note_state(delay, measured)
     if mask != 0:
+        state_predictor.note_event(delay, int(measured["step"]))
         count_events(mask, int(measured["step"]), state)
         controllers.actuators[i]["time_usec"] = measured["time_usec"]
     return mask
@@ -107,19 +113,33 @@ def controller_step(controllers: Controllers, i: int, measured: np.void, step_us
 
 @inlined
 def _seen(
-    controllers: Controllers, i: int, measured: np.void, motion: Motion, step_us: int
+    controllers: Controllers,
+    i: int,
+    measured: np.void,
+    motion: Motion,
+    step_us: int,
+    gap: bool,
+    received: bool,
 ) -> Seen:
-    """Return what a measured state shows; the motion is the one predicted from it."""
+    """Return what a measured state shows; the motion is the one predicted from it.
+
+    Over states that were not received, but interpolated, a command stayed in force.
+    """
     known_s = controllers.parameters[i]["common"]["delay_s"]
     delay = controllers.delays[i]
     ahead = state_predictor.periods_known(delay, known_s, step_us)
     links = state_predictor.periods_known(delay, 0.0, step_us)
+    named = measured if received else delay["measured"]
+    age = state_predictor.age_in_force(delay, int(measured["step"]), named, links, step_us)
+    if age == state_predictor.UNKNOWN:  # what is on its way is to arrive first
+        gap, delay["begun"] = True, measured["step"]
+    if not gap:
+        ahead, links = ahead + age - links, age
     if ahead + delay["found"] > 0:
         step, held = int(np.int64(measured["step"])), controllers.states[i]["held"]
         thrust = state_predictor.thrust_believed(delay, step, links, held)
         motion = motion_of(measured, controllers.aircraft[i], thrust)
-    after_gap = state_predictor.is_after_gap(delay, measured, step_us)
-    return Seen(motion, ahead, links, after_gap)
+    return Seen(motion, ahead, links, gap)
 
 
 @inlined

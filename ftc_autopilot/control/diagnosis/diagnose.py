@@ -7,8 +7,8 @@ import numpy as np
 from ftc_autopilot.control.diagnosis.decisions import decide, phase_of
 from ftc_autopilot.control.diagnosis.instrument import restart_instrument
 from ftc_autopilot.control.diagnosis.measurement import measure, past_dither, restart_command
-from ftc_autopilot.control.diagnosis.parameters import limits_of
-from ftc_autopilot.control.diagnosis.regression import long_estimate
+from ftc_autopilot.control.diagnosis.parameters import Limits, limits_of
+from ftc_autopilot.control.diagnosis.regression import long_estimate, restart
 from ftc_autopilot.control.diagnosis.suspicions import monitor, watch_stop
 from ftc_autopilot.control.step import SignalsRecord, Step
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
@@ -23,8 +23,8 @@ _AT_STOP = 0.98  # of the stop
 _LARGEST_OFFSET = 25.0 / 35.0  # of a surface's stop
 _LARGEST_THRUST_OFFSET = 0.35  # of the thrust limit
 _WEAK, _WEAKEST = 0.75, 0.1  # effectiveness taken into account below the first, not below the last
-_LARGE_CHANGE_S = 0.003  # of the delay
-_GAP_FILTERS = 5.0  # of the measurement, in its time constants, after a gap
+_LARGE_DELAY_S = 0.003
+_SETTLED = 5.0  # time constants, after which 0.7 % is left
 
 
 @inlined
@@ -32,6 +32,9 @@ def diagnose(
     now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void, signals: SignalsRecord
 ) -> None:
     """Measure, learn, decide; write the results of every actuator to state and signals.
+
+    After a gap nothing is learnt or decided until the filters of the measurement, and the model of
+    the actuators, have forgotten what they began with.
 
     Args:
         now: The present step; its held commands were in force over the period that ends now.
@@ -42,9 +45,11 @@ def diagnose(
     """
     dt, held = now.dt, now.held
     measure(now, aircraft, gains, state)
-    state["age"] += dt
+    settles = _settles(now, gains, state)
+    if not settles:
+        state["age"] += dt
     actuators = state["actuators"]
-    if abs(now.seen.ahead - state["ahead"]) * dt > _LARGE_CHANGE_S:
+    if state["age"] <= 1.5 * dt and abs(now.seen.ahead - state["ahead"]) * dt > _LARGE_DELAY_S:
         for j in range(N_CHANNELS):
             restart_command(j, now, aircraft, gains, state)
     state["ahead"] = now.seen.ahead
@@ -55,9 +60,11 @@ def diagnose(
         if lowest == highest:
             _leave_alone(actuator, j, signals)
             continue
+        if settles:
+            _begin_again(actuator, limits)
+            _report(actuator, j, signals)
+            continue
         before = actuator["lost"]
-        if now.seen.after_gap:
-            actuator["blanking_s"] = max(actuator["blanking_s"], _GAP_FILTERS * gains["filter_s"])
         if now.first:
             actuator["effectiveness"] = 1.0
             actuator["variance"] = (_FIRST_SIGMA * limits.jump) ** 2
@@ -82,14 +89,50 @@ def diagnose(
             at_a_stop = j == THROTTLE and not 1.0 < held[j] < most - 1.0
             if not at_a_stop:
                 _offset(actuator, limits.offset, least, largest, dt)
-        signals["effectiveness"][j] = actuator["effectiveness"]
-        signals["offset"][j] = actuator["stuck"] if actuator["lost"] != 0 else actuator["offset"]
-        signals["confidence"][j] = actuator["confidence"]
-        signals["phase"][j] = phase_of(actuator)
-        if j < THROTTLE:
-            signals["dead_steps"] = max(signals["dead_steps"], actuator["dead_steps"])
+        _report(actuator, j, signals)
     if changed >= 0:
         _wait_for_transient(actuators, changed, gains["transient_s"])
+
+
+@compiled
+def _settles(now: Step, gains: np.void, state: np.void) -> bool:
+    """Return whether nothing is to be learnt in this step; advance the time that is left."""
+    if now.seen.after_gap:
+        lag_s = max(gains["servo_lag_s"], gains["throttle_lag_s"])
+        settling_s = gains["throttle_dead_time_s"] + _SETTLED * (gains["filter_s"] + lag_s)
+        state["settling_s"] = settling_s
+    settles: bool = state["settling_s"] > 0.0
+    state["settling_s"] = max(state["settling_s"] - now.dt, 0.0)
+    return settles
+
+
+@compiled
+def _begin_again(actuator: np.void, limits: Limits) -> None:
+    """Let all that was seen of an actuator count for nothing; a suspicion is looked into anew.
+
+    The slow mean of the drift test stays: it shows what has failed in a gap.
+    """
+    u = actuator["commanded"]
+    r = actuator["measured"] - actuator["effectiveness"] * u
+    actuator["mean"] = actuator["smooth"] = r
+    actuator["command_mean"] = actuator["smooth_u"] = u
+    restart(actuator)
+    restart_instrument(actuator, False)
+    actuator["dither_s"] = actuator["confidence"] = 0.0
+    actuator["confirmed_s"] = actuator["followed_s"] = actuator["quiet_s"] = 0.0
+    if actuator["suspect_s"] > 0.0:
+        actuator["suspect_s"] = limits.suspicion
+
+
+@compiled
+def _report(actuator: np.void, j: int, signals: SignalsRecord) -> None:
+    """Write the results of actuator j."""
+    signals["effectiveness"][j] = actuator["effectiveness"]
+    signals["offset"][j] = actuator["stuck"] if actuator["lost"] != 0 else actuator["offset"]
+    signals["confidence"][j] = actuator["confidence"]
+    signals["phase"][j] = phase_of(actuator)
+    if j < THROTTLE:
+        signals["dead_steps"] = max(signals["dead_steps"], actuator["dead_steps"])
 
 
 @compiled

@@ -73,9 +73,10 @@ ACTUATOR = np.dtype(
 
 DIAGNOSIS = np.dtype(
     [
-        ("age", "f8"),  # time since the law's first step [s]
+        ("age", "f8"),  # time since the law's first step [s]; it stands still after a gap
         ("step", "i8"),  # steps made
         ("ahead", "i8"),  # delay of the last step [control periods]
+        ("settling_s", "f8"),  # left after a gap until anything is learnt again [s]
         ("held", "f8", (HISTORY, N_CHANNELS)),  # commands in force over the last steps
         ("dithers", "f8", (HISTORY, N_CHANNELS)),  # their dithers
         ("omega_filtered", "f8", (3,)),  # rad/s
