@@ -52,11 +52,15 @@ class View(AppService):
             websocket: Of the page.
             downloads: Of the server.
         """
+
+        async def close() -> None:
+            await websocket.close()
+
         super().__init__(
             "",
             write_bytes=websocket.send_bytes,
             write_str=websocket.send_str,
-            close=websocket.close,
+            close=close,
             download_manager=downloads,
         )
         self._arguments = command

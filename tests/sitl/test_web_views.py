@@ -83,7 +83,8 @@ def views_of(mark: Path, popen: "subprocess.Popen[str]") -> int:
 
 
 def is_bounded(size: dict[str, Any]) -> bool:
-    return 1 <= size["width"] <= 500 and 1 <= size["height"] <= 200
+    width, height = int(size["width"]), int(size["height"])
+    return 1 <= width <= 500 and 1 <= height <= 200
 
 
 @given(st.dictionaries(st.sampled_from(["width", "height"]), st.integers(), min_size=2))
