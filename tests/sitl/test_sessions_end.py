@@ -111,10 +111,11 @@ ENDS: dict[str, Callable[[Terminal], None]] = {
 
 
 def check_end(shown: Terminal, end: str) -> None:
-    """Nothing that was started in the terminal is left, but its shell while there is a terminal."""
+    """Nothing that was started in the terminal is left, but shells that wait to write to it."""
+    shells = {shown.shell.pid, shown.script}
     ENDS[end](shown)
     deadline = time.monotonic() + END_S
-    while left := set(processes_marked(shown.mark)) - {shown.shell.pid}:
+    while left := set(processes_marked(shown.mark)) - shells:
         assert time.monotonic() < deadline, [
             Path(f"/proc/{pid}/cmdline").read_bytes() for pid in left
         ]
