@@ -1,12 +1,18 @@
 """Signals that end a command: Ctrl-C, and in the same way SIGTERM and SIGHUP.
 
-A flight ended by ``timeout`` or a closed terminal therefore keeps its recording, too.
+A flight ended by ``timeout`` or a closed terminal therefore keeps its recording, too. What only
+shows something ends with its session, by force if need be.
 """
 
 import contextlib
+import ctypes
+import os
+import select
 import signal
+import sys
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType
 
@@ -14,6 +20,13 @@ from gcs.errors import Interrupted
 from gcs.terminal import print_line
 
 _LONG_S = 5.0
+
+_FORCE_S = 1.7
+"""Time that a process has to end well after its session [s]."""
+_LOOK_S = 0.2
+"""Period of looking whether the session is still there [s]."""
+_PR_SET_PDEATHSIG = 1  # of <sys/prctl.h>
+_started_by = os.getppid()
 
 
 def stop_signals() -> list[signal.Signals]:
@@ -25,13 +38,61 @@ def stop_signals() -> list[signal.Signals]:
 def stop_as_ctrl_c() -> None:
     """Make SIGTERM and SIGHUP act like Ctrl-C, with exit statuses of their own.
 
-    Ctrl-C is a KeyboardInterrupt from here on.
+    Ctrl-C is a KeyboardInterrupt from here on. Called when the command begins.
     """
+    global _started_by  # noqa: PLW0603 - by now it is this command's
+    _started_by = os.getppid()
     for number in stop_signals():
         if number != signal.SIGINT:
             signal.signal(number, _interrupt)
     if signal.getsignal(signal.SIGINT) == signal.SIG_DFL:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def end_with_session(end: Callable[[], object]) -> None:
+    """Call `end` when the session ends; what is still there 1.7 s later is killed (SIGALRM).
+
+    It ends by the signals of `stop_signals`, by a terminal that is gone, and, unless SIGHUP is
+    ignored, as by ``nohup``, with the process that has started this one. The event loop need not
+    run for that: a terminal that nobody reads stops it for good.
+
+    Args:
+        end: Called in the middle of whatever runs, in any thread; RuntimeError if it is too late.
+    """
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)
+
+    def ended(*_: object) -> None:
+        if not signal.getitimer(signal.ITIMER_REAL)[0]:
+            signal.setitimer(signal.ITIMER_REAL, _FORCE_S)
+        with contextlib.suppress(RuntimeError):
+            end()
+
+    def watch() -> None:
+        terminals = select.poll()
+        for number in filter(os.isatty, range(3)):
+            terminals.register(number, 0)  # a hang-up is always told
+        while not (
+            any(event & select.POLLHUP for _, event in terminals.poll(0))
+            or (os.getppid() != parent and signal.SIGHUP in numbers)
+        ):
+            time.sleep(_LOOK_S)
+        ended()
+
+    numbers, parent = stop_signals(), _started_by
+    for number in numbers:
+        signal.signal(number, ended)
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def die_with(parent: int) -> None:
+    """Be killed when the process that has started this one, by its main thread, is gone.
+
+    On systems other than Linux only if it is gone already.
+    """
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        os.kill(os.getpid(), signal.SIGKILL)
 
 
 @contextlib.contextmanager

@@ -1,6 +1,7 @@
 """``gcs ardupilot``: an ArduPilot SITL flies a scenario's aircraft, in place of our autopilots."""
 
 import contextlib
+import shutil
 import socket
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +25,7 @@ from gcs.commands.progress import working
 from gcs.commands.station import systems_in
 from gcs.errors import BadInput, FlightLost, Interrupted, NoAnswer
 from gcs.results.choices import Record
+from gcs.results.run_folder import SCENARIO
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import Network
 from gcs.scenario.settings import values_of
@@ -34,8 +36,8 @@ from sitl_plant.ardupilot.protocol import LONGEST_STEP_US, PORT, PORTS_APART
 
 if TYPE_CHECKING:
     from gcs.fleet.ardupilot_sockets import Served
-    from gcs.results.ardupilot import FrameSummary
-    from gcs.results.recording import Steps
+    from gcs.results.ardupilot import ArduPilotSummary, FrameSummary
+    from gcs.results.recording import Ending, Steps
 
 _LAST_PORT = 65535
 
@@ -137,10 +139,10 @@ def ardupilot(
             warn_if_exposed(address, with_key=False)
         try:
             warm_up(whole, console, law=False)
-            flown = _Flown(loaded, folder, record, console)
+            flown = _Flown(loaded, folder, addresses, record, console)
             with marked(folder, loaded, mark), contextlib.closing(flown):
-                flown.fly(sockets, addresses, patience, next(iter(station), None))
-                _report(flown, addresses, no_figures=no_figures, as_json=as_json)
+                flown.fly(sockets, patience, next(iter(station), None))
+                _report(flown, no_figures=no_figures, as_json=as_json)
         except NoAnswer:
             _remove(folder, is_new)
             raise
@@ -209,14 +211,22 @@ def _check(scenario: Scenario, port: int) -> None:
 
 
 class _Flown:
-    """A flight by ArduPilot, and its recording, which begins again when the flight does."""
+    """A flight by ArduPilot, and its recording: another one begins when the flight begins again."""
 
-    def __init__(self, scenario: Scenario, folder: Path, record: Record, console: Console) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        folder: Path,
+        addresses: list[UdpAddress],
+        record: Record,
+        console: Console,
+    ) -> None:
         from gcs.fleet.ardupilot_flight import ArduPilotFlight
         from gcs.fleet.ardupilot_sockets import Served
         from gcs.results.recorder import FlightRecorder
 
-        self.scenario, self.folder, self.console = scenario, folder, console
+        self.scenario, self.folder, self.addresses = scenario, folder, addresses
+        self.console = console
         self._record = record
         self.recorder: FlightRecorder = FlightRecorder(scenario, folder, record)
         self.recorder.load_code()
@@ -234,10 +244,33 @@ class _Flown:
         self.recorder.add(steps)
 
     def _begin_again(self) -> None:
+        """Keep what was flown so far in a folder of its own, and record anew."""
+        from gcs.results.flight_mark import FLIGHT
         from gcs.results.recorder import FlightRecorder
 
         self.recorder.close()
+        flight = self.served.flight
+        if flight.step:
+            self.finish()
+            kept = self.folder / f"before-restart-{flight.restarts}"
+            kept.mkdir()
+            for path in self.folder.glob("*.*"):
+                if path.name == SCENARIO:
+                    shutil.copy(path, kept)
+                elif path.name != FLIGHT:
+                    path.rename(kept / path.name)
+            self.console.print(f"what was flown before is in {kept}", soft_wrap=True)
         self.recorder = FlightRecorder(self.scenario, self.folder, self._record)
+
+    def finish(self) -> "tuple[ArduPilotSummary, Ending]":
+        """Complete the recording, with its summary."""
+        from gcs.results.ardupilot import ardupilot_summary
+
+        ending = self.served.flight.ending(self.served.wall_s)
+        frames = _frames(self.served, self.scenario, self.addresses)
+        summary = ardupilot_summary(self.recorder.finish(ending), frames)
+        summary.save(self.folder)
+        return summary, ending
 
     def close(self) -> None:
         """Complete the files of the recording."""
@@ -246,7 +279,6 @@ class _Flown:
     def fly(
         self,
         sockets: list[socket.socket],
-        addresses: list[UdpAddress],
         patience_s: float,
         station: socket.socket | None,
     ) -> None:
@@ -262,7 +294,7 @@ class _Flown:
         lines = (
             f"waiting for ArduPilot, which flies in place of the scenario's law ({law}) and its "
             "profile or mission; start",
-            *how_to_start(scenario, addresses),
+            *how_to_start(scenario, self.addresses),
         )
         for line in lines:
             console.print(line, soft_wrap=True)
@@ -278,21 +310,17 @@ class _Flown:
             try:
                 serve(scenario, self.served, sockets, patience_s, notify, show, station)
             except KeyboardInterrupt:
-                if not self.served.flight.step:
+                if not (self.served.flight.step or self.served.flight.restarts):
                     raise
                 self.stopped = True
         self.served.flight.keep()
 
 
-def _report(flown: _Flown, addresses: list[UdpAddress], *, no_figures: bool, as_json: bool) -> None:
+def _report(flown: _Flown, *, no_figures: bool, as_json: bool) -> None:
     from gcs.reports.ardupilot import ardupilot_tables
-    from gcs.results.ardupilot import ardupilot_summary
 
     served, console = flown.served, flown.console
-    ending = served.flight.ending(served.wall_s)
-    frames = _frames(served, flown.scenario, addresses)
-    summary = ardupilot_summary(flown.recorder.finish(ending), frames)
-    summary.save(flown.folder)
+    summary, ending = flown.finish()
     if ending.steps and not no_figures:
         from gcs.figures.overview import draw_flight
 

@@ -1,13 +1,11 @@
 """``gcs`` alone: the operator's dashboard."""
 
 import asyncio
-import contextlib
 import os
-import signal
 import sys
 import time
 import traceback
-from collections.abc import Iterator
+from functools import partial
 from typing import TYPE_CHECKING
 
 from gcs.commands.options import SIGNING_KEY_VARIABLE
@@ -15,12 +13,10 @@ from gcs.commands.station import run_interruptible
 from gcs.errors import BadInput
 from gcs.station.client import Client
 from gcs.station.connection import choose_connection, own_identity
+from gcs.stopping import end_with_session
 
 if TYPE_CHECKING:
     from gcs.tui.app import Dashboard
-
-_WATCH_S = 1.0
-"""Period of looking whether the server of a browser's dashboard is there [s]."""
 
 
 def has_terminal() -> bool:
@@ -47,10 +43,10 @@ def served_dashboard(connect: str | None, theme: str, control: bool) -> None:
         control: Whether vehicles may be commanded: without it nothing here reaches them.
     """
     read_only = "" if control else "read-only"
-    _show(connect, theme, read_only=read_only, parent=os.getppid())
+    _show(connect, theme, read_only=read_only)
 
 
-def _show(connect: str | None, theme: str, *, read_only: str = "", parent: int = 0) -> None:
+def _show(connect: str | None, theme: str, *, read_only: str = "") -> None:
     signing_key = os.environ.get(SIGNING_KEY_VARIABLE) or None
     connection = choose_connection(connect, signing_key)
     from gcs.tui.app import Dashboard
@@ -69,28 +65,9 @@ def _show(connect: str | None, theme: str, *, read_only: str = "", parent: int =
             signing_key=signing_key,
         ) as client:
             live.attach(client)
-            app = Dashboard(live, theme)
-            with _ending_with(parent, app):
-                await _run(app)
+            await _run(Dashboard(live, theme))
 
     run_interruptible(work())
-
-
-@contextlib.contextmanager
-def _ending_with(parent: int, app: "Dashboard") -> Iterator[None]:
-    """Leave the app when the process that has started this one is gone; 0: there is none."""
-
-    async def watch() -> None:
-        while os.getppid() == parent:
-            await asyncio.sleep(_WATCH_S)
-        app.exit()
-
-    task = asyncio.ensure_future(watch()) if parent else None
-    try:
-        yield
-    finally:
-        if task is not None:
-            task.cancel()
 
 
 def _check_terminal() -> None:
@@ -111,8 +88,7 @@ async def run_dashboard(app: "Dashboard") -> None:
 
 async def _run(app: "Dashboard") -> None:
     loop = asyncio.get_running_loop()
-    for number in (signal.SIGTERM, signal.SIGHUP):  # the terminal is left as it was found
-        loop.add_signal_handler(number, app.exit)
+    end_with_session(partial(loop.call_soon_threadsafe, app.exit))  # the terminal as it was found
     await app.run_async()
     from gcs.terminal import print_line
 

@@ -21,7 +21,7 @@ from gcs.runs.index import list_runs
 from gcs.runs.run import Run
 from gcs.runs.scan import NOTE, scan
 from gcs.runs.select import chosen, conditions_of, order_of
-from gcs.terminal import console_of, numbers, print_json, print_line, table_of, texts
+from gcs.terminal import LONGEST_WORD, console_of, numbers, print_json, print_line, table_of, texts
 from mavlink_defs.config.output_files import write_text
 
 if TYPE_CHECKING:
@@ -284,9 +284,16 @@ def _flown(run: Run) -> Text:
     path = Path(run.scenario)
     here = Path.cwd()
     scenario = str(path.relative_to(here)) if path.is_relative_to(here) else run.scenario
-    lines = [scenario, *run.changes, law, *run.faults]
+    lines = [scenario, *map(_foldable, run.changes), law, *run.faults]
     text = Text("\n".join(filter(None, lines)))
     return text.append(f"\nnote: {run.note}", "italic") if run.note else text
+
+
+def _foldable(change: str) -> str:
+    """Return a change with spaces where a narrow column may fold it: between values."""
+    key, equals, value = change.partition("=")
+    gap = " " if len(change.split(",", maxsplit=1)[0]) > LONGEST_WORD else ""
+    return key + equals + gap + value.replace(",", ", ")
 
 
 def _count(number: int | None) -> str:

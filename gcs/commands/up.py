@@ -90,7 +90,8 @@ class UpOptions(FleetOptions):
         bool,
         typer.Option(
             "--foxglove",
-            help=f"Serve states, events, faults and texts to Foxglove, at {FOXGLOVE}.",
+            help=f"Serve states, events, faults and texts to Foxglove, at {FOXGLOVE}; any page "
+            "in a browser of this machine can read them.",
         ),
     ] = False
     foxglove_at: Annotated[

@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import resource
 import sys
 from functools import partial
 from typing import Annotated
@@ -14,7 +15,11 @@ from gcs.commands.options import SIGNING_KEY_VARIABLE, ConnectOption, ThemeOptio
 from gcs.extras import WEB_PACKAGES, load_package
 from gcs.fleet.hub import MAX_STATIONS
 from gcs.station.connection import choose_connection
+from gcs.stopping import die_with
 from gcs.terminal import print_line
+
+_MEMORY = 1 << 30
+"""Most memory that a dashboard may take [bytes]."""
 
 EPILOG = """
 Examples:
@@ -23,6 +28,8 @@ Examples:
 - gcs web --control --connect udpout:127.0.0.1:14600
 
 Needs the extra `web`.
+
+Ends with its terminal, and with the process that has started it; not with nohup.
 
 Exit status: 0 stopped by Ctrl-C, SIGTERM or SIGHUP, 2 bad input.
 """
@@ -46,13 +53,15 @@ def web(
             metavar="NUMBER",
         ),
     ] = 8,
-    view: Annotated[bool, typer.Option("--view", hidden=True)] = False,
+    view: Annotated[int | None, typer.Option("--view", hidden=True)] = None,
 ) -> None:
     """Serve the dashboard to browsers until Ctrl-C, read-only unless --control is given.
 
     Every browser gets a dashboard of its own, a process of this machine.
     """
-    if view:
+    if view is not None:  # a process that the server has started
+        die_with(view)
+        resource.setrlimit(resource.RLIMIT_DATA, (_MEMORY, _MEMORY))
         from gcs.commands.dashboard import served_dashboard
 
         served_dashboard(connect, theme, control)
@@ -63,11 +72,11 @@ def web(
     address = listening_address("--listen", listen)
     from gcs.commands.web_server import serve
 
-    command = [sys.executable, "-m", "gcs", "web", "--view", "--theme", theme]
+    command = [sys.executable, "-m", "gcs", "web", "--view", str(os.getpid()), "--theme", theme]
     command += ["--connect", str(connection), *(["--control"] if control else [])]
     with listen_at("--listen", address) as listening:
         url = f"http://{address.host}:{listening.getsockname()[1]}"
         access = "browsers can command vehicles" if control else "read-only"
         lines = f"dashboard of {connection} at {url} ({access})\n  Ctrl-C stops it"
-        asyncio.run(serve(command, address, listening, views, partial(print_line, lines)))
+        asyncio.run(serve(command, address.host, listening, views, partial(print_line, lines)))
     print_line("stopped")

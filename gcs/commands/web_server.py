@@ -2,52 +2,53 @@
 
 Needs the extra `web`.
 
-textual-serve runs these processes and brings the terminal that browsers show. Its own page fetches
-a font from elsewhere and knows one address only; ours, `gcs/tui/web_page.html`, does neither.
+textual-serve brings the terminal that browsers show. Its own page fetches a font from elsewhere and
+knows one address only; ours, `gcs/tui/web_page.html`, does neither.
 """
 
 import asyncio
 import contextlib
+import ipaddress
 import logging
-import shlex
 import socket
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable, Sequence
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from urllib.parse import urlsplit
 
-from aiohttp import web
+from aiohttp import WSCloseCode, WSMsgType, web
 from aiohttp.typedefs import Handler
 from textual_serve import server as textual_server
 
-from gcs.stopping import stop_signals
-from mavlink_defs.endpoint import EndpointError, UdpAddress, is_loopback
+from gcs.commands.web_view import View, size_in
+from gcs.stopping import end_with_session
 
-_CLOSING_S = 2.0
+_CLOSING_S = 0.5
 """Time that browsers have to close their connections when the server ends [s]."""
+_EVERY_INTERFACE = "0.0.0.0"
 
 
 async def serve(
-    command: list[str],
-    address: UdpAddress,
+    command: Sequence[str],
+    host: str,
     listening: socket.socket,
     most: int,
     on_ready: Callable[[], None],
 ) -> None:
-    """Serve a Textual program to browsers until a signal ends it; its processes end before.
+    """Serve a Textual program to browsers until the session ends; its processes end before.
 
     Args:
         command: Runs the program once.
-        address: What the browsers open, to tell pages of others from ours.
+        host: Where browsers find it, as the user named it: pages of others are told from ours.
         listening: A bound socket.
-        most: How many browsers at a time; a further one gets a text that says so.
+        most: How many of these processes at a time; a further browser gets a text that says so.
         on_ready: Called when browsers can connect.
     """
     logging.getLogger("textual-serve").addHandler(logging.NullHandler())
-    server = textual_server.Server("exec " + shlex.join(command))
+    server = textual_server.Server("")
     page = files("gcs.tui").joinpath("web_page.html").read_text(encoding="utf-8")
-    only_local = is_loopback(address)
-    open_views: set[asyncio.Task[Any]] = set()
+    open_views: set[asyncio.Task[None]] = set()
 
     def check_room() -> None:
         if len(open_views) >= most:
@@ -57,27 +58,53 @@ async def serve(
             )
             raise web.HTTPServiceUnavailable(text=text)
 
-    async def index(_: web.Request) -> web.Response:
-        check_room()
-        return web.Response(text=page, content_type="text/html")
-
-    async def view(request: web.Request) -> web.StreamResponse:
+    @contextlib.asynccontextmanager
+    async def room() -> AsyncIterator[None]:
+        """Hold the place of a view, until its process is gone."""
         check_room()
         task = asyncio.current_task()
         assert task is not None
         open_views.add(task)
         try:
-            return await server.handle_websocket(request)
+            yield
         finally:
             open_views.discard(task)
+
+    async def index(_: web.Request) -> web.Response:
+        check_room()
+        return web.Response(text=page, content_type="text/html")
+
+    async def view(request: web.Request) -> web.StreamResponse:
+        try:
+            width, height = size_in({"width": "80", "height": "24", **request.query})
+        except ValueError:
+            raise web.HTTPBadRequest(text="width and height: expected whole numbers") from None
+        websocket = web.WebSocketResponse(heartbeat=15)
+        async with room():
+            await websocket.prepare(request)
+            one = View(command, websocket, server.download_manager)
+            try:
+                await one.start(width, height)
+                async for message in websocket:
+                    await one.take(message.data if message.type is WSMsgType.TEXT else "")
+            except ValueError:
+                await websocket.close(code=WSCloseCode.POLICY_VIOLATION)
+            finally:
+                await one.stop()
+        return websocket
 
     @web.middleware
     async def ours_alone(request: web.Request, handler: Handler) -> web.StreamResponse:
         """Refuse what a page of another site asks a browser of this machine to open."""
+        named = request.headers.get("Host", "")
         origin = request.headers.get("Origin")
-        foreign = origin is not None and origin.partition("://")[2] != request.host
-        if foreign or (only_local and not _is_local(request.host)):
-            raise web.HTTPForbidden(text="this dashboard is not for pages of other sites")
+        foreign = origin is not None and origin.partition("://")[2] != named
+        if foreign or not _is_ours(named, host):
+            text = (
+                "this dashboard is not for pages of other sites: open it at the address that "
+                "gcs web prints, or name another one by --listen"
+            )
+            raise web.HTTPForbidden(text=text)
         return await handler(request)
 
     app = web.Application(middlewares=[ours_alone])
@@ -90,31 +117,39 @@ async def serve(
             web.static("/static", static),
         ]
     )
-    runner = web.AppRunner(app, access_log=None, shutdown_timeout=_CLOSING_S)
+    runner = web.AppRunner(
+        app, access_log=None, shutdown_timeout=_CLOSING_S, handler_cancellation=True
+    )
+    stopped = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    end_with_session(partial(loop.call_soon_threadsafe, stopped.set))
     await runner.setup()
     try:
         await web.SockSite(runner, listening).start()
         on_ready()
-        await _stopped()
+        await stopped.wait()
     finally:
         for task in open_views:  # each ends its process
             task.cancel()
         if open_views:
-            await asyncio.wait(open_views, timeout=_CLOSING_S)
+            await asyncio.wait(open_views)
         await runner.cleanup()
 
 
-async def _stopped() -> None:
-    """Wait for one of the signals that end a command."""
-    stopped, loop = asyncio.Event(), asyncio.get_running_loop()
-    for number in stop_signals():
-        loop.add_signal_handler(number, stopped.set)
-    await stopped.wait()
+def _is_ours(named: str, host: str) -> bool:
+    """Return whether a Host header names this server.
 
+    By the letter: whom a name belongs to says who owns it, and so may a page that attacks us.
 
-def _is_local(host: str) -> bool:
-    """Return whether a Host header names this machine: other names are of other sites."""
-    name = host.rpartition(":")[0] if ":" in host else host
-    with contextlib.suppress(EndpointError):
-        return name == "localhost" or is_loopback(UdpAddress(name, 0))
-    return False
+    Args:
+        named: The header.
+        host: Where it listens.
+    """
+    try:
+        name = urlsplit(f"//{named}").hostname or ""
+        if name in {"localhost", host.lower()}:
+            return True
+        address = ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return address.is_loopback or host == _EVERY_INTERFACE

@@ -68,7 +68,7 @@ class ArduPilotFlight:
             scenario: Whose aircraft, servos, faults, wind and sensors are flown.
             on_steps: Called with the recorded steps, in order; their arrays are used again.
             notify: Called with a line for the operator.
-            on_restart: Called when the flight begins again: the steps up to there are void.
+            on_restart: Called when the flight begins again, after the last steps of the one before.
         """
         self._scenario, self._on_steps, self._notify = scenario, on_steps, notify
         self._on_restart = on_restart
@@ -181,6 +181,7 @@ class ArduPilotFlight:
         self._notify(f"the ArduPilot of UAV {system} was started again: the flight begins again")
         waiting = [due > self._tick for due in self._due]
         self.restarts += 1
+        self.keep()
         self._on_restart()
         self._begin()
         for j, waits in enumerate(waiting):

@@ -27,29 +27,30 @@ class Cell(NamedTuple):
 
 _COLUMNS: dict[str, Callable[[Run], Cell]] = {
     "run": lambda run: Cell(run.name),
-    "kind": lambda run: Cell(run.kind),
-    "time": lambda run: _moment(run.time),
-    "scenario": lambda run: Cell(run.scenario),
-    "changes": lambda run: Cell("\n".join(run.changes)),
-    "law": lambda run: Cell(run.law),
-    "trigger": lambda run: Cell(run.trigger),
-    "faults": lambda run: Cell("\n".join(run.faults)),
-    "flights": lambda run: _number(run.flights, "{:.0f}"),
-    "messages": lambda run: _number(run.messages, "{:.0f}"),
-    "events": lambda run: _number(run.events, "{:.0f}"),
-    "saved [%]": lambda run: _number(None if run.saving is None else 100.0 * run.saving, "{:.2f}"),
+    "outcome": lambda run: Cell(run.outcome.replace("_", " ")),
     **{
         f"IAE {name} [{IAE_UNITS[name]}]": lambda run, name=name: _number(  # type: ignore[misc]  # a default binds the name
             run.iae.get(name), "{:.2f}"
         )
         for name in QUANTITIES
     },
+    "saved [%]": lambda run: _number(None if run.saving is None else 100.0 * run.saving, "{:.2f}"),
+    "law": lambda run: Cell(run.law),
+    "trigger": lambda run: Cell(run.trigger),
+    "changes": lambda run: Cell("\n".join(run.changes)),
+    "faults": lambda run: Cell("\n".join(run.faults)),
+    "scenario": lambda run: Cell(run.scenario),
+    "kind": lambda run: Cell(run.kind),
+    "time": lambda run: _moment(run.time),
+    "flights": lambda run: _number(run.flights, "{:.0f}"),
+    "messages": lambda run: _number(run.messages, "{:.0f}"),
+    "events": lambda run: _number(run.events, "{:.0f}"),
     "duration [s]": lambda run: _number(run.duration_s, "{:g}"),
-    "outcome": lambda run: Cell(run.outcome.replace("_", " ")),
     "reason": lambda run: Cell(run.reason),
     "version": lambda run: Cell(run.version),
     "note": lambda run: Cell(run.note),
 }
+"""In this order: what a flight was and how good it was is seen without scrolling."""
 _PROSE = {"changes", "faults", "reason", "note"}
 
 

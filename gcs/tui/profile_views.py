@@ -10,7 +10,7 @@ from textual.widgets.directory_tree import DirEntry
 from textual_plotext import PlotextPlot
 
 from gcs.scenario.bundled import SCENARIOS
-from gcs.tui.curves import palette_of
+from gcs.tui.curves import palette_of, ticks
 from gcs.tui.formatting import Cell
 from gcs.tui.grid import Column, Grid, Row
 from gcs.tui.guard import Guarded
@@ -84,10 +84,15 @@ class ProfilePlot(Guarded, PlotextPlot):
         self.border_title = _TITLE
         palette = palette_of(self.app.theme_variables)
         self.plt.clear_figure()
+        values: list[float] = []
         for key, colour in zip(_VALUES, palette.channels, strict=True):
             x, y = polyline(segments, key)
             if x:
                 self.plt.plot(x, y, marker="braille", color=colour)
+                self.plt.xticks(ticks(x[0], x[-1]))
+                values += y
+        if values:
+            self.plt.yticks(ticks(min(values), max(values)))
         self.plt.grid(False, False)
         self.refresh()
 

@@ -9,7 +9,7 @@ from enum import Enum
 from sitl_plant.ardupilot.protocol import NotServoPacket, ServoPacket, parse_servo_packet
 
 TAKEOVER_S = 1.0
-"""Silence of an ArduPilot after which another address may go on with its frames [s]."""
+"""Silence of an ArduPilot after which another address is followed, or a count that is late [s]."""
 _LATE = 10
 """Frames by which the count may fall back without a restart: the network held a packet back."""
 
@@ -72,14 +72,15 @@ class Peer:
         if self.packet is None:
             return Frame.NEW
         back = self.packet.frame_count - packet.frame_count
-        if address != self.address and packet.frame_count > 0 and now - self.heard_s < TAKEOVER_S:
+        flies = now - self.heard_s < TAKEOVER_S
+        if flies and address != self.address:  # whatever it sends
             return self._drop("another sender than the ArduPilot that flies")
         if back == 0:
             return Frame.REPEATED
         if back < 0:
             self.missing += -back - 1
             return Frame.NEW
-        if packet.frame_count > 0 and back <= _LATE:
+        if back <= _LATE and (flies or packet.frame_count > 0):
             return self._drop("late: a newer frame has been flown")
         self.restarts += 1
         return Frame.RESTARTED

@@ -8,6 +8,7 @@ first airspeed by proportional and integral laws, with outputs as ArduPlane's.
 import json
 import math
 import re
+import select
 import socket
 import struct
 from collections.abc import Iterable, Sequence
@@ -107,6 +108,24 @@ class Autopilot:
         self.lines.append(lines[0])
         self.answers.append(read_by_text(lines[0]))
         return self.answers[-1]
+
+    def take_over(self) -> None:
+        """Exchange the first two frames, sending the first until it is answered, as ArduPilot."""
+        self.pwm = self.outputs(0.4)
+        packet = servo_packet(0, self.pwm, self.rate_hz)
+        self.send(packet)
+        while not select.select([self._sock], [], [], 0.2)[0]:
+            self.send(packet)
+        for _ in range(2):
+            line = self.receive()
+            while line in self.lines:  # a further answer to the first one
+                line = self.receive()
+            self.lines.append(line)
+            self.answers.append(read_by_text(line))
+            self.frame_count += 1
+            if self.frame_count == 1:
+                self.pwm = self.outputs(0.4)
+                self.send(servo_packet(1, self.pwm, self.rate_hz))
 
     def fly(self, frames: int, thrust: float = 0.4) -> Answer:
         """Exchange frames with the outputs of the law, around a share of the thrust."""

@@ -200,19 +200,29 @@ def test_garbage_is_counted_and_told(tmp_path: Path) -> None:
     assert "dropped 3 datagrams: length other than 40 or 72 bytes" in out
 
 
-def test_a_restart_begins_a_new_flight(tmp_path: Path) -> None:
+def test_a_restart_begins_a_new_flight_and_nobody_else_can(tmp_path: Path) -> None:
     with served(tmp_path, duration_s=0.3) as plant:
-        with Autopilot(plant.port) as first:
-            first.fly(200)
+        with Autopilot(plant.port) as first, Autopilot(plant.port) as stranger:
+            first.fly(100)
+            stranger.send(servo_packet(0, stranger.pwm))
+            first.fly(100)
         with Autopilot(plant.port) as second:
-            second.fly(300)
+            second.take_over()
+            second.fly(298)
         status, _, error = plant.end()
     assert status == 0
-    assert "started again: the flight begins again" in error
+    assert error.count("started again: the flight begins again") == 1
     assert second.answers[:200] == first.answers
     summary = summary_of(plant.folder)
     assert (summary["steps"], summary["ardupilot"][0]["restarts"]) == (300, 1)
+    assert summary["ardupilot"][0]["dropped"]["another sender than the ArduPilot that flies"] >= 1
     assert len(np.unique(table_of(plant.folder / "trajectory.arrows")["time_s"])) == 15
+    before = plant.folder / "before-restart-1"
+    assert str(before) in error
+    assert summary_of(before)["steps"] == 200
+    exported = run("gcs", "export", "--to", "csv", before)
+    assert exported.returncode == 0, exported.stderr
+    assert len(np.unique(table_of(before / "trajectory.arrows")["time_s"])) == 10
 
 
 def test_a_fleet_is_in_lockstep(tmp_path: Path) -> None:

@@ -29,15 +29,18 @@ class Rig:
     def __init__(self, flown: Scenario) -> None:
         self.said: list[str] = []
         self.steps: list[Steps] = []
-        self.flight = ArduPilotFlight(flown, self._add, self.said.append, self.steps.clear)
+        self.flight = ArduPilotFlight(flown, self._add, self.said.append, self._begin_again)
+
+    def _begin_again(self) -> None:
+        self.before, self.steps = self.steps, []
 
     def _add(self, steps: Steps) -> None:
         self.steps.append(Steps(steps.first, *(array.copy() for array in steps[1:])))
 
-    def send(self, frame_count, pwm=CRUISE, i=0, rate_hz=1000, address=HOME):
+    def send(self, frame_count, pwm=CRUISE, i=0, rate_hz=1000, address=HOME, now=0.0):
         """Send a frame; return the answers by index of the UAV."""
         packet = servo_packet(frame_count, pwm, rate_hz)
-        answers = self.flight.receive(i, packet, address, 0.0)
+        answers = self.flight.receive(i, packet, address, now)
         return {k: read_by_text(line) for k, line, _ in answers}
 
     def recorded(self) -> Steps:
@@ -113,11 +116,10 @@ def test_without_hold_it_flies_from_the_first_frame_on():
 def test_a_restarted_one_begins_a_new_flight_which_repeats_the_first():
     rig = Rig(scenario(faults=[FAULT]))
     first = [rig.send(n)[0] for n in range(100)]
-    rig.flight.keep()
-    again = [rig.send(n, address=("127.0.0.1", 6))[0] for n in range(100)]
+    again = [rig.send(n, address=("127.0.0.1", 6), now=2.0)[0] for n in range(100)]
     assert again == first
     assert (rig.flight.restarts, rig.flight.peers[0].restarts) == (1, 1)
-    assert rig.recorded().length == 100, "the steps before are void"
+    assert (Steps.joined(rig.before, 1).length, rig.recorded().length) == (100, 100)
 
 
 @needs_jsbsim

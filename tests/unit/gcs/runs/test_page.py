@@ -86,6 +86,16 @@ def test_every_run_has_a_row_and_names_are_texts(root: Path) -> None:
     assert page.data["compared"] == ["second"]
 
 
+def test_how_a_flight_ended_and_how_good_it_was_comes_before_texts_of_any_length(
+    root: Path,
+) -> None:
+    page = page_of(root)
+    columns = [attributes["data-column"] or "" for _, attributes in page.tags
+               if "data-column" in attributes]  # fmt: skip
+    assert columns[:2] == ["run", "outcome"]
+    assert all(name.startswith("IAE ") for name in columns[2:6])
+
+
 def test_nothing_is_fetched(root: Path) -> None:
     page = page_of(root)
     for tag, attributes in page.tags:

@@ -1,5 +1,6 @@
 """The profiles panel: which files can be opened."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ from waiting import until
 
 from gcs.scenario.profile_file import load_profile
 from gcs.tui.app import Dashboard
-from gcs.tui.profile_views import ProfileFiles
+from gcs.tui.profile_views import ProfileFiles, ProfilePlot
 from gcs.tui.profiles import ProfilesPanel
 
 
@@ -28,6 +29,29 @@ def test_a_bundled_profile_is_opened_by_its_name_from_any_folder(
                 break
             await pilot.pause(0.01)
         assert panel.segments == load_profile("profiles/ramps")
+
+    at_screen(playback(), work)
+
+
+@pytest.mark.parametrize("end_s", [15.0, 40.0])
+def test_a_plot_has_round_ticks(end_s: float, tmp_path: Path) -> None:
+    rest = "roll_deg: 0, pitch_deg: 5, yaw_deg: 0"
+    first, second = f"airspeed_m_s: 41.7, {rest}", f"airspeed_m_s: 40, {rest}"
+    file = tmp_path / "profile.yaml"
+    file.write_text(f"profile: [{{start_s: 0, {first}}}, {{start_s: {end_s}, {second}}}]")
+
+    async def work(app: Dashboard, pilot: Pilot[None]) -> None:
+        await pilot.press("4")
+        panel = app.query_one(ProfilesPanel)
+        panel.load(file)
+        await until(pilot, lambda: panel.segments is not None, "it is loaded")
+        plt = app.query_one(ProfilePlot).plt
+        plt.plotsize(60, 12)
+        *lines, times = re.sub(r"\x1b\[[0-9;]*m", "", plt.build()).rstrip().splitlines()
+        heights = [line.partition("┤")[0] for line in lines if "┤" in line]
+        shown = [float(text) for text in (*times.split(), *heights)]
+        assert len(shown) >= 8
+        assert all(number % 5.0 == 0.0 for number in shown), shown
 
     at_screen(playback(), work)
 

@@ -37,11 +37,15 @@ def test_a_gap_of_the_count_is_a_loss():
     assert (peer.frames, peer.missing) == (5, 3)
 
 
-@given(st.integers(1, 2**32 - 1))
-def test_frame_0_after_any_other_is_a_restart(count):
+@given(st.integers(1, 2**32 - 1), st.sampled_from([0.0, 0.9, 1.1]))
+def test_frame_0_after_others_is_a_restart_but_not_when_it_may_be_late(count, silent):
     peer = Peer()
-    assert heard(peer, count, 0, 1) == [Frame.NEW, Frame.RESTARTED, Frame.NEW]
-    assert (peer.restarts, peer.missing) == (1, 0)
+    heard(peer, count)
+    restarts = count > 10 or silent > 1.0
+    assert heard(peer, 0, now=silent * TAKEOVER_S) == [
+        Frame.RESTARTED if restarts else Frame.DROPPED
+    ]
+    assert (peer.restarts, peer.missing) == (restarts, 0)
 
 
 def test_a_count_that_falls_far_back_is_a_restart_and_one_that_comes_late_is_not():
@@ -53,20 +57,35 @@ def test_a_count_that_falls_far_back_is_a_restart_and_one_that_comes_late_is_not
     assert "late" in next(iter(peer.dropped))
 
 
-def test_a_restarted_one_has_another_port():
+def test_a_restarted_one_has_another_port_and_was_silent_for_a_second():
     peer = Peer()
     assert heard(peer, 700) == [Frame.NEW]
-    assert heard(peer, 0, address=OTHER) == [Frame.RESTARTED]
+    assert heard(peer, 0, address=OTHER, now=0.9 * TAKEOVER_S) == [Frame.DROPPED]
+    assert heard(peer, 0, address=OTHER, now=1.1 * TAKEOVER_S) == [Frame.RESTARTED]
     assert peer.address == OTHER
 
 
-def test_another_sender_is_not_followed_while_the_first_one_flies():
+COUNTS = st.integers(0, 20) | st.integers(0, 2**32 - 1)
+
+
+@given(COUNTS, st.lists(st.tuples(COUNTS, st.floats(0.0, 0.99)), max_size=8))
+def test_nothing_that_another_sends_counts_while_one_flies(count, sent):
+    """Whatever its count: the first of a flight, the last once more, far ahead, far back."""
+    peer = Peer()
+    heard(peer, count, now=5.0)
+    for other, after in sent:
+        assert heard(peer, other, address=OTHER, now=5.0 + after * TAKEOVER_S) == [Frame.DROPPED]
+    assert (peer.address, peer.frames, peer.repeated, peer.restarts) == (ONE, 1, 0, 0)
+    dropped = {"another sender than the ArduPilot that flies": len(sent)} if sent else {}
+    assert peer.dropped == dropped
+    assert heard(peer, count + 1, now=5.99) == [Frame.NEW if count < 2**32 - 1 else Frame.RESTARTED]
+
+
+def test_another_sender_goes_on_after_a_second_of_silence():
     peer = Peer()
     heard(peer, 700)
-    assert heard(peer, 701, 3, address=OTHER, now=0.9 * TAKEOVER_S) == [Frame.DROPPED] * 2
-    assert (peer.address, peer.frames) == (ONE, 1)
-    assert peer.dropped == {"another sender than the ArduPilot that flies": 2}
     assert heard(peer, 701, address=OTHER, now=1.1 * TAKEOVER_S) == [Frame.NEW]
+    assert heard(peer, 702, address=ONE, now=1.2 * TAKEOVER_S) == [Frame.DROPPED]
 
 
 @given(st.lists(st.binary(max_size=80), max_size=20))
