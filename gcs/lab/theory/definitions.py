@@ -9,6 +9,7 @@ from itertools import accumulate, pairwise
 
 import numpy as np
 
+from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.state_predictor import LONGEST_S
 from ftc_autopilot.control.triggers import Trigger
@@ -230,7 +231,7 @@ def _run(commands: list[float], is_yaw: bool, w: float, dt: float) -> list[list[
     for command in commands:
         values.append(x)
         rates.append(x_dot)
-        error = float(short_way(np.float64(command - x))) if is_yaw else command - x
+        error = wrap(command - x) if is_yaw else command - x
         jerk = w**3 * error - 3.0 * w**2 * x_dot - 3.0 * w * x_ddot
         x, x_dot, x_ddot = x + dt * x_dot, x_dot + dt * x_ddot, x_ddot + dt * jerk
     return [values, rates]
