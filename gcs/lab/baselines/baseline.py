@@ -14,9 +14,11 @@ from gcs.errors import BadInput
 from gcs.lab.baselines.senders import (
     COARSE,
     FINE,
+    YARDSTICKS,
     Fly,
     Sender,
     Verdict,
+    Yardstick,
     find_slowest,
     senders,
     some_periods,
@@ -34,7 +36,7 @@ from mavlink_defs.config.inherit import PlaceError
 from mavlink_defs.constants import N_CHANNELS
 
 _BATCH = 4
-"""Aircraft that fly before a sender is given up; fixed, so that a result is always the same."""
+"""Aircraft, or senders, that fly at a time; fixed, so that a result is always the same."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +46,8 @@ class Robustness:
     Attributes:
         drawn: How many aircraft.
         share: Share of them to be kept.
-        largest_ratio: Largest IAE of an aircraft that is kept, relative to the triggered flight
-            of the nominal aircraft.
+        largest_ratio: Largest IAE against the filtered reference of an aircraft that is kept,
+            relative to the triggered flight of the nominal aircraft.
         triggered: How many the triggered sender keeps, and whether these are enough.
         checked: Periodic senders that were flown, the slowest first.
     """
@@ -92,10 +94,12 @@ class Baseline:
         periodic_law: Of the periodic senders.
         trigger: Mode of the triggered flight.
         step_us: Control period [µs].
-        largest_ratio: Largest ratio of an IAE to the triggered flight's that counts as no worse.
+        largest_ratio: Largest ratio of an IAE against the filtered reference to the triggered
+            flight's that counts as no worse.
         transmissions: Of the triggered flight: of single channels, all UAVs.
         every_period: The same of sending every channel in every control period.
         uniform: Every sender with one period for all channels that was flown, ascending.
+        by_commands: The same senders, judged by the errors against the commands.
         per_channel: The slowest that was found with a period for each channel; None if it was
             not searched for, or if no uniform sender is as good.
         robustness: The same on uncertain aircraft; None if none were drawn.
@@ -110,6 +114,7 @@ class Baseline:
     transmissions: int
     every_period: int
     uniform: tuple[Verdict, ...]
+    by_commands: tuple[Verdict, ...] = ()
     per_channel: Verdict | None = None
     robustness: Robustness | None = None
 
@@ -118,22 +123,40 @@ class Baseline:
         """The slowest uniform sender on the list that is no worse; None if there is none."""
         return find_slowest(reversed(self.uniform))
 
+    @property
+    def slowest_by_commands(self) -> Verdict | None:
+        """The same by the errors against the commands."""
+        return find_slowest(reversed(self.by_commands))
+
     def to_json(self) -> dict[str, Any]:
         """Return the content of `baseline.json`; a saving is a share, negative if none is saved."""
         own, robustness = self.per_channel, self.robustness
         robust = robustness.slowest if robustness else None
-        against = {"uniform": self.slowest_uniform, "per_channel": own, "equal_robustness": robust}
+        against = {
+            "uniform": self.slowest_uniform,
+            "uniform_by_commands": self.slowest_by_commands,
+            "per_channel": own,
+            "equal_robustness": robust,
+        }
         counts = {name: one.transmissions if one else None for name, one in against.items()}
         return {
             **self.__dict__,
-            "uniform": [_json(one, worst=one.worst, equal=one.good) for one in self.uniform],
-            "per_channel": own and _json(own, worst=own.worst, equal=own.good),
+            "uniform": [_compared(one) for one in self.uniform],
+            "by_commands": [_compared(one, "commands") for one in self.by_commands],
+            "per_channel": own and _compared(own),
             "robustness": robustness and robustness.to_json(),
             "saved": {
                 name: saved(self.transmissions, count)
                 for name, count in {"every_period": self.every_period, **counts}.items()
             },
         }
+
+
+def _compared(one: Verdict, yardstick: Yardstick = "reference") -> dict[str, object]:
+    """Return a sender that was compared; its `worst` is by the yardstick that `equal` is by."""
+    by_commands = one.ratios.get("commands")
+    worst = one.ratios.get(yardstick)
+    return _json(one, worst=worst, worst_against_commands=by_commands, equal=one.good)
 
 
 def _json(verdict: Verdict, **found: object) -> dict[str, object]:
@@ -168,44 +191,81 @@ class Search:
     fly: Fly
     on_flown: Callable[[], None]
 
-    def judge(self, candidates: Iterable[tuple[int, ...]]) -> Iterator[Verdict]:
-        """Fly senders with periods by channel, and yield what their flights showed."""
+    def flown(
+        self, candidates: Iterable[tuple[int, ...]]
+    ) -> Iterator[list[tuple[Sender, FlightSummary]]]:
+        """Fly senders with periods by channel; for each, one flight per set of parameters."""
         listed = [senders(self.base, periods) for periods in candidates]
         flights = self.fly(one.scenario for tried in listed for one in tried)
         for tried in listed:
-            ratios = [worst_ratio(next(flights), self.reference) for _ in tried]
-            known = [math.inf if ratio is None else ratio for ratio in ratios]
-            worst = min(known)
-            best = tried[known.index(worst)]
+            flown = [(one, next(flights)) for one in tried]
             self.on_flown()
-            yield Verdict(
-                best,
-                best.transmissions,
-                good=worst <= self.largest_ratio,
-                worst=worst if worst < math.inf else None,
-            )
+            yield flown
 
-    def per_channel(self, start: Verdict, longest: int) -> Verdict:
+    def verdict(
+        self, tried: Iterable[tuple[Sender, FlightSummary]], yardstick: Yardstick
+    ) -> Verdict:
+        """Return what flights of a sender showed, of several parameters the best ones."""
+
+        def ratio(one: tuple[Sender, FlightSummary]) -> float:
+            found = worst_ratio(one[1], self.reference, yardstick)
+            return math.inf if found is None else found
+
+        best = min(tried, key=ratio)
+        sender, flight = best
+        return Verdict(
+            sender,
+            sender.transmissions,
+            good=ratio(best) <= self.largest_ratio,
+            ratios={by: worst_ratio(flight, self.reference, by) for by in YARDSTICKS},
+        )
+
+    def slowest_equal(
+        self, candidates: Iterable[tuple[int, ...]], yardsticks: Iterable[Yardstick]
+    ) -> dict[Yardstick, Verdict]:
+        """Return by yardstick the one that transmits least of those that are no worse, if one is.
+
+        They are flown from the slowest on, a few at a time, until there is one by each yardstick.
+        """
+        waiting = sorted(
+            candidates, key=lambda periods: (transmissions(self.base, periods), periods)
+        )
+        found: dict[Yardstick, Verdict] = {}
+        wanted = set(yardsticks)
+        for first in range(0, len(waiting), _BATCH):
+            flown = list(self.flown(waiting[first : first + _BATCH]))
+            for yardstick in wanted - found.keys():
+                best = find_slowest(self.verdict(tried, yardstick) for tried in flown)
+                if best is not None:
+                    found[yardstick] = best
+            if found.keys() == wanted:
+                break
+        return found
+
+    def per_channel(
+        self, start: Verdict, longest: int, yardstick: Yardstick = "reference"
+    ) -> Verdict:
         """Lengthen the periods of single channels, until no longer one on the list is as good.
 
-        In each round every longer period of every channel is flown, the others unchanged; of those
+        In each round the longer periods of every channel are flown, the others unchanged; of those
         that are no worse, the one that saves most is taken. The result is a local optimum: two
         channels changed at once might save more.
 
         Args:
             start: A sender that is no worse.
             longest: Longest period of a channel, in control periods.
+            yardstick: What errors are against.
         """
         best: Verdict | None = start
         while best is not None:
             start, periods = best, best.sender.periods
-            longer = sorted(
+            longer = [
                 (*periods[:i], n, *periods[i + 1 :])
                 for i in range(N_CHANNELS)
                 for n in some_periods(longest, COARSE, periods[i])[1:]
                 if n > periods[i]
-            )
-            best = find_slowest(self.judge(longer))
+            ]
+            best = self.slowest_equal(longer, [yardstick]).get(yardstick)
         return start
 
 
@@ -220,6 +280,7 @@ def find_baseline(
         longest: Longest period, in control periods.
         each_channel: Search for periods by channel, too.
     """
+    listed = list(search.flown((n,) * N_CHANNELS for n in some_periods(longest, FINE)))
     baseline = Baseline(
         scenario=scenario.name,
         law=scenario.controller.kind,
@@ -229,7 +290,8 @@ def find_baseline(
         largest_ratio=search.largest_ratio,
         transmissions=sum(uav.events for uav in search.reference.uavs),
         every_period=transmissions(search.base, (1,) * N_CHANNELS),
-        uniform=tuple(search.judge((n,) * N_CHANNELS for n in some_periods(longest, FINE))),
+        uniform=tuple(search.verdict(tried, "reference") for tried in listed),
+        by_commands=tuple(search.verdict(tried, "commands") for tried in listed),
     )
     slowest = baseline.slowest_uniform
     if slowest is None or not each_channel:

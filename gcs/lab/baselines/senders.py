@@ -2,14 +2,14 @@
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 from ftc_autopilot.control.triggers.base import TriggerParameters
 from ftc_autopilot.control.triggers.periodic import Periodic
 from gcs.errors import BadInput
-from gcs.results.figures import FlightSummary
+from gcs.results.figures import FlightSummary, UavSummary
 from gcs.results.quantities import QUANTITIES
 from gcs.scenario.model import Scenario, scenario_of
 from mavlink_defs.config.inherit import PlaceError, with_values
@@ -22,6 +22,13 @@ COARSE = 1.25
 
 Fly: TypeAlias = Callable[[Iterable[Scenario]], Iterator[FlightSummary]]
 """Flies scenarios, several at a time, and returns their summaries in order."""
+
+
+Yardstick: TypeAlias = Literal["reference", "commands"]
+"""What errors are against: the filtered reference, which laws track, or the commands, which step.
+
+An IAE against the commands is mostly the reference filter's lag, which no sender can change."""
+YARDSTICKS: tuple[Yardstick, ...] = ("reference", "commands")
 
 
 @dataclass(frozen=True)
@@ -62,7 +69,8 @@ class Verdict:
         sender: The sender; of several parameters of its law the best ones.
         transmissions: Those that are compared.
         good: Whether it is as good as asked for.
-        worst: Largest IAE relative to the triggered flight; None if it did not end well.
+        ratios: Largest IAE relative to the triggered flight, by yardstick; None if it did not end
+            well.
         kept: Aircraft that were kept.
         flown: Aircraft that were flown; fewer than drawn if too many were lost already.
     """
@@ -70,7 +78,7 @@ class Verdict:
     sender: Sender
     transmissions: int
     good: bool
-    worst: float | None = None
+    ratios: Mapping[Yardstick, float | None] = field(default_factory=dict)
     kept: int = 0
     flown: int = 1
 
@@ -81,21 +89,32 @@ def find_slowest(verdicts: Iterable[Verdict]) -> Verdict | None:
     return min(good, key=lambda verdict: verdict.transmissions, default=None)
 
 
-def worst_ratio(summary: FlightSummary, reference: FlightSummary) -> float | None:
-    """Return the largest IAE of any UAV and quantity relative to a reference flight.
+def worst_ratio(
+    summary: FlightSummary, triggered: FlightSummary, yardstick: Yardstick = "reference"
+) -> float | None:
+    """Return the largest IAE of any UAV and quantity relative to a triggered flight's.
 
     None unless the flight reached its end with all attitudes and headings kept.
+
+    Args:
+        summary: The flight.
+        triggered: The flight that it is compared with.
+        yardstick: What the errors are against.
     """
     ratios = []
-    for uav, of_reference in zip(summary.uavs, reference.uavs, strict=True):
+    for uav, of_triggered in zip(summary.uavs, triggered.uavs, strict=True):
         if uav.attitude_lost_at_s is not None or uav.heading_lost_at_s is not None:
             return None
         for quantity in QUANTITIES:
-            area, allowed = uav.iae[quantity], of_reference.iae[quantity]
+            area, allowed = (_iae(one, yardstick)[quantity] for one in (uav, of_triggered))
             if area is None or not allowed:
                 return None
             ratios.append(area / allowed)
     return max(ratios) if summary.completed else None
+
+
+def _iae(uav: UavSummary, yardstick: Yardstick) -> Mapping[str, float | None]:
+    return uav.iae_filtered if yardstick == "reference" else uav.iae
 
 
 def periodic_base(scenario: Scenario, path: Path, against: Mapping[str, object]) -> Scenario:

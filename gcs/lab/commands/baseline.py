@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from gcs.results.figures import FlightSummary
     from gcs.scenario.model import Scenario
 
-_LONGEST_US = 500_000
+_LONGEST_US = 1_000_000
 
 EPILOG = """
 Examples:
@@ -59,7 +59,8 @@ def baseline(
     tolerance: Annotated[
         float,
         typer.Option(
-            help="By how much an IAE may exceed the triggered flight's [%].",
+            help="By how much an IAE against the filtered reference may exceed the triggered "
+            "flight's [%].",
             min=0.0,
             metavar="%",
         ),
@@ -67,7 +68,7 @@ def baseline(
     longest: Annotated[
         float | None,
         typer.Option(
-            help="Longest period that is flown [ms], 500 by default; at most the whole flight.",
+            help="Longest period that is flown [ms], 1000 by default; at most the whole flight.",
             metavar="MS",
         ),
     ] = None,
@@ -99,12 +100,12 @@ def baseline(
     within: Annotated[
         float,
         typer.Option(
-            help="An aircraft is kept if no IAE is larger than this multiple of the IAE in the "
-            "nominal aircraft's triggered flight.",
+            help="An aircraft is kept if no IAE against the filtered reference is larger than this "
+            "multiple of the IAE in the nominal aircraft's triggered flight.",
             min=1.0,
             metavar="FACTOR",
         ),
-    ] = 1.5,
+    ] = 2.0,
     jobs: JobsOption = None,
     out: Annotated[
         Path | None,

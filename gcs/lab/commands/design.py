@@ -33,6 +33,7 @@ Exit status: 0 written or flown, 1 the flight was lost, 2 bad input, or no law c
 """
 
 _MARK = "# Written by: gcs design "
+DEFAULT_LAW = "surviving"
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class DesignOptions:
     """Options of ``gcs design``."""
 
     law: Annotated[str, typer.Option(help=f"Control law: {', '.join(KINDS)}.", metavar="NAME")] = (
-        "surviving"
+        DEFAULT_LAW
     )
     airspeed: Annotated[
         float | None,

@@ -10,6 +10,7 @@ from gcs.commands.common import QuietOption
 from gcs.commands.options import options_of, with_options
 from gcs.commands.progress import working
 from gcs.errors import BadInput
+from gcs.lab.commands.design import DEFAULT_LAW
 from gcs.lab.written_files import check_out
 from gcs.outputs import write_file
 from gcs.terminal import Terminal, console_of, numbers, print_json, table_of, texts
@@ -153,7 +154,8 @@ def identify(
     The simulator is trimmed in level flight, its stall is searched, and it is flown in many short
     experiments with all controls moved at random. Least squares give every coefficient of force and
     moment with an interval of 95 %, and what they leave unexplained; then the checks of `gcs
-    aircraft`, and a verdict. The constants are set so that the model trims where the plant does.
+    aircraft`, and a verdict: what `gcs design` says of the aircraft, with every law. The constants
+    are set so that the model trims where the plant does.
 
     Propulsion is not identified: the file has no section `propulsion`, so its aircraft makes any
     thrust from 0 to --thrust-limit at once, at every airspeed, through the centre of gravity.
@@ -184,7 +186,18 @@ def identify(
     else:
         _print(found, console_of(stderr=False, quiet=options.quiet))
     if options.out is not None:
-        console.print(f"{options.out} written; `gcs design {options.out}` derives a flight from it")
+        console.print(f"{options.out} written{_next_command(found, options.out)}", soft_wrap=True)
+
+
+def _next_command(found: "Identified", out: Path) -> str:
+    """Return what comes after the file: the command that designs a flight, if one does."""
+    from gcs.lab.design.answers import laws_of
+
+    laws = laws_of(found.answers)
+    if not laws:
+        return ""
+    law = "" if DEFAULT_LAW in laws else f" --law {laws[0]}"
+    return f"; `gcs design {out}{law}` derives a flight from it"
 
 
 def _of_plant(
@@ -248,6 +261,7 @@ def _json(found: "Identified") -> dict[str, object]:
         "residuals": {axis: one._asdict() for axis, one in found.fit.residuals.items()},
         "checks": [check._asdict() for check in found.checks],
         "verdict": verdict(found),
+        "refused_by_design": found.answers,
     }
 
 

@@ -3,11 +3,13 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from pydantic import ValidationError
 
 from gcs.errors import BadInput
+from gcs.lab.design.answers import answers_of, laws_of, sentences_of
 from gcs.lab.identification.experiment import experiment, stall_of
 from gcs.lab.identification.fit import Estimate, Fit, fit
 from gcs.lab.identification.readings import windows_of
@@ -57,6 +59,11 @@ class Identified:
     flight: LevelFlight
     level: SimulatorTrim | None
     checks: list[Check]
+
+    @cached_property
+    def answers(self) -> dict[str, str | None]:
+        """Why `gcs design` refuses the aircraft, by law; None where it does not."""
+        return answers_of(self.aircraft)
 
 
 @dataclass(frozen=True)
@@ -216,7 +223,7 @@ def _short(value: float) -> float:
 
 
 def verdict(identified: Identified) -> list[str]:
-    """Return sentences: whether laws can fly the aircraft, and how well it is known."""
+    """Return sentences: how well the aircraft is known, and what `gcs design` says of it."""
     unmet = [check for check in identified.checks if not check.is_met]
     lines = [f"{check.name}: {check.value}: {check.otherwise}" for check in unmet]
     for axis in MOMENTS:
@@ -231,7 +238,10 @@ def verdict(identified: Identified) -> list[str]:
         lines.append(
             f"the flight does not show {', '.join(kept)}: they stay at their nominal values"
         )
-    return lines or ["nothing speaks against it: `gcs design` derives a flight from it"]
+    designed = sentences_of(identified.answers)
+    if not lines and len(laws_of(identified.answers)) == len(identified.answers):
+        return [f"nothing speaks against it: {designed[0]}"]
+    return [*lines, *designed]
 
 
 def text_of(identified: Identified, command: str) -> str:

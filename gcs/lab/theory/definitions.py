@@ -9,6 +9,7 @@ from itertools import accumulate, pairwise
 
 import numpy as np
 
+from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.state_predictor import LONGEST_S
 from ftc_autopilot.control.triggers import Trigger
@@ -17,7 +18,7 @@ from gcs.lab.theory.equality import Equality, compare
 from gcs.lab.theory.ground_truth import Known, short_way, solve
 from mavlink_defs.constants import THROTTLE
 
-_SURFACES, _THRUST = np.arange(THROTTLE), np.array([THROTTLE])
+_SURFACES, _THRUST, _YAW = np.arange(THROTTLE), np.array([THROTTLE]), 3
 
 
 def speed_definitions(known: Known, law: Proposed, trigger: Trigger) -> list[Equality]:
@@ -35,6 +36,7 @@ def speed_definitions(known: Known, law: Proposed, trigger: Trigger) -> list[Equ
     return [
         same("(11)", "V", V, np.linalg.norm(known.v, axis=1)),
         _stepped("Assumption 4", "V_r", known, V_r, V_r_dot, s["command"][0, 0]),
+        _filtered("V_r and its rate", known, law, slice(0, 1)),
         same("(31)", "Ṽ", s["error"][:, 0], V, -V_r),
         heard(
             "(31)",
@@ -129,6 +131,7 @@ def attitude_definitions(known: Known, law: Proposed, trigger: Trigger) -> list[
     filtered = s["omega_d"] - law.tau_omega_d_s * s["omega_d_dot"]  # ω_d behind its filter
     return [
         _stepped("Assumption 4", "ϕ_r", known, phi_r, phi_r_dot, s["command"][0, 1:]),
+        _filtered("ϕ_r and its rate", known, law, slice(1, 4)),
         same("(32)", "e", e, short_way(phi - phi_r), cancelled=(phi, phi_r)),
         heard(
             "(32)",
@@ -196,6 +199,42 @@ def thresholds(known: Known, trigger: Trigger) -> tuple[np.ndarray, np.ndarray]:
     )
     b2 = np.radians(b2)
     return np.stack([b1, b1, b1, a1], axis=1), np.stack([b2, b2, b2, a2], axis=1)
+
+
+def _filtered(symbols: str, known: Known, law: Proposed, channels: slice) -> Equality:
+    """Check the reference against the filter (ω/(s + ω))³ of the recorded commands.
+
+    Its second derivative is not recorded, so the filter is run from the first step on, at rest at
+    the command, by explicit Euler steps, up to the first step that was missed.
+    """
+    s, w = known.signals, law.reference_bandwidth_rad_s
+    commands = s["command"][:, channels]
+    columns = range(s["command"].shape[1])[channels]
+    runs = [_run(s["command"][:, c].tolist(), c == _YAW, w, known.period_s) for c in columns]
+    value, rate = np.moveaxis(np.array(runs), 0, 2)
+    sizes = np.maximum.accumulate(np.abs(commands), axis=0)
+    return compare(
+        "Assumption 4",
+        f"{symbols} from the commands",
+        np.hstack([s["reference"][:, channels], s["reference_dot"][:, channels] / w]),
+        np.hstack([value, rate / w]),
+        where=np.logical_and.accumulate(known.present),
+        time_s=known.time_s,
+        cancelled=(sizes,),
+    )
+
+
+def _run(commands: list[float], is_yaw: bool, w: float, dt: float) -> list[list[float]]:
+    """Return the value and the rate of the filter of one command at each step, before it."""
+    x, x_dot, x_ddot = commands[0], 0.0, 0.0
+    values, rates = [], []
+    for command in commands:
+        values.append(x)
+        rates.append(x_dot)
+        error = wrap(command - x) if is_yaw else command - x
+        jerk = w**3 * error - 3.0 * w**2 * x_dot - 3.0 * w * x_ddot
+        x, x_dot, x_ddot = x + dt * x_dot, x_dot + dt * x_ddot, x_ddot + dt * jerk
+    return [values, rates]
 
 
 def _stepped(

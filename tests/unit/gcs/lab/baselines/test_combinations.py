@@ -49,7 +49,8 @@ def pool() -> Iterator[Executor]:
 
 
 def with_iae(summary: FlightSummary, iae: float) -> FlightSummary:
-    uavs = [replace(uav, iae=dict.fromkeys(QUANTITIES, iae)) for uav in summary.uavs]
+    errors = dict.fromkeys(QUANTITIES, iae)
+    uavs = [replace(uav, iae=errors, iae_filtered=errors) for uav in summary.uavs]
     return replace(summary, uavs=tuple(uavs))
 
 
@@ -151,7 +152,7 @@ def test_every_law_is_a_rival_by_the_clock(scenario1: Scenario) -> None:
         for law in LAWS:
             periods = [one.period_s for one in own if one.law == law]
             assert periods == sorted(periods)
-            assert (periods[0], periods[-1]) == (0.02, 0.5)
+            assert (periods[0], periods[-1]) == (0.005, 0.5)
     assert all(sender.scenario.trigger.mode == "periodic" for _, sender in found)
 
 

@@ -19,6 +19,7 @@ from gcs.lab.baselines.baseline import Baseline, Search, find_baseline, find_rob
 from gcs.lab.baselines.senders import (
     COARSE,
     FINE,
+    YARDSTICKS,
     periodic_base,
     senders,
     some_periods,
@@ -59,8 +60,13 @@ def pool() -> Iterator[Executor]:
         yield pool
 
 
-def with_iae(summary: FlightSummary, factor: float) -> FlightSummary:
-    uavs = [replace(u, iae=dict.fromkeys(u.iae, 2.0 * factor)) for u in summary.uavs]
+def with_iae(summary: FlightSummary, factor: float, lag: float = 0.0) -> FlightSummary:
+    """A flight with so many times the errors against the reference, and the filter's lag."""
+    error = 2.0 * factor
+    uavs = [
+        replace(u, iae=dict.fromkeys(u.iae, lag + error), iae_filtered=dict.fromkeys(u.iae, error))
+        for u in summary.uavs
+    ]
     return replace(summary, uavs=tuple(uavs))
 
 
@@ -149,9 +155,45 @@ def test_a_flight_that_ends_badly_is_no_equal(flown: FlightSummary) -> None:
 
 def test_one_uav_that_tracks_worse_is_enough(flown: FlightSummary) -> None:
     last = flown.uavs[-1]
-    iae = {**last.iae, "yaw": 2.0 * (last.iae["yaw"] or 0.0)}
-    worse = replace(flown, uavs=(*flown.uavs[:-1], replace(last, iae=iae)))
-    assert worst_ratio(worse, flown) == pytest.approx(2.0)
+    doubled = {
+        name: {**iae, "yaw": 2.0 * (iae["yaw"] or 0.0)}
+        for name, iae in (("reference", last.iae_filtered), ("commands", last.iae))
+    }
+    by_reference = replace(last, iae_filtered=doubled["reference"])
+    by_commands = replace(last, iae=doubled["commands"])
+    for worse, ratios in ((by_reference, (2.0, 1.0)), (by_commands, (1.0, 2.0))):
+        flight = replace(flown, uavs=(*flown.uavs[:-1], worse))
+        found = [worst_ratio(flight, flown, yardstick) for yardstick in YARDSTICKS]
+        assert found == pytest.approx(ratios)
+
+
+@given(factor=st.floats(1.02, 50.0), lag=st.floats(0.0, 1e4))
+def test_no_lag_of_the_reference_hides_an_error_that_the_sender_makes(
+    factor: float, lag: float, short: Scenario, base: Scenario, flown: FlightSummary
+) -> None:
+    """Every sender has the same lag; it is no part of what equal means."""
+
+    def fly(scenario: Scenario) -> FlightSummary:
+        return with_iae(flown, 1.0 if periods_of(scenario)["rudder"] <= 2 else factor, lag)
+
+    search = Search(
+        base, with_iae(flown, 1.0, lag), 1.01, lambda listed: map(fly, listed), lambda: None
+    )
+    found = find_baseline(short, search, 4, each_channel=True)
+    assert found.slowest_uniform is not None
+    assert found.slowest_uniform.sender.periods == (2,) * 4
+    assert found.per_channel is not None
+    assert found.per_channel.sender.periods[2] == 2
+    hidden = (lag + 2.0 * factor) / (lag + 2.0) <= 1.01
+    assert found.slowest_by_commands is not None
+    assert found.slowest_by_commands.sender.periods == ((4,) * 4 if hidden else (2,) * 4)
+    told = found.to_json()
+    assert told["uniform"][-1]["worst"] == pytest.approx(factor)
+    assert told["uniform"][-1]["equal"] is False
+    assert told["by_commands"][-1]["equal"] is hidden
+    assert f"slowest equal against the commands: every {4 if hidden else 2} ms" in baseline_report(
+        found
+    )
 
 
 def test_the_slowest_sender_that_keeps_enough_aircraft(

@@ -138,6 +138,16 @@ def test_an_unstable_sideslip_is_told(aerosonde: Aircraft, identified: Identifie
     assert any("hold the heading by bank" in line for line in verdict(found))
 
 
+def test_no_flight_is_promised_that_design_refuses(identified: Identified) -> None:
+    """An aircraft that meets every check, but is slower than the laws were meant for."""
+    inertia = identified.aircraft.inertia_kg_m2
+    heavy = inertia.model_copy(update={k: 100.0 * J for k, J in inertia.model_dump().items()})
+    aircraft = identified.aircraft.model_copy(update={"inertia_kg_m2": heavy})
+    (line,) = verdict(replace(identified, aircraft=aircraft))
+    assert "`gcs design` refuses it" in line
+    assert "derives a flight" not in text_of(replace(identified, aircraft=aircraft), "x")
+
+
 def test_what_has_no_trim_is_refused_with_the_reason(aerosonde: Aircraft) -> None:
     with pytest.raises(BadInput, match="the elevator would have to pass the stop"):
         identify(OwnSimulator(changed(aerosonde, cm0=0.8)), Choices(V))

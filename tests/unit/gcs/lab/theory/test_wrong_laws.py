@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from theory_flights import SHORT, python_loop, scenario_with
 
+from ftc_autopilot.common import angles
+from ftc_autopilot.control import controller
 from ftc_autopilot.control.laws import proposed
 from gcs.fleet.in_process import fly_in_process
 from gcs.lab.theory import check_theory, theory_sentences
@@ -163,6 +165,54 @@ def test_a_wrong_law_is_caught_by_its_equation(name: str, monkeypatch: pytest.Mo
             else:
                 assert caught == set()
     assert any("VIOLATED. UAV 1" in sentence for sentence in theory_sentences(theory))
+
+
+def filter_with(order: str, poles: float = 1.0) -> Callable[..., None]:
+    """A reference filter that updates value, rate and acceleration in some order.
+
+    "012" with poles as they are is explicit Euler, the filter as it is; a derivative that is
+    updated before what it changes makes the step semi-implicit.
+    """
+
+    def mutant(command: Any, x: Any, bandwidth: float, dt: float) -> None:
+        w = bandwidth * poles
+        for c in range(4):
+            error = command[c] - x[c, 0]
+            error = angles.wrap(error) if c == 3 else error
+            jerk = w**3 * error - 3.0 * w**2 * x[c, 1] - 3.0 * w * x[c, 2]
+            for k in map(int, order):
+                x[c, k] += dt * (jerk if k == 2 else x[c, k + 1])
+
+    return mutant
+
+
+STEPPING = {
+    "duration_s": 0.2,
+    "profile": [
+        {"start_s": 0.0, "airspeed_m_s": 40.0, "roll_deg": 0.0, "pitch_deg": 0.0, "yaw_deg": 170.0},
+        {"start_s": 0.1, "airspeed_m_s": 42.0, "roll_deg": 5.0, "pitch_deg": 4.0, "yaw_deg": -170},
+    ],
+}
+"""A step of every command, of yaw the short way round; before it the reference is at rest."""
+
+
+@pytest.mark.parametrize(
+    ("order", "poles"),
+    [("012", 1.0), ("210", 1.0), ("201", 1.0), ("021", 1.0), ("102", 1.0), ("012", 1.001)],
+)
+def test_a_reference_that_is_filtered_otherwise_is_caught(
+    order: str, poles: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    python_loop(monkeypatch)
+    monkeypatch.setattr(controller, "filter_reference", filter_with(order, poles))
+    scenario = scenario_with(**STEPPING)
+    flown, is_right = fly_in_process(scenario), (order, poles) == ("012", 1.0)
+    assert np.abs(flown.signals["reference_dot"][-1]).min() > 1e-3
+    for uav in check_theory(flown, scenario).uavs:
+        for part in uav.proofs.values():
+            caught = {f"{e.equation} {e.quantity}" for e in part.equalities if e.violated}
+            assert any("from the commands" in one for one in caught) != is_right
+            assert (part.verdict is Verdict.VIOLATED) != is_right
 
 
 def test_the_laws_as_they_are_pass_the_same_flight(monkeypatch: pytest.MonkeyPatch) -> None:
