@@ -60,7 +60,7 @@ WAYS = (upload, stay, home, guide)
 
 def all_aircraft() -> Scenario:
     """Return a scenario of each bundled aircraft four times, by a law that any of them takes."""
-    uavs = []
+    uavs: list[dict[str, Any]] = []
     for name in AIRCRAFT:
         initial = {
             "north_m": 0.0,
