@@ -1,6 +1,6 @@
 """Limits of guidance that are the aircraft's own, wherever no scenario says another.
 
-Guidance was found with those of the paper's aircraft at 45 m/s. Others have them by the ratio of
+Guidance was found with the paper's aircraft at 45 m/s. Others have their limits by the ratio of
 airspeeds, by their stall and by their thrust. `gcs design` writes the same, from a trim in place of
 the estimate here.
 """

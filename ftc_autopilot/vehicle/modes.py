@@ -305,7 +305,7 @@ class Modes:
             self._guidance["follows"] = Source.COMMAND
 
     def handle_timer(self) -> None:
-        """Fly anew, from here, what a resumed flight has lost, when its first state is there."""
+        """Fly again, from here, what a resumed flight has lost, when its first state is there."""
         if self._path_is_gone and self._hot.measured["velocity"].any():
             self._path_is_gone = False
             if not self._enter(self.mode):
