@@ -1,7 +1,7 @@
 """Position on Earth of the simulation's flat world.
 
-North, east and down [m] count from an origin; its geographic coordinates are used by telemetry
-only. The Earth is a sphere there, as in ArduPilot: 1 cm off after 3 km.
+North, east and down [m] count from an origin, whose geographic coordinates say where telemetry,
+missions and targets lie. The Earth is a sphere there, as in ArduPilot: 1 cm off after 3 km.
 """
 
 import math

@@ -13,6 +13,7 @@ from ftc_autopilot.control.laws import LAWS, Controller
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.triggers import MODES, Trigger
 from ftc_autopilot.control.triggers.static import PerChannel
+from ftc_autopilot.guidance.aircraft_limits import guidance_problems
 from ftc_autopilot.guidance.formation import Formation
 from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
@@ -163,5 +164,6 @@ class ControllerConfig(Model):
     def _law_and_trigger_fit(self) -> Self:
         Problems.check(trigger_problems(self.controller, self.trigger, self.step_us))
         Problems.check(law_problems(self.controller, self.aircraft))
+        Problems.check(guidance_problems(self.guidance, self.aircraft))
         Problems.check(plugin_problems(self.plugins, self.controller, self.trigger, self.guidance))
         return self

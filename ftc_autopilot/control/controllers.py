@@ -21,6 +21,7 @@ from ftc_autopilot.control.laws import own_parameters
 from ftc_autopilot.control.plugin_functions import bind
 from ftc_autopilot.control.reference import PROFILE
 from ftc_autopilot.control.state_predictor import DELAY
+from ftc_autopilot.guidance.aircraft_limits import for_aircraft
 from ftc_autopilot.guidance.coordination import FORMATION, new_formation
 from ftc_autopilot.guidance.formation import LAYOUT, layout_record
 from ftc_autopilot.guidance.laws import GUIDANCE_STATE
@@ -109,7 +110,7 @@ def unbound_controllers(configs: Sequence[ControllerConfig]) -> Controllers:
             config.controller,
             config.trigger,
             config.formation_trigger,
-            config.guidance,
+            for_aircraft(config.guidance, config.aircraft),
             config.formation,
         )
         if config.formation is not None:

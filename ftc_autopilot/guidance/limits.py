@@ -12,7 +12,7 @@ _PLANNED_BANK = math.radians(20.0)
 _RESERVE = math.radians(5.0)
 """Bank kept for corrections [rad]."""
 _FASTEST = 200
-"""Airspeeds considered are below this [m/s]."""
+"""Highest airspeed considered [m/s]."""
 _LEAST_ROOM_M_S = 1.0
 """Change of the airspeed that a turn may take at the end of the range of airspeeds [m/s]."""
 _LEAST_BANK = math.radians(1.0)
@@ -82,12 +82,13 @@ def tightest_turn(airspeed: float, limits: FlightLimits) -> float:
 
 
 def airspeeds_for(radius: float, limits: FlightLimits) -> tuple[int, int] | None:
-    """Return the least and the greatest whole airspeed [m/s] in a turn of a radius [m], if any.
+    """Return the least and greatest whole airspeed within limits in a turn of a radius, if any.
 
     A slow aircraft needs its angle of attack to fly level, and has none left to turn.
     """
-    from_level = range(math.ceil(limits.level_m_s), _FASTEST)
-    speeds = [v for v in from_level if tightest_turn(float(v), limits) <= radius]
+    slowest = math.ceil(max(limits.level_m_s, limits.slowest_m_s))
+    able = range(slowest, math.floor(min(limits.fastest_m_s, _FASTEST)) + 1)
+    speeds = [v for v in able if tightest_turn(float(v), limits) <= radius]
     return (speeds[0], speeds[-1]) if speeds else None
 
 

@@ -61,7 +61,9 @@ def north_east_of(x: int, y: int, origin: Origin, item: int = 0) -> tuple[float,
     north, east = position_of(origin, x, y)
     away = math.hypot(north, east)
     if away > ANYWHERE_M:
-        text = f"{away / 1e3:.0f} km from the origin, must be <= {ANYWHERE_M / 1e3:g} km"
+        here = f"{{latitude_deg: {x / 1e7:.4f}, longitude_deg: {y / 1e7:.4f}}}"
+        text = f"{away / 1e3:.0f} km from the origin, must be <= {ANYWHERE_M / 1e3:g} km; to fly"
+        text += f" there, give the scenario origin: {here}"
         raise ItemError(item, dialect.MAV_MISSION_INVALID_PARAM5_X, text)
     return north, east
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ftc_autopilot.common.geography import Origin
+from ftc_autopilot.guidance.aircraft_limits import limits_of
 from ftc_autopilot.guidance.formation import Formation
 from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.legs import Pose
@@ -49,17 +50,13 @@ class Planner:
             formation: What it flies in, if any.
         """
         self._origin, self._in_formation = origin, formation is not None
-        self.airspeeds = AirspeedLimits(
-            max(aircraft.airspeed_min_m_s, guidance.airspeed_min_m_s),
-            min(aircraft.airspeed_max_m_s, guidance.airspeed_max_m_s),
-        )
-        climb_deg = max(guidance.climb_max_deg - _CLIMB_RESERVE_DEG, 0.5 * guidance.climb_max_deg)
+        own = limits_of(guidance, aircraft)
+        self.airspeeds = AirspeedLimits(own.airspeed_min_m_s, own.airspeed_max_m_s)
+        climb_deg = max(own.climb_max_deg - _CLIMB_RESERVE_DEG, 0.5 * own.climb_max_deg)
         self.limits = FlightLimits(
-            cruise_m_s=min(
-                max(guidance.cruise_m_s, self.airspeeds.min_m_s), self.airspeeds.max_m_s
-            ),
+            cruise_m_s=own.cruise_m_s,
             bank_rad=math.radians(guidance.bank_max_deg),
-            level_m_s=level_airspeed(aircraft, math.radians(guidance.incidence_max_deg)),
+            level_m_s=level_airspeed(aircraft, math.radians(own.incidence_max_deg)),
             climb=math.tan(math.radians(climb_deg)),
             wind_m_s=guidance.wind_max_m_s,
             offset_m=0.0 if formation is None else _farthest_right(formation),

@@ -4,7 +4,6 @@ import math
 from typing import NamedTuple
 
 from ftc_autopilot.common.geography import Origin
-from ftc_autopilot.control.controllers import Controllers, Source
 from ftc_autopilot.guidance.mission_items import refusal
 from ftc_autopilot.guidance.mission_places import (
     ANYWHERE_M,
@@ -15,6 +14,7 @@ from ftc_autopilot.guidance.mission_places import (
 )
 from ftc_autopilot.vehicle.flight_path import Way
 from ftc_autopilot.vehicle.modes import Modes, Say
+from ftc_autopilot.vehicle.path_messages import NO_POSITION
 from mavlink_defs import dialect
 from mavlink_defs.constants import GUIDED, INT32_MAX
 from mavlink_defs.float32 import whole_within
@@ -23,11 +23,6 @@ from mavlink_defs.services.command import CommandMessage
 from mavlink_defs.services.mission import MissionItem
 
 _ACCEPTED, _DENIED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_DENIED
-_NO_POSITION = (
-    dialect.POSITION_TARGET_TYPEMASK_X_IGNORE
-    | dialect.POSITION_TARGET_TYPEMASK_Y_IGNORE
-    | dialect.POSITION_TARGET_TYPEMASK_Z_IGNORE
-)
 
 
 class _Place(NamedTuple):
@@ -42,9 +37,8 @@ class _Place(NamedTuple):
 class Guided:
     """Executes what sets a target in GUIDED, and a new home."""
 
-    def __init__(self, origin: Origin, modes: Modes, controllers: Controllers, say: Say) -> None:
+    def __init__(self, origin: Origin, modes: Modes, say: Say) -> None:
         self._origin, self._modes, self._say = origin, modes, say
-        self._guidance = controllers.guidance[0]
 
     def set_attitude_target(self, message: dialect.MAVLink_set_attitude_target_message) -> None:
         """Follow an attitude set-point in GUIDED; its quaternion is body to NED, scalar first."""
@@ -57,18 +51,19 @@ class Guided:
         ):
             return
         w, x, y, z = w / length, x / length, y / length, z / length
-        self._guidance["follows"] = Source.COMMAND
-        self._guidance["command"][1:] = (
-            math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
-            math.asin(min(max(2.0 * (w * y - z * x), -1.0), 1.0)),
-            math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)),
+        self._modes.point(
+            (
+                math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
+                math.asin(min(max(2.0 * (w * y - z * x), -1.0), 1.0)),
+                math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)),
+            )
         )
 
     def set_position_target(
         self, message: dialect.MAVLink_set_position_target_global_int_message
     ) -> None:
         """Fly to a place and circle there, in GUIDED; it has no answer."""
-        if self._modes.mode != GUIDED or message.type_mask & _NO_POSITION:
+        if self._modes.mode != GUIDED or message.type_mask & NO_POSITION:
             return
         place = _Place(message.lat_int, message.lon_int, message.alt, message.coordinate_frame)
         try:

@@ -48,7 +48,7 @@ class Modes:
     ) -> None:
         self.mode, self.path = LOITER, path
         self._item = 1  # of the mission's path, to continue with
-        self.armed = False
+        self.armed = self._path_is_gone = False
         self.airspeeds = config.aircraft.airspeed_limits
         with calling(type(config.controller), "holds_heading_by_bank"):
             self._by_bank = config.controller.holds_heading_by_bank(config.aircraft)
@@ -88,9 +88,13 @@ class Modes:
     @property
     def flies_mission(self) -> bool:
         """Whether profile or path of the mission gives the references now."""
-        follows = int(self._guidance["follows"])
-        on_path = self.mode == AUTO and follows == Source.PATH
-        return (follows == Source.PROFILE or on_path) and self.running
+        profile = int(self._guidance["follows"]) == Source.PROFILE
+        return (profile or self._on_mission_path) and self.running
+
+    @property
+    def _on_mission_path(self) -> bool:
+        """Whether the path is the mission's, not a circle that waits for its start."""
+        return self.mode == AUTO and self.started and self.path.flown
 
     def heartbeat(self) -> dialect.MAVLink_heartbeat_message:
         """Return a HEARTBEAT with mode, arming and state."""
@@ -184,7 +188,7 @@ class Modes:
         path, way = self.path, None
         if path.items:
             path.check(path.items, home)
-        if path.flown and self.mode == AUTO:
+        if self._on_mission_path:
             item, airspeed = self._item, None
             if self.running:
                 item, airspeed = path.item(), path.point().airspeed
@@ -199,6 +203,13 @@ class Modes:
         """Fly along a path in GUIDED."""
         self.path.begin(way)
         self._note_mode(GUIDED)
+
+    def point(self, attitude: tuple[float, float, float]) -> None:
+        """Hold an attitude, roll, pitch, yaw [rad], at the airspeed of the circle left for it."""
+        if self.path.flown:
+            self._guidance["command"][0] = self.path.point().airspeed
+            self._guidance["follows"] = Source.COMMAND
+        self._guidance["command"][1:] = attitude
 
     def note_item(self, seq: int) -> None:
         """Note the item that a mission continues with when it is flown again."""
@@ -289,8 +300,18 @@ class Modes:
     def resume(self, mode: int) -> None:
         """Restore the mode and the arming, as the restored records have them."""
         self.mode, self.armed = mode, bool(self._guidance["active"])
-        if self.path.flown and self.path.record["count"] == 0:
-            self._fly_straight()  # its file is gone
+        self._path_is_gone = self.path.flown and self.path.record["count"] == 0
+        if self._path_is_gone:  # wings level until the next state
+            airspeed = float(self._guidance["command"][0])
+            self._guidance["command"][:2] = self._within_limits(airspeed), 0.0
+            self._guidance["follows"] = Source.COMMAND
+
+    def handle_timer(self) -> None:
+        """Fly again, from here, what a resumed flight has lost, when its first state is there."""
+        if self._path_is_gone and self._hot.measured["velocity"].any():
+            self._path_is_gone = False
+            if not self._enter(self.mode):
+                self._enter(LOITER)
 
     # inside
 
@@ -347,14 +368,17 @@ class Modes:
         return True
 
     def _way(self, mode: int, item: int, *, started: bool, armed: bool) -> Way | None:
-        """Return the path that a mode flies; None if it flies none."""
-        if mode == AUTO and started and not self.has_profile:
+        """Return the path that a mode flies; None for a profile, and while nothing is flown.
+
+        A mode that has nowhere to go circles, at this place and height.
+        """
+        if mode == AUTO and started and self.has_profile:
+            return None
+        if mode == AUTO and started and self.path.items:
             return self.path.mission(item)
         if mode == RTL:
             return self.path.way_home()
-        if mode == LOITER and self.running and armed:
-            return self.path.circle_here()
-        return None
+        return self.path.circle_here() if armed else None
 
     def _note_mode(self, mode: int) -> None:
         if mode != self.mode:
@@ -362,12 +386,15 @@ class Modes:
             self._say(dialect.MAV_SEVERITY_INFO, f"mode {MODE_NAMES[mode]}")
 
     def _fly_straight(self) -> None:
-        """Command straight and level flight, as fast as the aircraft is."""
+        """Command straight and level flight, as fast as the aircraft is; nothing is armed."""
         self._guidance["follows"] = Source.COMMAND
         state = self._hot.measured
         speed = math.hypot(*map(float, state["velocity"] - state["wind"]))
-        airspeed = min(max(speed, self.airspeeds.min_m_s), self.airspeeds.max_m_s)
-        self._guidance["command"] = (airspeed, 0.0, 0.0, float(state["attitude"][2]))
+        yaw = float(state["attitude"][2])
+        self._guidance["command"] = (self._within_limits(speed), 0.0, 0.0, yaw)
+
+    def _within_limits(self, airspeed: float) -> float:
+        return min(max(airspeed, self.airspeeds.min_m_s), self.airspeeds.max_m_s)
 
     def _refuse(self, text: str) -> int:
         self._say(dialect.MAV_SEVERITY_WARNING, text)

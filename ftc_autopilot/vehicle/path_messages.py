@@ -13,6 +13,12 @@ from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.float32 import float32s, whole_within
 
+NO_POSITION = (
+    dialect.POSITION_TARGET_TYPEMASK_X_IGNORE
+    | dialect.POSITION_TARGET_TYPEMASK_Y_IGNORE
+    | dialect.POSITION_TARGET_TYPEMASK_Z_IGNORE
+)
+"""Of a `type_mask`: no place is given."""
 _ONLY_POSITION = (
     dialect.POSITION_TARGET_TYPEMASK_VX_IGNORE
     | dialect.POSITION_TARGET_TYPEMASK_VY_IGNORE
@@ -76,15 +82,19 @@ class PathMessages:
         stream=dialect.MAV_DATA_STREAM_EXTENDED_STATUS,
     )
     def position_target_global_int(self) -> MAVLink_message:
-        """Return POSITION_TARGET_GLOBAL_INT: where the path's present item leads."""
-        north, east, height = self._path.target() if self._path.flown else self._path.here()
+        """Return POSITION_TARGET_GLOBAL_INT: where the path's present item leads.
+
+        Without a path no place is flown to: its type_mask says that all are to be ignored.
+        """
+        flown = self._path.flown
+        north, east, height = self._path.target() if flown else self._path.here()
         place = place_of(self._origin, north, east, -height)
         (altitude,) = float32s((place.altitude / 1e3,))
         nothing = (0.0,) * 8
         return dialect.MAVLink_position_target_global_int_message(
             self._clock.boot_ms,
             dialect.MAV_FRAME_GLOBAL_INT,
-            _ONLY_POSITION,
+            _ONLY_POSITION if flown else _ONLY_POSITION | NO_POSITION,
             place.latitude,
             place.longitude,
             altitude,

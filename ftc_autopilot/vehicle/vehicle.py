@@ -94,7 +94,7 @@ class Vehicle:
         self._home = VehicleHome(config.origin)
         path = FlightPath(config, hot, controllers, self._home)
         self.modes = Modes(config, hot, controllers, path, self.say)
-        self._guided = Guided(config.origin, self.modes, controllers, self.say)
+        self._guided = Guided(config.origin, self.modes, self.say)
         self._mission = Mission(own, self.modes, self._home, self._guided.fly_to_item, self.say)
         self._controller = ControllerMessages(hot, controllers, config.controller)
         self._diagnosis = DiagnosisMessages(hot, controllers, config.controller)
@@ -192,6 +192,7 @@ class Vehicle:
         self._advance_clock(now)
         self._commands.handle_timer(now)
         self._params.handle_timer(now)
+        self.modes.handle_timer()
         self._mission.handle_timer(now)
         state = (self.modes.status, self.modes.armed, self.modes.mode)
         if now >= self._next_heartbeat or state != self._reported:

@@ -1,16 +1,20 @@
-"""Checks of a scenario's fleet as a formation: its graph, its slots, the path that all fly."""
+"""Checks of a scenario's fleet as a formation: its graph, its slots, guidance, the common path."""
 
+import itertools
 from collections.abc import Iterable, Iterator, Sequence
 
 from ftc_autopilot.common.geography import Origin
 from ftc_autopilot.control.communication_graph import formation_problems
+from ftc_autopilot.guidance.aircraft_limits import guidance_problems, limits_of
 from ftc_autopilot.guidance.formation import Formation
+from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.planner import Planner
 from ftc_autopilot.guidance.reach import most_links, reach_problems
 from gcs.scenario.mission import MissionSection
 from gcs.scenario.sections import Found, Network
 from mavlink_defs.config.models import Loc
 from mavlink_defs.profile import ItemError
+from sitl_plant.aircraft_config import Aircraft
 
 
 def network_problems(network: Network, ids: Sequence[int]) -> Found:
@@ -51,8 +55,25 @@ def slot_problems(
         yield ("formation", *loc), text
 
 
+def guidance_fit_problems(
+    guidance: Guidance, aircraft: Iterable[Aircraft], formation: Formation | None
+) -> Found:
+    """Yield which airspeeds of guidance the aircraft cannot have, or cannot share.
+
+    The members of a formation fly one path, at one airspeed.
+    """
+    fleet = list(aircraft)
+    problems = (guidance_problems(guidance, one) for one in fleet)
+    yield from dict.fromkeys(itertools.chain.from_iterable(problems))  # each once
+    cruises = {limits_of(guidance, one).cruise_m_s for one in fleet}
+    if formation is not None and len(cruises) > 1:
+        own = " and ".join(f"{V:g}" for V in sorted(cruises))
+        text = f"missing; expected one airspeed for all members, whose own are {own} m/s"
+        yield ("guidance", "cruise_m_s"), text
+
+
 def mission_problems(
-    mission: MissionSection | None, planners: Iterable[Planner], origin: Origin, cruise_m_s: float
+    mission: MissionSection | None, planners: Iterable[Planner], origin: Origin
 ) -> Found:
     """Yield what is wrong with a mission.
 
@@ -60,23 +81,18 @@ def mission_problems(
         mission: The mission, if one is flown.
         planners: Of every UAV.
         origin: Of the scenario.
-        cruise_m_s: Airspeed of guidance [m/s].
     """
     if mission is None:
         return
     found: dict[tuple[Loc, str], None] = {}  # each once, though of several aircraft
     for planner in planners:
-        found |= dict.fromkeys(_path_problems(mission, planner, origin, cruise_m_s))
+        found |= dict.fromkeys(_path_problems(mission, planner, origin))
     yield from found
 
 
 def _path_problems(
-    mission: MissionSection, planner: Planner, origin: Origin, cruise_m_s: float
+    mission: MissionSection, planner: Planner, origin: Origin
 ) -> Iterator[tuple[Loc, str]]:
-    low, high = planner.airspeeds.min_m_s, planner.airspeeds.max_m_s
-    if not low <= cruise_m_s <= high:
-        text = f"expected [{low:g}, {high:g}] m/s, the limits of guidance and aircraft"
-        yield ("guidance", "cruise_m_s"), f"{text}, got {cruise_m_s!r}"
     try:
         planner.check(mission.mission_items(origin))
     except ItemError as error:

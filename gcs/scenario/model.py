@@ -37,7 +37,12 @@ from gcs.scenario.aircraft_checks import (
 )
 from gcs.scenario.aircraft_file import with_named_files, without_nulls
 from gcs.scenario.bundled import base_of, find_scenario
-from gcs.scenario.formation_checks import mission_problems, network_problems, slot_problems
+from gcs.scenario.formation_checks import (
+    guidance_fit_problems,
+    mission_problems,
+    network_problems,
+    slot_problems,
+)
 from gcs.scenario.mission import MissionSection
 from gcs.scenario.reference_checks import airspeed_problems, fault_problems, profile_problems
 from gcs.scenario.sections import (
@@ -301,9 +306,10 @@ class Scenario(Model):
                 self.formation, self.network, self._ids, self.guidance.period_s, self._silence_s
             ),
             lambda: profile_problems(self.profile, self.mission is not None, self._limits),
-            lambda: mission_problems(
-                self.mission, map(self.planner, self._ids), self.origin, self.guidance.cruise_m_s
+            lambda: guidance_fit_problems(
+                self.guidance, map(self.aircraft_of, self._ids), self.formation
             ),
+            lambda: mission_problems(self.mission, map(self.planner, self._ids), self.origin),
             lambda: fault_problems(self.faults, self._fault_limits, self._fallible_sensors),
             lambda: self.links.port_problems(self._ids),
         )

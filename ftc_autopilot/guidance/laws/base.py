@@ -30,11 +30,21 @@ class GuidanceParameters(Model):
     bank_max_deg: float = quantity(
         "deg", gt=0.0, le=70.0, default=40.0, doc="Largest bank angle commanded."
     )
-    incidence_max_deg: float = quantity(
-        "deg", gt=0.0, le=30.0, default=15.0, doc="Largest angle of attack that a turn may need."
+    incidence_max_deg: float | None = quantity(
+        "deg",
+        gt=0.0,
+        le=30.0,
+        default=None,
+        doc="Largest angle of attack that a turn may need; none: 3 deg below the aircraft's stall, "
+        "at most 15.",
     )
-    climb_max_deg: float = quantity(
-        "deg", gt=0.0, le=45.0, default=20.0, doc="Steepest climb or descent commanded."
+    climb_max_deg: float | None = quantity(
+        "deg",
+        gt=0.0,
+        le=45.0,
+        default=None,
+        doc="Steepest climb or descent commanded; none: what 0.9 of the aircraft's thrust climbs, "
+        "at most 20.",
     )
     thrust_share_max: float = quantity(
         "",
@@ -43,17 +53,29 @@ class GuidanceParameters(Model):
         default=0.9,
         doc="Share of the largest thrust that climb and acceleration may take.",
     )
-    cruise_m_s: float = quantity(
-        "m/s", gt=0.0, default=40.0, doc="Airspeed until a mission sets another."
+    cruise_m_s: float | None = quantity(
+        "m/s",
+        gt=0.0,
+        default=None,
+        doc="Airspeed until a mission sets another; none: 8/9 of the aircraft's cruise_m_s, or the "
+        "geometric mean of its airspeeds.",
     )
     wind_max_m_s: float = quantity(
         "m/s", ge=0.0, default=5.0, doc="Wind that the turns of a path allow for."
     )
-    airspeed_min_m_s: float = quantity(
-        "m/s", gt=0.0, default=30.0, doc="Lowest airspeed commanded."
+    airspeed_min_m_s: float | None = quantity(
+        "m/s",
+        gt=0.0,
+        default=None,
+        doc="Lowest airspeed commanded; none: 3/4 of the aircraft's own cruise here, within its "
+        "limits.",
     )
-    airspeed_max_m_s: float = quantity(
-        "m/s", gt=0.0, default=60.0, doc="Highest airspeed commanded."
+    airspeed_max_m_s: float | None = quantity(
+        "m/s",
+        gt=0.0,
+        default=None,
+        doc="Highest airspeed commanded; none: 3/2 of the aircraft's own cruise here, within its "
+        "limits and its thrust.",
     )
     min_altitude_m: float = quantity(
         "m",
@@ -69,8 +91,12 @@ class GuidanceParameters(Model):
         default=10_000.0,
         doc="Greatest height above home of such a place.",
     )
-    acceleration_max_m_s2: float = quantity(
-        "m/s^2", gt=0.0, default=20.0, doc="Fastest change of the commanded airspeed."
+    acceleration_max_m_s2: float | None = quantity(
+        "m/s^2",
+        gt=0.0,
+        default=None,
+        doc="Fastest change of the commanded airspeed; none: by the thrust that the aircraft has "
+        "to spare at its cruise, at most 20.",
     )
 
     @model_validator(mode="after")
@@ -82,7 +108,9 @@ class GuidanceParameters(Model):
         Problems.check(
             ((least,), f"expected <= {high:g} {unit}, {greatest}, got {low!r}")
             for least, greatest, unit in ranges
-            if (low := getattr(self, least)) > (high := getattr(self, greatest))
+            if (low := getattr(self, least)) is not None
+            and (high := getattr(self, greatest)) is not None
+            and low > high
         )
         return self
 

@@ -17,6 +17,7 @@ from ftc_autopilot.control.laws.pid import Pid
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.triggers.base import TriggerParameters
 from ftc_autopilot.control.triggers.scaled import Scaled
+from ftc_autopilot.guidance.aircraft_limits import HOME, AircraftLimits, limits_at
 from ftc_autopilot.guidance.laws.base import GuidanceParameters
 from gcs.lab.design.airframe import Airframe, home
 from gcs.lab.design.parameters import Line, Rule, by_unit, rounded, scaled, text_of
@@ -136,18 +137,28 @@ class Rules:
         return rules.get(name)
 
     def _of_guidance(self, name: str) -> Rule | None:
-        rules: dict[str, Rule] = {
-            "airspeed_min_m_s": self._airspeed,
-            "airspeed_max_m_s": self._airspeed,
-            "cruise_m_s": self._airspeed,
-            "incidence_max_deg": self._below_stall,
-            "climb_max_deg": self._climb,
-            "acceleration_max_m_s2": self._acceleration,
-            "min_altitude_m": self._of_the_place,
-            "max_altitude_m": self._of_the_place,
-            "wind_max_m_s": self._of_the_place,
+        if name in {"min_altitude_m", "max_altitude_m", "wind_max_m_s"}:
+            return lambda value: Line(value, "default: of the place, not of the aircraft")
+        if name not in AircraftLimits._fields:
+            return None
+        value, airframe = getattr(self.limits, name), self.airframe
+        text = f"{getattr(HOME, name):g} × v, within the aircraft's limits"
+        if value == airframe.fastest < airframe.aircraft.airspeed_max_m_s:
+            text = "the fastest level flight that the thrust holds"
+        reasons = {
+            "incidence_max_deg": "3 deg below the stall",
+            "climb_max_deg": "what 0.9 of the thrust climbs, at most 20 deg",
+            "acceleration_max_m_s2": "thrust to spare by mass, at most 20 m/s^2",
         }
-        return rules.get(name)
+        if airframe.aircraft.stall_deg is None:
+            reasons["incidence_max_deg"] = "default, as the aircraft has no stall_deg"
+        return lambda _: Line(value, reasons.get(name, text))
+
+    @property
+    def limits(self) -> AircraftLimits:
+        """Limits of guidance."""
+        one = self.airframe
+        return limits_at(one.aircraft, one.airspeed, one.flight.thrust_n, one.fastest)
 
     # actuators
 
@@ -273,31 +284,6 @@ class Rules:
     def _trim_thrust(self, value: float) -> Line:
         factor = self.airframe.flight.thrust_n / home().flight.thrust_n
         return Line(rounded(value, factor), "thrust of level flight")
-
-    # guidance
-
-    def _airspeed(self, value: float) -> Line:
-        aircraft = self.airframe.aircraft
-        number = rounded(value, self.similar.velocity)
-        within = min(max(number, aircraft.airspeed_min_m_s), aircraft.airspeed_max_m_s)
-        fastest = self.airframe.fastest
-        if within > fastest:
-            return Line(rounded(fastest, 1.0), "the fastest level flight that the thrust holds")
-        return Line(within, f"{value:g} × v, within the aircraft's limits")
-
-    def _climb(self, value: float) -> Line:
-        aircraft = self.airframe.aircraft
-        weight = aircraft.mass_kg * aircraft.gravity_m_s2
-        spare = 0.9 * self.airframe.largest_thrust - self.airframe.flight.thrust_n
-        steepest = math.degrees(math.asin(min(max(spare / weight, 0.02), 1.0)))
-        return Line(min(value, round(steepest, 1)), "what 0.9 of the thrust climbs, at most 20 deg")
-
-    def _acceleration(self, value: float) -> Line:
-        spare = self.airframe.thrust_to_spare / self.airframe.aircraft.mass_kg
-        return Line(min(value, float(f"{spare:.3g}")), "thrust to spare by mass, at most 20 m/s^2")
-
-    def _of_the_place(self, value: float) -> Line:
-        return Line(value, "default: of the place, not of the aircraft")
 
 
 def _largest(gains: Any) -> tuple[float, ...]:

@@ -17,17 +17,10 @@ _NEWTONS = 1000.0  # thrust is of the order of one in the solver's unit
 _STEP = 1e-6  # of the differences
 _LONGITUDINAL, _LATERAL = (0, 2, 3, 6), (1, 4, 5, 7)  # u, w, θ, q and v, φ, p, r of the states
 _REST = (0.0, 0.0, 0.0)
-_ALONG = {
-    2: ("short period", "phugoid"),
-    1: ("short period", "phugoid", "phugoid"),
-    0: ("short period", "short period", "phugoid", "phugoid"),
-}
-_ACROSS = {
-    2: ("dutch roll", "roll and spiral"),
-    1: ("dutch roll", "roll", "spiral"),
-    0: ("roll", "dutch roll", "dutch roll", "spiral"),
-}
-"""Names by the number of pairs of eigenvalues, the pairs first."""
+_ALONG = "short period", "phugoid", "phugoid"
+_ACROSS = "dutch roll", "roll", "spiral"
+"""Names of the modes: of what mostly moves the nose, and of the rest, the faster first."""
+_OF_THE_NOSE = (1, 3), (0, 3)  # w, q and v, r of those states
 _LARGEST = math.radians(30.0)  # of α and β: the coefficients are linear, and say nothing beyond
 _AIRSPEEDS = 25  # at which level flight is looked for
 _SPEED_ENDS = 0.01  # m/s
@@ -120,8 +113,8 @@ def modes(aircraft: Aircraft, flight: LevelFlight) -> list[Mode]:
     A = np.column_stack([(slope(at + h) - slope(at - h)) / (2.0 * _STEP) for h in steps])
     along, across = (A[np.ix_(part, part)] for part in (_LONGITUDINAL, _LATERAL))
     return [
-        *_named(np.linalg.eigvals(along), _ALONG),
-        *_named(np.linalg.eigvals(across), _ACROSS),
+        *_named(along, _OF_THE_NOSE[0], _ALONG),
+        *_named(across, _OF_THE_NOSE[1], _ACROSS),
     ]
 
 
@@ -182,16 +175,39 @@ def _derivative(state: State, delta: Vec3, thrust: float, record: AircraftRecord
     return found
 
 
-def _named(values: np.ndarray, names: dict[int, tuple[str, ...]]) -> list[Mode]:
-    """Name the eigenvalues of four states: pairs and then single ones, the faster first.
+def _named(A: np.ndarray, nose: tuple[int, int], names: tuple[str, str, str]) -> list[Mode]:
+    """Name the modes of four states by what takes part in them, and by their speed.
+
+    The four eigenvalues are two pairs, conjugate or real. In one of them the states of the nose
+    take the greater part: the participation of a state in a mode, of left and right eigenvector,
+    has no unit.
 
     Args:
-        values: The eigenvalues.
-        names: By the number of pairs.
+        A: Of the motion, shape (4, 4).
+        nose: Indices of the states of the nose.
+        names: Of the modes of the nose, and of the rest, the faster first.
     """
-    pairs = sorted((v for v in values if v.imag > 0.0), key=lambda v: -abs(v))
-    single = sorted((v for v in values if v.imag == 0.0), key=lambda v: -abs(v))
-    swinging = [(float(abs(v)), float(-v.real / abs(v))) for v in pairs]
-    aperiodic = [(float(abs(v.real)), -math.copysign(1.0, v.real)) for v in single]
-    parts = (*swinging, *aperiodic)
-    return [Mode(name, *part) for name, part in zip(names[len(pairs)], parts, strict=True)]
+    values, right = np.linalg.eig(A)
+    part = np.abs(right * np.linalg.inv(right).T)
+    share = part[list(nose)].sum(axis=0) / part.sum(axis=0)
+    swinging = [[k] for k in range(4) if values[k].imag > 0.0]
+    aperiodic = sorted((k for k in range(4) if values[k].imag == 0.0), key=lambda k: -share[k])
+    pairs = [*swinging, *(aperiodic[k : k + 2] for k in range(0, len(aperiodic), 2))]
+    of_nose, rest = sorted(pairs, key=lambda pair: -share[pair].mean())
+    own, faster, slower = names
+    found = [(own, values[k]) for k in _by_speed(values, of_nose)]
+    if len(rest) == 1:
+        both = faster if faster == slower else f"{faster} and {slower}"
+        return [_mode(*one) for one in (*found, (both, values[rest[0]]))]
+    singles = zip((faster, slower), values[_by_speed(values, rest)], strict=True)
+    return [_mode(*one) for one in (*found, *singles)]
+
+
+def _by_speed(values: np.ndarray, which: list[int]) -> list[int]:
+    return sorted(which, key=lambda k: -abs(values[k]))
+
+
+def _mode(name: str, value: complex) -> Mode:
+    if value.imag == 0.0:
+        return Mode(name, float(abs(value.real)), -math.copysign(1.0, value.real))
+    return Mode(name, float(abs(value)), float(-value.real / abs(value)))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ftc_autopilot.common.motion import motion_of
+from ftc_autopilot.guidance.aircraft_limits import HOME
 from ftc_autopilot.guidance.coordination import no_coordination
 from ftc_autopilot.guidance.laws import GUIDANCE_STATE, guidance_record, guide
 from ftc_autopilot.guidance.laws.base import Situation
@@ -19,7 +20,8 @@ from sitl_plant.thrust import available_thrust
 from sitl_plant.vec3 import vec3
 
 DT, MOST = 0.02, math.radians(8.5)
-GUIDANCE = PathFollowing(acceleration_max_m_s2=30.0, climb_max_deg=45.0, airspeed_max_m_s=80.0)
+WIDE = HOME._replace(acceleration_max_m_s2=30.0, climb_max_deg=45.0, airspeed_max_m_s=80.0)
+GUIDANCE = PathFollowing(**WIDE._asdict())
 
 
 def commands(aircraft: np.void, V: float, updates: int, wanted_m_s: float) -> np.ndarray:

@@ -115,7 +115,12 @@ def test_relative_altitudes_count_from_the_home_that_the_mission_sets() -> None:
         (item(16, z=593.0, frame=ABSOLUTE), "INVALID_PARAM7", "is -11 m above home, must be"),
         (item(16, z=math.inf), "INVALID_PARAM7", "altitude inf m, must be within 100 km"),
         (mission_item(2, 16, (), *HERE), "INVALID_SEQUENCE", "is at place 1, but has number 2"),
-        (mission_item(1, 16, (), 0, 0, 1.0), "INVALID_PARAM5_X", "km from the origin, must be <="),
+        (
+            mission_item(1, 16, (), 473977419, 85455938, 1.0),
+            "INVALID_PARAM5_X",
+            "km from the origin, must be <= 100 km; to fly there, give the scenario origin: "
+            "{latitude_deg: 47.3977, longitude_deg: 8.5456}",
+        ),
         (
             mission_item(1, 16, (), INT32_MAX, INT32_MAX, 1.0, RELATIVE),
             "INVALID_PARAM5_X",

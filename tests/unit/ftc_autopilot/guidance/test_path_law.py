@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ftc_autopilot.common.motion import motion_of
+from ftc_autopilot.guidance.aircraft_limits import HOME
 from ftc_autopilot.guidance.coordination import Coordination, no_coordination
 from ftc_autopilot.guidance.laws import GUIDANCE_STATE, guidance_record, guide
 from ftc_autopilot.guidance.laws.base import Situation
@@ -20,7 +21,7 @@ from sitl_plant.rigid_body import R1
 from sitl_plant.vec3 import vec3
 
 DT, OMEGA = 0.02, 2.5
-DEFAULT = PathFollowing()
+DEFAULT = PathFollowing(**HOME._asdict())
 STRAIGHT = path_record([Leg(0.0, 0.0, 0.0, 0.0, math.inf, 100.0, 0.0, 40.0, 1)], 1)
 
 
@@ -160,13 +161,14 @@ def expected_in_a_turn(
 def test_a_turn_in_wind_beside_the_path_is_as_the_equations_say(nominal: np.void) -> None:
     radius, slot, wind = 400.0, (-20.0, 15.0, 4.0), np.array([3.0, -4.0])
     path = path_record([Leg(400.0, 0.0, math.pi / 2, 1 / radius, math.inf, 100.0, 0.0, 40.0, 1)], 1)
-    guidance = PathFollowing(
-        cross_track_integral_1_s2=0.0,
-        height_integral_1_s2=0.0,
-        course_1_s=0.5,
-        bank_feedback=1.5,
-        acceleration_max_m_s2=1000.0,
-    )
+    gains = {
+        "cross_track_integral_1_s2": 0.0,
+        "height_integral_1_s2": 0.0,
+        "course_1_s": 0.5,
+        "bank_feedback": 1.5,
+        "acceleration_max_m_s2": 1000.0,
+    }
+    guidance = DEFAULT.model_copy(update=gains)
     flight = Flight(nominal, path, guidance)
     now = situation(
         nominal,
@@ -237,7 +239,7 @@ def test_whatever_happens_commands_stay_within_limits(
     nominal: np.void, updates: list[tuple[Any, ...]], curvature: float, climb: float
 ) -> None:
     leg = Leg(0.0, 0.0, 0.0, curvature, math.inf, 100.0, climb, 40.0, 1)
-    flight, limits = Flight(nominal, path_record([leg], 1)), DEFAULT
+    flight, limits = Flight(nominal, path_record([leg], 1)), HOME
     for k, (position, attitude, through_air, wind, slot) in enumerate(updates):
         before = float(flight.command[0])
         now = situation(nominal, position, attitude, through_air, wind)
@@ -250,16 +252,16 @@ def test_whatever_happens_commands_stay_within_limits(
         outside = not limits.airspeed_min_m_s <= before <= limits.airspeed_max_m_s
         assert outside or limits.airspeed_min_m_s <= airspeed <= limits.airspeed_max_m_s
         assert abs(airspeed - before) <= change + 1e-9
-        assert abs(roll) <= math.radians(limits.bank_max_deg) + 1e-9
+        assert abs(roll) <= math.radians(DEFAULT.bank_max_deg) + 1e-9
         assert abs(yaw) <= math.pi + 1e-9
         if airspeed >= limits.airspeed_min_m_s:
-            most = limits.climb_max_deg + limits.incidence_max_deg + 8.5 * limits.climb_feedback
+            most = limits.climb_max_deg + limits.incidence_max_deg + 8.5 * DEFAULT.climb_feedback
             assert abs(pitch) <= math.radians(most) + 1e-9
 
 
 def test_a_slow_aircraft_keeps_its_lift_to_fly_level(nominal: np.void) -> None:
     """At 30 m/s level flight takes 11.7° of 15°; the bank that takes 15° is 31°."""
-    flight = Flight(nominal, guidance=PathFollowing(bank_max_deg=60.0))
+    flight = Flight(nominal, guidance=DEFAULT.model_copy(update={"bank_max_deg": 60.0}))
     leg = Leg(0.0, 0.0, 0.0, 0.0, math.inf, 100.0, 0.0, 30.0, 1)
     flight.path = path_record([leg], 1)
     now = situation(nominal, (0.0, -300.0, -100.0), (0.0, 0.2, -1.0), (29.4, 0.0, 6.0))

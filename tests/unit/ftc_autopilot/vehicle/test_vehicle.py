@@ -20,11 +20,13 @@ def test_arming_waits_for_the_simulator(scenario1: Scenario) -> None:
     assert not bench.vehicle.modes.armed
 
 
-def test_after_arming_it_loiters_level_at_the_present_speed(scenario1: Scenario) -> None:
+def test_after_arming_it_circles_at_its_place_before_time_runs(scenario1: Scenario) -> None:
     bench = Bench(scenario1)
+    bench.hot.measured["position"] = (30.0, 20.0, -110.0)
     assert bench.command(ARM, 1.0) == ACCEPTED
     assert bench.vehicle.modes.mode == LOITER
-    assert list(bench.controllers.guidance[0]["command"]) == [40.0, 0.0, 0.0, 0.0]
+    begin = bench.vehicle.modes.path.point()
+    assert (begin.north, begin.east, begin.height) == (30.0, 20.0, 110.0)
     assert bench.controllers.guidance[0]["active"] == 1
 
 

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from ftc_autopilot.control.laws import KINDS, LAWS
 from ftc_autopilot.control.laws.tube import Tube
 from ftc_autopilot.control.triggers import TRIGGERS
+from ftc_autopilot.guidance.aircraft_limits import HOME
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from gcs.errors import BadInput
 from gcs.fleet.in_process import fly_in_process
@@ -63,7 +64,7 @@ def test_the_paper_s_aircraft_gets_the_defaults(law: str) -> None:
     trigger = plain(sections.trigger)
     mode = TRIGGERS[trigger["mode"]]
     assert mode.model_validate(trigger) == mode(mode=trigger["mode"])
-    assert PathFollowing.model_validate(plain(sections.guidance)) == PathFollowing()
+    assert plain(sections.guidance) == PathFollowing(**HOME._asdict()).model_dump()
 
 
 @pytest.mark.parametrize("mode", TRIGGERS)

@@ -97,6 +97,22 @@ def test_modes_are_those_of_the_approximations(aerosonde: Aircraft) -> None:
     assert all(-1.0 <= mode.damping <= 1.0 for mode in found.values())
 
 
+@pytest.mark.parametrize("factor", [1.0, 5.0, 20.0])
+def test_modes_are_named_by_what_moves_not_by_count(aerosonde: Aircraft, factor: float) -> None:
+    """Much pitch damping splits the short period; what swings then is the phugoid alone."""
+    c = aerosonde.coefficients
+    damped = c.model_copy(update={"cm_q": factor * c.cm_q})
+    aircraft = aerosonde.model_copy(update={"coefficients": damped})
+    flight = level_flight(aircraft, V)
+    assert flight is not None
+    found = modes(aircraft, flight)
+    fast = [mode for mode in found if mode.name == "short period"]
+    (phugoid,) = (mode for mode in found if mode.name == "phugoid")
+    assert len(fast) == (1 if factor == 1.0 else 2)
+    assert not phugoid.is_aperiodic
+    assert phugoid.frequency_rad_s < 0.2 * min(mode.frequency_rad_s for mode in fast)
+
+
 def test_authority_is_what_a_full_deflection_makes(aerosonde: Aircraft) -> None:
     c, J = aerosonde.coefficients, aerosonde.inertia_kg_m2
     qS = 0.5 * 1.2682 * V**2 * 0.55
