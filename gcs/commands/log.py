@@ -11,6 +11,7 @@ from gcs.commands.options import ThemeOption
 from gcs.commands.station import run_interruptible
 from gcs.errors import BadInput
 from mavlink_defs.capture.tlog import TlogError, read_frames
+from mavlink_defs.framing.frames import of_mavlink1
 from mavlink_defs.visible import visible
 
 if TYPE_CHECKING:
@@ -45,10 +46,10 @@ def log(
     """Replay a telemetry log in the dashboard, with seek and speed.
 
     Reads logs of `gcs fly` and `gcs record`, which are replayed by simulated time, and of other
-    ground stations.
+    ground stations, MAVLink 1 as well.
     """
     try:
-        frames = list(read_frames(file))
+        frames = [(at_us, of_mavlink1(frame) or frame) for at_us, frame in read_frames(file)]
     except OSError as problem:
         raise BadInput(f"cannot read {file}: {problem.strerror}") from problem
     except TlogError as problem:
