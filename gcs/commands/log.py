@@ -11,7 +11,6 @@ from gcs.commands.options import ThemeOption
 from gcs.commands.station import run_interruptible
 from gcs.errors import BadInput
 from mavlink_defs.capture.tlog import TlogError, read_frames
-from mavlink_defs.framing.frames import of_mavlink1
 from mavlink_defs.visible import visible
 
 if TYPE_CHECKING:
@@ -49,7 +48,7 @@ def log(
     ground stations, MAVLink 1 as well.
     """
     try:
-        frames = [(at_us, of_mavlink1(frame) or frame) for at_us, frame in read_frames(file)]
+        frames = list(read_frames(file))
     except OSError as problem:
         raise BadInput(f"cannot read {file}: {problem.strerror}") from problem
     except TlogError as problem:

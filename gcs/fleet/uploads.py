@@ -11,7 +11,6 @@ from typing import Any, TypeAlias
 
 from mavlink_defs import dialect
 from mavlink_defs.dialect import (
-    MAVLink_message,
     MAVLink_mission_ack_message,
     MAVLink_mission_clear_all_message,
     MAVLink_mission_count_message,
@@ -61,7 +60,7 @@ class Uploads:
         self._most = most
         self._held: dict[tuple[int, SystemId], _Upload] = {}
 
-    def passes(self, message: MAVLink_message, system: int, peer: Peer, now: float) -> bool:
+    def passes(self, message: Any, system: int, peer: Peer, now: float) -> bool:
         """Return whether a station's message is passed on to a vehicle, and note that it is.
 
         Args:
