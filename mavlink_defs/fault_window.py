@@ -16,12 +16,12 @@ class Window(NamedTuple):
     end_s: float
 
     def __str__(self) -> str:
-        ends = f"{self.end_s:g}] s" if math.isfinite(self.end_s) else "until cleared"
-        if math.isnan(self.start_s):
-            return f"from now, {ends}"
+        if math.isfinite(self.end_s) and math.isfinite(self.start_s):
+            return f"in ({self.start_s:g}, {self.end_s:g}] s"
+        start = f"after {self.start_s:g} s" if math.isfinite(self.start_s) else "from now"
         if math.isfinite(self.end_s):
-            return f"in ({self.start_s:g}, {ends}"
-        return f"after {self.start_s:g} s, {ends}"
+            return f"{start} to {self.end_s:g} s"
+        return f"{start}, until cleared"
 
     def contains(self, time_s: float) -> bool:
         """Return whether it contains a simulation time [s]."""

@@ -1,28 +1,57 @@
 """Missions as files of ground stations: QGroundControl's plans, and waypoint lists.
 
-A ``.plan`` is JSON (https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html),
-a ``.waypoints`` file a table of text that begins with ``QGC WPL 110``. Both become the items of the
-mission protocol, home included as item 0.
+A plan is JSON (https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html), a
+list a table of text that begins with ``QGC WPL 110``; their first bytes tell them apart, whatever
+their names. Both become the items of the mission protocol, home included as item 0. Jumps name an
+item by its `doJumpId`, or by the number in its line; the items are numbered anew.
 """
 
+import codecs
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from mavlink_defs import dialect
-from mavlink_defs.config.problems import ConfigError, Problem, shown
-from mavlink_defs.config.user_files import read_text
+from mavlink_defs.config.problems import ConfigError, Problem, counted, shown
+from mavlink_defs.config.user_files import open_file, read_text
 from mavlink_defs.constants import INT32_MAX
 from mavlink_defs.float32 import decimal_of_float32
 from mavlink_defs.services.mission import MissionItem
+from mavlink_defs.visible import visible
 
 _WAYPOINTS_HEAD = "QGC WPL 110"
+_LISTS_BEGIN = b"QGC WPL"
+_OF_PLANS = (b'"fileType"', b'"plannedHomePosition"', b'"groundStation"', b'"MAV_AUTOPILOT"')
+"""Keys by which JSON is a plan, the older formats included."""
+_HEAD_SIZE = 1_000_000  # bytes; keys of plans may be in any order
+MISSION_SUFFIXES = frozenset({".plan", ".waypoints"})
+"""Names of files that are written, and of files that are missions whatever is in them."""
 _COLUMNS = 12
 _LARGEST = 1e38  # a float32 field holds a little more
 _Number = TypeVar("_Number", int, float)
 _FRAME = dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT
+_PLANE = dialect.MAV_TYPE_FIXED_WING
+_PLAN_KEYS = {
+    "fileType": "Plan",
+    "version": 1,
+    "groundStation": "",
+    "geoFence": {},
+    "rallyPoints": {},
+    "mission": {},
+}
+_MISSION_KEYS = {
+    "version": 2,
+    "firmwareType": 0,
+    "vehicleType": _PLANE,
+    "cruiseSpeed": 0.0,
+    "hoverSpeed": 0.0,
+    "globalPlanAltitudeMode": 0,
+    "plannedHomePosition": [],
+    "items": [],
+}
+"""Keys that are looked at, or say nothing of the flight; of `version` the one that is known."""
 
 
 def mission_item(
@@ -51,13 +80,31 @@ def mission_item(
     )
 
 
+class MissionFile(NamedTuple):
+    """What a mission file holds."""
+
+    items: tuple[MissionItem, ...]
+    """Item 0 is home."""
+    not_flown: tuple[str, ...] = ()
+    """What else is in the file, and no vehicle takes, part by part."""
+
+
 def is_mission_file(path: Path) -> bool:
-    """Return whether a file is a mission file, by its name."""
-    return path.suffix.lower() in {".plan", ".waypoints"}
+    """Return whether a file is a mission file, by its first bytes; by its name if it has none."""
+    if path.suffix.lower() in MISSION_SUFFIXES:
+        return True
+    try:
+        with open_file(path) as file:
+            head = file.read(_HEAD_SIZE).removeprefix(codecs.BOM_UTF8).lstrip()
+    except OSError:
+        return False
+    return head.startswith(_LISTS_BEGIN) or (
+        head.startswith(b"{") and any(key in head for key in _OF_PLANS)  # YAML may begin with {
+    )
 
 
-def read_mission_file(path: Path) -> tuple[MissionItem, ...]:
-    """Read a mission, item 0 is home.
+def read_mission_file(path: Path) -> MissionFile:
+    """Read a mission.
 
     Raises:
         ConfigError: The file cannot be read, or holds something else; the place is named.
@@ -66,7 +113,7 @@ def read_mission_file(path: Path) -> tuple[MissionItem, ...]:
     try:
         if text.lstrip().startswith("{"):
             return _of_plan(text)
-        return _of_waypoints(text)
+        return MissionFile(_of_waypoints(text))
     except _NotOneError as error:
         raise ConfigError(path, [Problem((), str(error))]) from error
 
@@ -97,8 +144,6 @@ def plan_text(items: Sequence[MissionItem]) -> str:
             "version": 2,
             "firmwareType": dialect.MAV_AUTOPILOT_ARDUPILOTMEGA,
             "vehicleType": dialect.MAV_TYPE_FIXED_WING,
-            "cruiseSpeed": 40,
-            "hoverSpeed": 5,
             "globalPlanAltitudeMode": 1,
             "plannedHomePosition": [home.x / 1e7, home.y / 1e7, decimal_of_float32(home.z)],
             "items": [_simple_item(item) for item in others],
@@ -129,7 +174,7 @@ def _simple_item(item: MissionItem) -> dict[str, Any]:
     }
 
 
-def _of_plan(text: str) -> tuple[MissionItem, ...]:
+def _of_plan(text: str) -> MissionFile:
     try:
         plan = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -143,6 +188,7 @@ def _of_plan(text: str) -> tuple[MissionItem, ...]:
     where = "mission.plannedHomePosition"
     numbers = _numbers(home if isinstance(home, list) else [], where, 3)
     items = [_item(0, dialect.MAV_CMD_NAV_WAYPOINT, 0, [0.0] * 4 + numbers, where)]
+    ids: list[int] = []
     for i, entry in enumerate(listed):
         where = f"mission.items[{i}]"
         if not isinstance(entry, dict) or entry.get("type") != "SimpleItem":
@@ -153,26 +199,72 @@ def _of_plan(text: str) -> tuple[MissionItem, ...]:
         numbers = _numbers(params if isinstance(params, list) else [], f"{where}.params", 7)
         command, frame = (_whole(entry, key, where) for key in ("command", "frame"))
         items.append(_item(len(items), command, frame, numbers, where))
-    return tuple(items)
+        ids.append(_whole({"doJumpId": len(ids) + 1} | entry, "doJumpId", where))
+    _find_targets(items[1:], ids, "doJumpId", "mission.items[{}]")
+    return MissionFile(tuple(items), tuple(_not_flown(plan, mission)))
+
+
+def _not_flown(plan: dict[str, Any], mission: dict[str, Any]) -> Iterator[str]:
+    """Say what is in a plan besides the items and where they are."""
+    fence, rally = (plan.get(key) for key in ("geoFence", "rallyPoints"))
+    shapes = [(noun, _length(fence, f"{noun}s")) for noun in ("circle", "polygon")]
+    if any(number for _, number in shapes):
+        yield f"a fence of {' and '.join(counted(number, noun) for noun, number in shapes)}"
+    if isinstance(fence, dict) and fence.get("breachReturn"):
+        yield "the fence's place of return"
+    if number := _length(rally, "points"):
+        yield counted(number, "rally point")
+    for key, noun in (("cruiseSpeed", "cruise"), ("hoverSpeed", "hover")):
+        if key in mission:
+            yield f"a {noun} speed of {shown(mission[key])} m/s"
+    if (kind := mission.get("vehicleType", _PLANE)) != _PLANE:
+        yield f"vehicleType {shown(kind)}, which is no fixed-wing aircraft"
+    held = sum(entry.get("autoContinue") is False for entry in mission["items"])
+    if held:
+        yield f"autoContinue false of {counted(held, 'item')}"
+    for where, tree, known in (("", plan, _PLAN_KEYS), ("mission.", mission, _MISSION_KEYS)):
+        for key, value in tree.items():
+            if key not in known:
+                yield f"{where}{visible(key)[:60]}"
+            elif key == "version" and value != known[key]:
+                yield f"what is new in {where}version {shown(value)}"
+
+
+def _length(tree: Any, key: str) -> int:
+    listed = tree.get(key) if isinstance(tree, dict) else None
+    return len(listed) if isinstance(listed, list) else 0
 
 
 def _of_waypoints(text: str) -> tuple[MissionItem, ...]:
-    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    if not lines or lines[0].split() != _WAYPOINTS_HEAD.split():
+    rows = [line for line in map(str.strip, text.splitlines()) if line and line[0] != "#"]
+    if not rows or rows[0].split() != _WAYPOINTS_HEAD.split():
         raise _NotOneError(f"expected a plan (JSON), or {_WAYPOINTS_HEAD!r} in the first line")
-    items = []
-    for seq, line in enumerate(lines[1:]):
-        where, fields = f"item {seq}", line.split()
+    items, ids = [], []
+    for seq, row in enumerate(rows[1:]):
+        where, fields = f"item {seq}", row.split()
         if len(fields) != _COLUMNS:
             raise _NotOneError(f"{where}: expected {_COLUMNS} columns, got {len(fields)}")
         number, frame, command = (_number_in(int, fields[i], where) for i in (0, 2, 3))
         numbers = _numbers([_number_in(float, field, where) for field in fields[4:11]], where, 7)
-        if number != seq:
-            raise _NotOneError(f"{where}: expected the number {seq}, got {number}")
         items.append(_item(seq, command, frame, numbers, where))
+        ids.append(number)
     if not items:
         raise _NotOneError("expected home as item 0, got no item")
+    _find_targets(items, ids, "the number", "item {}")
     return tuple(items)
+
+
+def _find_targets(items: Sequence[MissionItem], ids: Sequence[int], key: str, where: str) -> None:
+    """Let jumps go to the number that an item has, in place of what the file calls it."""
+    for i, item in enumerate(items):
+        if item.command != dialect.MAV_CMD_DO_JUMP:
+            continue
+        found = [other.seq for other, name in zip(items, ids, strict=True) if name == item.param1]
+        if len(found) != 1:
+            got = counted(len(found), "item") if found else "no item"
+            text = f"jumps to {key} {item.param1:g}, which {got} {'have' if found else 'has'}"
+            raise _NotOneError(f"{where.format(i)}: {text}")
+        item.param1 = float(found[0])
 
 
 def _item(seq: int, command: int, frame: int, numbers: Sequence[float], where: str) -> MissionItem:

@@ -42,7 +42,36 @@ _MOST_TURNS = 1000
 _LONGEST_S = 86_400
 
 _FLIES_ONLY = "flights begin and end in the air"
+_NO_PAYLOAD = "there is no payload; leave it out"
 _REASONS = {
+    dialect.MAV_CMD_NAV_LOITER_TO_ALT: "give NAV_LOITER_TURNS (18), or a waypoint, that height",
+    dialect.MAV_CMD_CONDITION_YAW: "the heading is the path's; leave it out",
+    dialect.MAV_CMD_DO_FENCE_ENABLE: "there is no fence; leave it out",
+    **dict.fromkeys(
+        (
+            dialect.MAV_CMD_DO_SET_RELAY,
+            dialect.MAV_CMD_DO_REPEAT_RELAY,
+            dialect.MAV_CMD_DO_SET_SERVO,
+            dialect.MAV_CMD_DO_REPEAT_SERVO,
+            dialect.MAV_CMD_DO_SET_ROI_LOCATION,
+            dialect.MAV_CMD_DO_SET_ROI_NONE,
+            dialect.MAV_CMD_DO_SET_ROI,
+            dialect.MAV_CMD_DO_DIGICAM_CONFIGURE,
+            dialect.MAV_CMD_DO_DIGICAM_CONTROL,
+            dialect.MAV_CMD_DO_MOUNT_CONFIGURE,
+            dialect.MAV_CMD_DO_MOUNT_CONTROL,
+            dialect.MAV_CMD_DO_SET_CAM_TRIGG_DIST,
+            dialect.MAV_CMD_DO_SET_CAM_TRIGG_INTERVAL,
+            dialect.MAV_CMD_DO_GRIPPER,
+            dialect.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW,
+            dialect.MAV_CMD_SET_CAMERA_MODE,
+            dialect.MAV_CMD_IMAGE_START_CAPTURE,
+            dialect.MAV_CMD_IMAGE_STOP_CAPTURE,
+            dialect.MAV_CMD_VIDEO_START_CAPTURE,
+            dialect.MAV_CMD_VIDEO_STOP_CAPTURE,
+        ),
+        _NO_PAYLOAD,
+    ),
     dialect.MAV_CMD_NAV_LAND: _FLIES_ONLY,
     dialect.MAV_CMD_NAV_TAKEOFF: _FLIES_ONLY,
     dialect.MAV_CMD_NAV_LAND_LOCAL: _FLIES_ONLY,

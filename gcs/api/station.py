@@ -148,7 +148,9 @@ class Uav:
             BadInput: The file cannot be used.
         """
         with python_errors():
-            items = load_mission(Path(mission)) if isinstance(mission, Path | str) else mission
+            items = (
+                load_mission(Path(mission)).items if isinstance(mission, Path | str) else mission
+            )
         await self.vehicle.upload_mission(items)
 
     async def download_mission(self) -> Mission:

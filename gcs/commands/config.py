@@ -14,11 +14,11 @@ from gcs.commands.common import (
     changed_scenario,
     warm_up,
 )
-from gcs.commands.options import SigningKeyOption
+from gcs.commands.options import InsecureOption, SigningKeyOption
 from gcs.errors import BadInput
 from gcs.outputs import all_or_none, make_folder
 from gcs.scenario.model import Scenario
-from gcs.scenario.signing_key import signed
+from gcs.scenario.signing_key import refuse_unsigned, signed
 from gcs.terminal import console_of, print_line
 from mavlink_defs.config.files import dump
 from mavlink_defs.endpoint import EndpointError, parse_address
@@ -28,7 +28,7 @@ EPILOG = """
 Examples:
 
 - gcs config paper/scenario1 --out fleet --host plant=10.0.0.1 --host gcs=10.0.0.9
-  --host uav1=10.0.0.1 --host uav2=10.0.0.2 --host uav3=10.0.0.2
+  --host uav1=10.0.0.1 --host uav2=10.0.0.2 --host uav3=10.0.0.2 --signing-key fleet.key
 
 Exit status: 0 written, 1 a file cannot be written, 2 bad input.
 """
@@ -53,18 +53,22 @@ def config(
     additions: WithOption = None,
     settings: SetOption = None,
     signing_key: SigningKeyOption = None,
+    insecure: InsecureOption = False,
 ) -> None:
     """Write the configuration of each process of a fleet that spans several hosts.
 
     The folder gets plant.yaml, and uav1.yaml and so on. Run the same command on every host: it
     also compiles the numeric core there. Then start one process per file by hand: nothing here
-    starts them. The plant flies in real time until it is stopped.
+    starts them. The plant flies in real time until it is stopped. Links that other machines can
+    reach must be signed, unless --insecure is given.
     """
     loaded = signed(changed_scenario(scenario, additions, settings), signing_key)
     if loaded.links.impairments is not None:
         text = "links.impairments need the relays of `gcs fly` and `gcs up`"
         raise BadInput(text, "take them out of the scenario")
     hosts = _hosts(loaded, host or [])
+    if not insecure:
+        refuse_unsigned(loaded, hosts)
     moved = _moved_addresses(loaded, hosts)
     make_folder(out)
     plant, files = out / "plant.yaml", {uav.id: out / f"uav{uav.id}.yaml" for uav in loaded.uavs}

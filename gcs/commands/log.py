@@ -45,7 +45,7 @@ def log(
     """Replay a telemetry log in the dashboard, with seek and speed.
 
     Reads logs of `gcs fly` and `gcs record`, which are replayed by simulated time, and of other
-    ground stations.
+    ground stations, MAVLink 1 as well.
     """
     try:
         frames = list(read_frames(file))

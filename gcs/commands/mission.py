@@ -14,19 +14,26 @@ from gcs.commands.transfer import Note
 from gcs.errors import BadInput
 from gcs.outputs import check_file
 from gcs.scenario.itinerary import Itinerary, dry_run, load_mission
+from gcs.scenario.mission import tell_not_flown
 from gcs.scenario.model import read_scenario
 from gcs.station.mission import Mission, is_same, item_text
 from gcs.station.vehicle import Vehicle
 from gcs.terminal import console_of, numbers, print_json, table_of, texts
 from mavlink_defs.config.models import counted
-from mavlink_defs.mission_files import is_mission_file, plan_text, waypoints_text
+from mavlink_defs.mission_files import (
+    MISSION_SUFFIXES,
+    MissionFile,
+    is_mission_file,
+    plan_text,
+    waypoints_text,
+)
 
 app = typer.Typer(help="Show, upload, download and fly missions.", no_args_is_help=True)
 
 _File = Annotated[
     Path,
     typer.Argument(
-        metavar="FILE", help="QGroundControl's .plan, a .waypoints list, or a scenario."
+        metavar="FILE", help="QGroundControl's plan, a list of waypoints (QGC WPL), or a scenario."
     ),
 ]
 
@@ -78,12 +85,14 @@ def show(
 
     Times are those in still air, from home on.
     """
-    items = load_mission(file)
+    items, not_flown = _read(file)
     own = Path("paper/scenario1") if is_mission_file(file) else file
     itinerary = dry_run(file, items, read_scenario(fleet or own))
     if as_json:
         listed = [{"item": item.seq, "text": item_text(item)} for item in items[1:]]
-        print_json({"file": str(file), "items": listed, **asdict(itinerary)})
+        print_json(
+            {"file": str(file), "items": listed, "not_flown": not_flown, **asdict(itinerary)}
+        )
         return
     console_of(stderr=False).print(_table(items, itinerary), _total(itinerary))
 
@@ -121,7 +130,7 @@ def download(
     ] = None,
 ) -> None:
     """Print the missions of vehicles, or write the one that all hold to a file."""
-    if out is not None and not is_mission_file(out):
+    if out is not None and out.suffix.lower() not in MISSION_SUFFIXES:
         raise BadInput(f"{out} has neither the suffix .plan nor .waypoints", "choose one of them")
     if out is not None:
         check_file(out)
@@ -146,7 +155,7 @@ def download(
 
 def _send(station: Station, file: Path, start: bool) -> None:
     """Upload a mission, and start it if asked to."""
-    items = load_mission(file)
+    items, not_flown = _read(file)
     if start and len(items) < 2:
         raise BadInput(f"{file} has no item to fly", "an upload of it clears a mission")
 
@@ -159,7 +168,15 @@ def _send(station: Station, file: Path, start: bool) -> None:
             await vehicle.arm()
         return f"UAV {vehicle.system} flies {_count(items)} of {file}"
 
-    transfer.upload(station, send, {"items": len(items) - 1})
+    transfer.upload(station, send, {"items": len(items) - 1, "not_flown": not_flown})
+
+
+def _read(file: Path) -> MissionFile:
+    """Read a mission, and tell what is in its file that nobody flies."""
+    mission = load_mission(file)
+    if is_mission_file(file):  # a scenario tells by itself
+        tell_not_flown(file, mission.not_flown)
+    return mission
 
 
 def _text_of(out: Path, mission: Mission) -> str:

@@ -43,6 +43,10 @@ SigningKeyOption = Annotated[
         help="Sign, and refuse unsigned frames, with this key (of `gcs key`).",
     ),
 ]
+InsecureOption = Annotated[
+    bool,
+    typer.Option("--insecure", help="Allow unsigned links that other machines can reach."),
+]
 ThemeOption: TypeAlias = Annotated[
     Literal["dark", "light"],
     typer.Option("--theme", envvar="FTC_SITL_THEME", help="Colours: dark or light."),

@@ -14,6 +14,7 @@ from gcs.station.notifications import enum_name
 from gcs.station.param_file import (
     READ_ONLY,
     difference,
+    difference_lines,
     differing,
     read_param_file,
     read_settable,
@@ -35,7 +36,11 @@ app = typer.Typer(help="List, read, set, save, load and compare parameters.", no
 _Name = Annotated[str, typer.Argument(metavar="NAME", help="Name, at most 16 characters.")]
 
 _File = Annotated[
-    Path, typer.Argument(metavar="FILE", help="Parameter file (*.parm): lines of NAME VALUE.")
+    Path,
+    typer.Argument(
+        metavar="FILE",
+        help="Parameter file: NAME VALUE lines (*.parm), or QGroundControl's *.params.",
+    ),
 ]
 
 _SAVE_EPILOG = f"""
@@ -188,14 +193,13 @@ def load(
     different = _differences(station, values)
     if not yes and any(different.values()):
         for system, held in different.items():
-            for name in held:
-                other = f"file {values[name]:.9g}"
-                print_line(difference(system, name, held[name], other), stderr=True)
+            for line in difference_lines(system, held, values):
+                print_line(line, stderr=True)
         if not typer.confirm("Set these parameters?", err=True):
             raise BadInput("nothing was set")
 
     async def action(vehicle: Vehicle) -> str:
-        return await set_values(vehicle, {n: values[n] for n in different[vehicle.system]})
+        return await set_values(vehicle, values, different[vehicle.system])
 
     station.act(action, lambda vehicle: {"set": {n: values[n] for n in different[vehicle.system]}})
 
@@ -208,8 +212,8 @@ def diff(
         Path | None,
         typer.Argument(
             metavar="FILE",
-            help="Parameter file (*.parm): lines of NAME VALUE. Without one: the defaults, which "
-            "apply where a scenario leaves a key out.",
+            help="Parameter file: NAME VALUE lines (*.parm), or QGroundControl's *.params. Without "
+            "one: the defaults, which apply where a scenario leaves a key out.",
             show_default=False,
         ),
     ] = None,
@@ -230,8 +234,8 @@ def diff(
         )
         return
     for system, held in different.items():
-        for name in held:
-            print_line(difference(system, name, held[name], f"file {values[name]:.9g}"))
+        for line in difference_lines(system, held, values):
+            print_line(line)
         if not held:
             print_line(f"UAV {system}: all {len(values)} parameters as in {file}")
 

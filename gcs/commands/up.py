@@ -24,7 +24,7 @@ from gcs.commands.common import (
     warn_of_sensors,
 )
 from gcs.commands.listening import listen, listening_address
-from gcs.commands.options import options_of, with_options
+from gcs.commands.options import InsecureOption, options_of, with_options
 from gcs.errors import BadInput, Interrupted
 from gcs.extras import load_package
 from gcs.scenario.model import Scenario
@@ -104,10 +104,7 @@ class UpOptions(FleetOptions):
         bool,
         typer.Option("--json", help="Print addresses as one line of JSON once the fleet is up."),
     ] = False
-    insecure: Annotated[
-        bool,
-        typer.Option("--insecure", help="Allow unsigned links that other machines can reach."),
-    ] = False
+    insecure: InsecureOption = False
 
     @property
     def pace(self) -> float | None:

@@ -6,6 +6,7 @@ import json
 import math
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated
@@ -27,9 +28,11 @@ from mavlink_defs.capture.tap import DEFAULT_PORTS, LinkNames, Tap
 from mavlink_defs.capture.tap_report import TapReport
 from mavlink_defs.capture.tlog import TlogCutOff, TlogError, read_frames
 from mavlink_defs.config.files import parse, validate
+from mavlink_defs.config.problems import counted
 from mavlink_defs.config.user_files import open_file
 from mavlink_defs.constants import FORMATION_BASE_PORT, GCS_PORT, LAST_SYSTEM, PLANT_PORT
 from mavlink_defs.endpoint import EndpointError, is_loopback, parse_address
+from mavlink_defs.framing.signing import counts_text
 from mavlink_defs.runtime.shutdown import on_stop
 from mavlink_defs.visible import visible
 
@@ -143,18 +146,21 @@ def _count_file(path: Path, tap: Tap, names: LinkNames) -> tuple[TapReport, str]
     Raises:
         BadInput: The file cannot be read, or is something else.
     """
+    skipped: Counter[str] = Counter()
     try:
         if report := _saved_report(path):
             return report, ""
         if is_pcap(path):
-            for packet in read_pcap(path):
+            for packet in read_pcap(path, skipped):
                 link, direction = names.of(packet.source, packet.destination)
                 tap.count(packet.time_s, link, direction, packet.payload)
         else:
             for time_us, frame in read_frames(path, complain=True):
                 tap.count(time_us / 1e6, "gcs", _direction(frame), frame)
     except (PcapCutOff, TlogCutOff) as problem:
-        return tap.report(), f"{problem}; what comes before is counted"
+        return tap.report(), "; ".join(
+            [f"{problem}; what comes before is counted", *_skipped_text(skipped)]
+        )
     except OSError as problem:
         raise BadInput(f"{path} cannot be read: {problem.strerror}") from problem
     except PcapError as problem:
@@ -162,7 +168,15 @@ def _count_file(path: Path, tap: Tap, names: LinkNames) -> tuple[TapReport, str]
     except TlogError as problem:
         text = f"{path} is no capture (pcap, pcapng), telemetry log (tlog) or wire.json"
         raise BadInput(text, str(problem)) from problem
-    return tap.report(), ""
+    return tap.report(), "".join(f"{path}: {text}" for text in _skipped_text(skipped))
+
+
+def _skipped_text(skipped: Counter[str]) -> list[str]:
+    """Return a text of the packets that hold no UDP datagram, if there are any."""
+    if not skipped:
+        return []
+    packets = counted(skipped.total(), "packet")
+    return [f"{packets} skipped that hold no UDP datagram over IPv4: {counts_text(skipped)}"]
 
 
 def _saved_report(path: Path) -> TapReport | None:

@@ -54,9 +54,11 @@ class HubSocket:
                 return
             except OSError:  # of a datagram sent before, to a port that was closed
                 continue
-            for peer in self._hub.route(datagram, sender, now):
+            forwarded = [(datagram, peer) for peer in self._hub.route(datagram, sender, now)]
+            for frame, peer in (*forwarded, *self._hub.answers):
                 with contextlib.suppress(OSError):  # a full buffer, or nobody there
-                    self._sock.sendto(datagram, peer)
+                    self._sock.sendto(frame, peer)
+            self._hub.answers.clear()
             if sender not in self._twins and self._hub.knows(sender):
                 with contextlib.suppress(OSError):  # none to be had: the common one serves it
                     self._twins[sender] = connected_twin(self._sock, sender)

@@ -131,6 +131,12 @@ async def _watch(
                 f"`gcs arm --uav {system}`"
             )
         hub.moved.clear()
+        for host, port in hub.old_speakers:
+            on_message(
+                f"station at {host}:{port} speaks MAVLink 1: it is answered in MAVLink 2, and "
+                "vehicles hear it from when it speaks that, as pymavlink does with MAVLINK20=1"
+            )
+        hub.old_speakers.clear()
         if hub.drops.keys() - reported:
             reported |= hub.drops.keys()
             on_message(f"hub: dropped {counts_text(hub.drops)}")

@@ -3,6 +3,7 @@
 Each entry becomes one item of the mission protocol, so that both count items from 1.
 """
 
+import functools
 import math
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,6 +12,7 @@ from pydantic import Field, model_validator
 
 from ftc_autopilot.common.geography import Origin, place_of
 from ftc_autopilot.guidance.mission_places import home_item
+from gcs.terminal import print_line
 from mavlink_defs import dialect
 from mavlink_defs.config.inherit import merged
 from mavlink_defs.config.models import AtMost, ConfigError, Model, Problem, Problems, shown
@@ -189,6 +191,9 @@ class MissionSection(Model):
     items: Annotated[tuple[MissionEntry, ...], AtMost(MAX_MISSION_ITEMS)] = Field(
         min_length=1, description="The items, in order."
     )
+    not_flown: tuple[str, ...] = Field(
+        default=(), exclude=True, description="Set by `file`: what else is in it."
+    )
 
     def mission_items(self, origin: Origin) -> tuple[MissionItem, ...]:
         """Return the mission as it is uploaded; item 0 is home."""
@@ -202,6 +207,14 @@ def _entry_of(item: MissionItem) -> dict[str, Any]:
     numbers = [None if math.isnan(value) else decimal_of_float32(value) for value in params]
     place = {"x": item.x, "y": item.y, "z": decimal_of_float32(item.z)}
     return {"item": {"command": item.command, "frame": item.frame, "params": numbers} | place}
+
+
+@functools.cache  # a scenario is read several times in one command
+def tell_not_flown(name: Path | str, not_flown: tuple[str, ...]) -> None:
+    """Tell once what is in a mission file that no vehicle takes, if there is anything."""
+    if not_flown:
+        text = f"{name}: not flown: {', '.join(not_flown)}. Vehicles take the items alone"
+        print_line(text, stderr=True)
 
 
 def with_mission_file(path: Path | str, tree: dict[Any, Any]) -> dict[Any, Any]:
@@ -223,12 +236,14 @@ def with_mission_file(path: Path | str, tree: dict[Any, Any]) -> dict[Any, Any]:
         text = f"expected the name of a mission file, and no key beside it, got {got}"
         raise ConfigError(path, located(tree, [Problem(("mission", "file"), text)]))
     try:
-        items = read_mission_file(Path(path).parent / name)
+        held = read_mission_file(Path(path).parent / name)
     except ConfigError as error:
         problems = [Problem(("mission", "file"), line) for line in error.lines]
         raise ConfigError(path, located(tree, problems)) from error
+    tell_not_flown(Path(path).parent / name, held.not_flown)
     entries = written_in(
-        [_entry_of(item) for item in items[1:]], source_at(tree, ("mission", "file"))
+        [_entry_of(item) for item in held.items[1:]], source_at(tree, ("mission", "file"))
     )
-    changed: dict[Any, Any] = merged(tree, {"mission": {"file": None, "items": entries}})
+    mission = {"file": None, "items": entries, "not_flown": list(held.not_flown) or None}
+    changed: dict[Any, Any] = merged(tree, {"mission": mission})
     return changed

@@ -50,7 +50,7 @@ def load_profile(name: Path | str) -> tuple[Segment, ...]:
     """
     path = find_scenario(name)
     if is_mission_file(path):
-        return _segments_of(path, read_mission_file(path))
+        return _segments_of(path, read_mission_file(path).items)
     with without_code():
         data = read_inherited(path, Scenario.model_fields.keys(), base_of, with_named_files)
         is_scenario = not data.keys() <= ProfileFile.model_fields.keys()

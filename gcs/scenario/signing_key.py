@@ -1,6 +1,6 @@
 """The user's signing key for a scenario's links."""
 
-import contextlib
+from collections.abc import Mapping
 from pathlib import Path
 
 from gcs.errors import BadInput
@@ -25,20 +25,31 @@ def signed(scenario: Scenario, path: str | None) -> Scenario:
     return scenario
 
 
-def refuse_unsigned(scenario: Scenario) -> None:
+def refuse_unsigned(scenario: Scenario, hosts: Mapping[str, str] | None = None) -> None:
     """Refuse links without a key on an address that other machines can reach.
 
+    Args:
+        scenario: The scenario; all its processes are on `links.host`.
+        hosts: Where they are instead: addresses or names of hosts, by what `--host` calls them.
+
     Raises:
-        BadInput: `links.host` is such an address, and there is no key.
+        BadInput: One is such an address, and there is no key.
     """
     links = scenario.links
     if links.signing_key is not None:
         return
-    with contextlib.suppress(EndpointError):  # binding it will report the error
-        if not is_loopback(UdpAddress(links.host, links.gcs_port)):
-            raise BadInput(
-                f"links.host is {links.host}, which other machines can reach, and "
-                "links.signing_key is not set: anyone there could fly the fleet",
-                "make a key with `gcs key FILE` and give --signing-key FILE; or set links.host to "
-                "127.0.0.1; or accept it with --insecure",
-            )
+    setting = "links.host" if hosts is None else "--host"
+    for name, host in ({"": links.host} if hosts is None else hosts).items():
+        try:
+            if is_loopback(UdpAddress(host, links.gcs_port)):
+                continue
+        except EndpointError:
+            if hosts is None:
+                continue  # binding it will report the error
+        at = f"of {name} " if name else ""
+        raise BadInput(
+            f"{setting} {at}is {host}, which other machines can reach, and "
+            "links.signing_key is not set: anyone there could fly the fleet",
+            f"make a key with `gcs key FILE` and give --signing-key FILE; or set {setting} to "
+            "127.0.0.1; or accept it with --insecure",
+        )

@@ -1,11 +1,16 @@
-"""Parameter files of MAVProxy and Mission Planner: a name and a value a line, comments after #."""
+"""Parameter files of other ground stations; comments begin with #.
+
+MAVProxy and Mission Planner write a name and a value a line, QGroundControl vehicle, component,
+name, value and type. Of the latter those of the autopilot are read, whatever the vehicle.
+"""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gcs.errors import CommandRefused, NoAnswer
+from mavlink_defs import dialect
 from mavlink_defs.config.problems import ConfigError, Problem, counted
 from mavlink_defs.config.user_files import read_text
 from mavlink_defs.float32 import float32s
@@ -17,6 +22,8 @@ if TYPE_CHECKING:
 
 READ_ONLY = frozenset({"SYSID_THISMAV", "MAV_TYPE", "MAV_AUTOPILOT", "STEP_US", "CTRL_LAW"})
 """Parameters that say what a vehicle is; nobody can set them."""
+_QGC_COLUMNS = 5
+_MOST_NAMED = 5
 
 
 def text_of(params: Iterable[Param], title: str) -> str:
@@ -35,6 +42,8 @@ def read_param_file(path: Path) -> dict[str, float]:
     problems = []
     for number, line in enumerate(read_text(path).splitlines(), 1):
         parts = line.partition("#")[0].replace(",", " ").split()
+        if len(parts) == _QGC_COLUMNS and parts[0].isdecimal() and parts[1].isdecimal():
+            parts = parts[2:4] if int(parts[1]) == dialect.MAV_COMP_ID_AUTOPILOT1 else []
         if not parts:
             continue
         problem = _problem_of(parts, values)
@@ -89,30 +98,60 @@ def differing(held: Iterable[Param], values: Mapping[str, float]) -> dict[str, f
     }
 
 
-def difference(system: int, name: str, held: float | None, other: str) -> str:
+def difference(system: int, name: str, held: float, other: str) -> str:
     """Return as a text that a vehicle holds something else: "UAV 1: C_V = 9, file 10"."""
-    now = "not held" if held is None else f"{held:.9g}"
-    return f"UAV {system}: {name} = {now}, {other}"
+    return f"UAV {system}: {name} = {held:.9g}, {other}"
 
 
-async def set_values(vehicle: "Vehicle", values: Mapping[str, float]) -> str:
-    """Set parameters one after the other, and return how many.
+def difference_lines(
+    system: int, held: Mapping[str, float | None], values: Mapping[str, float]
+) -> list[str]:
+    """Return what `differing` found as lines; names that are not held share the last one."""
+    unknown = [name for name, value in held.items() if value is None]
+    lines = [
+        difference(system, name, value, f"file {values[name]:.9g}")
+        for name, value in held.items()
+        if value is not None
+    ]
+    return [*lines, f"UAV {system}: {unknown_text(unknown)}"] if unknown else lines
+
+
+def unknown_text(names: Sequence[str]) -> str:
+    """Return the names that a vehicle does not have as a text: "2 unknown names (A, B)"."""
+    first = ", ".join([*names[:_MOST_NAMED], *(["..."] if len(names) > _MOST_NAMED else [])])
+    return f"{counted(len(names), 'unknown name')} ({first})"
+
+
+async def set_values(
+    vehicle: "Vehicle", values: Mapping[str, float], held: Mapping[str, float | None]
+) -> str:
+    """Set the parameters of a file that a vehicle holds differently, and return how many.
+
+    Args:
+        vehicle: The vehicle.
+        values: What is to be set, by name.
+        held: What `differing` returns of it: None for names that it does not have.
 
     Raises:
-        CommandRefused: Some were refused, the others are set; it names them, and says how many.
+        CommandRefused: Some were refused, or do not exist, the others are set; it says how many.
         NoAnswer: The vehicle no longer answers; it says how many were set before.
     """
+    unknown = [name for name, value in held.items() if value is None]
+    names = [name for name, value in held.items() if value is not None]
     refused: list[CommandRefused] = []
-    for done, (name, value) in enumerate(values.items()):
+    for done, name in enumerate(names):
         try:
-            await vehicle.set_param(name, value)
+            await vehicle.set_param(name, values[name])
         except CommandRefused as problem:
             refused.append(problem)
         except NoAnswer as problem:
-            so_far = f"UAV {vehicle.system}: {done - len(refused)} of {len(values)} set"
+            so_far = f"UAV {vehicle.system}: {done - len(refused)} of {len(names)} set"
             raise NoAnswer("\n".join([f"{so_far}, then: {problem}", *map(str, refused)])) from None
-    if refused:
-        count = f"{len(values) - len(refused)} of {len(values)} set, {len(refused)} refused"
-        text = "\n".join([f"UAV {vehicle.system}: {count}", *map(str, refused)])
-        raise CommandRefused(text, refused[0].result)
-    return f"UAV {vehicle.system}: {counted(len(values), 'parameter')} set"
+    if not refused and not unknown:
+        return f"UAV {vehicle.system}: {counted(len(names), 'parameter')} set"
+    count = f"{len(names) - len(refused)} of {len(held)} set"
+    counts = [count, *([f"{len(refused)} refused"] if refused else [])]
+    counts += [unknown_text(unknown)] if unknown else []
+    results = [problem.result for problem in refused] + [dialect.MAV_PARAM_ERROR_DOES_NOT_EXIST]
+    text = "\n".join([f"UAV {vehicle.system}: {', '.join(counts)}", *map(str, refused)])
+    raise CommandRefused(text, results[0])

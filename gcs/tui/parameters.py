@@ -12,7 +12,7 @@ from textual.containers import Horizontal, Vertical
 from textual.widgets import Input
 
 from gcs.errors import BadInput
-from gcs.station.param_file import difference, differing, read_settable, set_values, text_of
+from gcs.station.param_file import difference_lines, differing, read_settable, set_values, text_of
 from gcs.station.param_metadata import (
     Defaults,
     defaults_of,
@@ -301,18 +301,13 @@ class ParametersPanel(Panel, Vertical):
             if different:
                 self.app.notify(f"{ids(sorted(different))}: all as in {file.name}")
             return
-        lines = [
-            difference(system, name, held, f"file {values[name]:.9g}")
-            for system in systems
-            for name, held in different[system].items()
-        ]
-        head = f"Set {counted(len(lines), 'parameter')} of {ids(systems)} as in {file.name}?"
+        lines = [line for i in systems for line in difference_lines(i, different[i], values)]
+        number = sum(held is not None for i in systems for held in different[i].values())
+        head = f"Set {counted(number, 'parameter')} of {ids(systems)} as in {file.name}?"
 
         async def act(vehicle: Vehicle, _: str) -> str:
             try:
-                return await set_values(
-                    vehicle, {name: values[name] for name in different[vehicle.system]}
-                )
+                return await set_values(vehicle, values, different[vehicle.system])
             finally:
                 self._asked.discard(vehicle.system)  # what it holds now is asked for when shown
 

@@ -9,7 +9,7 @@ from gcs.station.passive_observer import PassiveObserver
 from gcs.tui.event_log import EventLog
 from gcs.tui.fault_history import FaultHistory
 from gcs.tui.log_clock import read_clock
-from mavlink_defs.framing.frames import parse
+from mavlink_defs.framing.frames import of_mavlink1, parse
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0)
 
@@ -143,7 +143,7 @@ class Playback:
         self._heard_at = heard_at
 
     def _receive(self, frame: bytes) -> None:
-        message = parse(frame)
+        message = parse(of_mavlink1(frame) or frame)
         if message is not None:
             now = self.now()
             self._log(self._fleet.receive(message, now))

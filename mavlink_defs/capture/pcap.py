@@ -1,13 +1,14 @@
 """Packet captures: the UDP datagrams in a pcap or pcapng file, as tcpdump and Wireshark write.
 
 Both byte orders, times in micro- or nanoseconds, and the link types below; IPv4 only. Packets
-that are no whole UDP datagram (other protocols, fragments) are skipped. The formats:
+that are no whole UDP datagram (other protocols, fragments) are skipped, and counted. The formats:
 draft-ietf-opsawg-pcap, draft-ietf-opsawg-pcapng, https://www.tcpdump.org/linktypes.html.
 
 The reader is part of this project because dpkt, which has one, was last released in 2022.
 """
 
 import struct
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -25,6 +26,7 @@ _PCAPNG = 0x0A0D0D0A  # type of a section header, the same in both byte orders
 _BYTE_ORDER = 0x1A2B3C4D
 _LONGEST_BLOCK = 1 << 26  # bytes; more is a damaged length
 _IPV4, _UDP = 0x0800, 17
+_PROTOCOLS = {1: "ICMP", 2: "IGMP", 6: "TCP"}
 _VLAN = {0x8100, 0x88A8}
 
 
@@ -56,8 +58,12 @@ def is_pcap(path: Path) -> bool:
     return len(head) == 4 and struct.unpack("<I", head)[0] in {*_PCAP, _PCAPNG}
 
 
-def read_pcap(path: Path) -> Iterator[Packet]:
+def read_pcap(path: Path, skipped: Counter[str] | None = None) -> Iterator[Packet]:
     """Read the UDP datagrams of a pcap or pcapng file, in its order.
+
+    Args:
+        path: The file.
+        skipped: Counts the other packets, by what they are.
 
     Raises:
         PcapCutOff: After everything else, if the file ends within a packet.
@@ -77,8 +83,10 @@ def read_pcap(path: Path) -> Iterator[Packet]:
                 raise PcapError("no packet capture")
             for link_type, time_s, data in packets:
                 packet = _datagram(link_type, time_s, data)
-                if packet is not None:
+                if isinstance(packet, Packet):
                     yield packet
+                elif skipped is not None:
+                    skipped[packet] += 1
         except PcapError as exc:
             raise type(exc)(f"{path}: {exc}") from None
 
@@ -169,17 +177,21 @@ def _exactly(file: BinaryIO, size: int) -> bytes:
     return data
 
 
-def _datagram(link_type: int, time_s: float, data: bytes) -> Packet | None:
-    """Return the UDP datagram in a captured packet; None if it holds none."""
+def _datagram(link_type: int, time_s: float, data: bytes) -> Packet | str:
+    """Return the UDP datagram in a captured packet; what it is if it holds none."""
     ip = _network_layer(link_type, data)
-    if len(ip) < 28 or ip[0] >> 4 != 4 or ip[9] != _UDP:
-        return None
+    if len(ip) < 20 or ip[0] >> 4 != 4:
+        return "not IPv4"
+    if ip[9] != _UDP:
+        return _PROTOCOLS.get(ip[9], f"IP protocol {ip[9]}")
     head = 4 * (ip[0] & 0x0F)
-    if struct.unpack_from("!H", ip, 6)[0] & 0x3FFF or head < 20 or len(ip) < head + 8:
-        return None  # a fragment, or no UDP header
+    if struct.unpack_from("!H", ip, 6)[0] & 0x3FFF:
+        return "fragments"
+    if head < 20 or len(ip) < head + 8:
+        return "damaged"
     source, destination, size = struct.unpack_from("!HHH", ip, head)
     if not (source and destination and size >= 8):
-        return None
+        return "damaged"
     return Packet(
         time_s,
         UdpAddress(".".join(map(str, ip[12:16])), source),

@@ -16,6 +16,7 @@ from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.header import (
     CRC_SIZE,
     HEADER_SIZE,
+    MAGIC,
     MESSAGE_ID,
     PAYLOAD_SIZE,
     V2_MAGIC,
@@ -24,6 +25,7 @@ from mavlink_defs.framing.header import (
 from mavlink_defs.visible import visible
 
 _HEADER = struct.Struct("<BBHBBB3s")  # both kinds of flags in one field
+_V1_HEADER_SIZE: int = dialect.HEADER_LEN_V1
 
 
 class FramePacker:
@@ -97,6 +99,27 @@ def parse(datagram: bytes) -> dialect.MAVLink_message | None:
         return _decoder.decode(bytearray(datagram))
     except Exception:  # pymavlink raises struct.error, IndexError, … besides its MAVError
         return None
+
+
+def of_mavlink1(datagram: bytes) -> bytes | None:
+    """Return the MAVLink 2 frame that says what a MAVLink 1 frame of the dialect says.
+
+    None if the datagram is no such frame, or its checksum is wrong.
+    """
+    if len(datagram) < _V1_HEADER_SIZE + CRC_SIZE or datagram[MAGIC] != dialect.PROTOCOL_MARKER_V1:
+        return None
+    end = _V1_HEADER_SIZE + datagram[PAYLOAD_SIZE]
+    message = dialect.mavlink_map.get(datagram[_V1_HEADER_SIZE - 1])
+    if message is None or len(datagram) != end + CRC_SIZE:
+        return None
+    extra = bytes((message.crc_extra,))
+    if mcrf4xx(datagram[1:end] + extra).to_bytes(CRC_SIZE, "little") != datagram[end:]:
+        return None
+    size, sequence, system, component, message_id = datagram[PAYLOAD_SIZE:_V1_HEADER_SIZE]
+    number = message_id.to_bytes(3, "little")
+    header = _HEADER.pack(V2_MAGIC, size, 0, sequence, system, component, number)
+    frame = header + datagram[_V1_HEADER_SIZE:end]
+    return frame + mcrf4xx(frame[1:] + extra).to_bytes(CRC_SIZE, "little")
 
 
 def drop_reason(datagram: bytes) -> DropReason:

@@ -37,7 +37,7 @@ _TYPES = (_MISSION, dialect.MAV_MISSION_TYPE_FENCE, dialect.MAV_MISSION_TYPE_RAL
 _NO_MISSION = 0xFFFF
 _MAX_READERS = 16
 _GUIDED_ITEM, _ALTITUDE_ITEM = 2, 3  # `current` of an item that is no part of an upload
-_ON_ITS_OWN = (_GUIDED_ITEM, _ALTITUDE_ITEM)
+ON_ITS_OWN = (_GUIDED_ITEM, _ALTITUDE_ITEM)
 _SILENCE_S = 30.0
 """Silence of a client after which its upload is cancelled."""
 
@@ -272,7 +272,7 @@ class MissionServer(Machine[MissionEvent]):
         self, item: MissionItem | MAVLink_mission_item_message, sender: Client, now: float
     ) -> None:
         upload = self._upload
-        if item.current in _ON_ITS_OWN:
+        if item.current in ON_ITS_OWN:
             guide = self._guide if item.current == _GUIDED_ITEM else None
             result = dialect.MAV_MISSION_UNSUPPORTED if guide is None else guide(item_as_int(item))
             self._ack(sender, item.mission_type, result)

@@ -47,13 +47,18 @@ class Surface:
         """Take a node, and ascending angles [rad] with the commands that make them."""
         self._command = command
         self._angles, self._commands = list(angles), list(commands)
-        self.stops = (self._angles[0], self._angles[-1]) if self._angles else (0.0, 0.0)
+        self.stops = (self._angles[0], self._angles[-1]) if self.has_angles else (0.0, 0.0)
+
+    @property
+    def has_angles(self) -> bool:
+        """Whether there is such a surface."""
+        return bool(self._angles)
 
     def put(self, angle: float) -> None:
         """Command an angle [rad], or the stop that is before it."""
-        angles, commands = self._angles, self._commands
-        if not angles:
+        if not self.has_angles:
             return
+        angles, commands = self._angles, self._commands
         i = min(max(bisect_right(angles, angle), 1), len(angles) - 1)
         share = (angle - angles[i - 1]) / (angles[i] - angles[i - 1])
         share = min(max(share, 0.0), 1.0)
@@ -73,7 +78,18 @@ def surfaces_of(
     Raises:
         SimulatorError: A surface cannot be put to an angle.
     """
-    return tuple(_measured(aircraft, fdm, checked, named) for named in _SURFACES)
+    measured = [_measured(aircraft, fdm, checked, named) for named in _SURFACES]
+    lacking = [
+        named for named, surface in zip(_SURFACES, measured, strict=True) if not surface.has_angles
+    ]
+    if len(lacking) == len(_SURFACES):
+        text = f"JSBSim's {aircraft} has no aerodynamic surfaces"
+        raise SimulatorError(text, "choose a fixed-wing aircraft")
+    for named in lacking:
+        if named.name != "rudder":
+            text = f"JSBSim's {aircraft} has no {named.name}: {named.command} moves none"
+            raise SimulatorError(text, "choose an aircraft with aileron and elevator")
+    return tuple(measured)
 
 
 def _measured(
@@ -104,8 +120,6 @@ def _measured(
         at(0.0, named.positions[0])
         if moved:
             raise refused(f"the {named.name} follows {named.command} late, by a servo of its own")
-        if named.name != "rudder":
-            raise refused(f"{named.command} moves no {named.name}")
         return Surface(command, [], [])
     if abs(at(1.0, position) - at(1.0, position)) > _LEAST:
         at(0.0, position)

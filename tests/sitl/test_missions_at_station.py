@@ -33,7 +33,7 @@ def test_a_mission_is_downloaded_and_uploaded_again(fleet: Up, tmp_path: Path) -
         done = fleet.gcs("mission", "download", "--out", path)
         assert (done.returncode, done.stderr) == (0, "")
         assert done.stdout.splitlines()[0] == "UAV 1 holds 7 items"
-    assert is_same(read_mission_file(plan), read_mission_file(table))
+    assert is_same(read_mission_file(plan).items, read_mission_file(table).items)
     download = fleet.gcs("mission", "download", "--uav", "2")
     assert download.stdout.splitlines()[-1].split() == ["7", "jump", "to", "1,", "always"]
     answer = fleet.gcs_json("mission", "upload", table)
@@ -48,7 +48,7 @@ def test_what_show_refuses_the_vehicles_refuse_for_the_same_reason(
 ) -> None:
     path = tmp_path / "lands.waypoints"
     done = fleet.gcs("mission", "download", "--uav", "1", "--out", path)
-    items = [*read_mission_file(path)[:-1], mission_item(7, dialect.MAV_CMD_NAV_LAND)]
+    items = [*read_mission_file(path).items[:-1], mission_item(7, dialect.MAV_CMD_NAV_LAND)]
     path.write_text(waypoints_text(items))
     reason = "Item 7: command 21 is not supported: flights begin and end in the air"
     done = run("gcs", "mission", "show", path)

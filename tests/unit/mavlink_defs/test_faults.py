@@ -10,6 +10,7 @@ from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_command_long_message
 from mavlink_defs.fault_kinds import CODES, HARDOVER, INTERMITTENT, STUCK, FaultLimits
+from mavlink_defs.fault_window import Window
 from mavlink_defs.faults import Fault, InvalidParam, fault_from_params
 from mavlink_defs.services.command import command_params
 
@@ -136,8 +137,18 @@ def test_a_kind_that_is_not_given_is_the_first() -> None:
             "throttle stuck at 1.5 N from now, until cleared",
         ),
         (Fault(1, 0.0, -3.0, 0.0, 1.0, 2.0), "elevator stuck at -3 deg in (1, 2] s"),
-        (Fault(2, 0.5, 1.0, 0.0, math.nan, 22.0), "rudder at 50 % + 1 deg from now, 22] s"),
+        (Fault(2, 0.5, 1.0, 0.0, math.nan, 22.0), "rudder at 50 % + 1 deg from now to 22 s"),
     ],
 )
 def test_faults_as_texts(fault: Fault, expected: str) -> None:
     assert fault.describe() == expected
+
+
+@pytest.mark.parametrize("end_s", [math.nan, math.inf, 9.5])
+@pytest.mark.parametrize("start_s", [math.nan, math.inf, -math.inf, 0.0, 2.5])
+def test_a_window_is_told_in_whole_words(start_s: float, end_s: float) -> None:
+    text = str(Window(start_s, end_s))
+    both = math.isfinite(start_s) and math.isfinite(end_s)
+    begin = f"after {start_s:g} s" if math.isfinite(start_s) else "from now"
+    end = f" to {end_s:g} s" if math.isfinite(end_s) else ", until cleared"
+    assert text == (f"in ({start_s:g}, {end_s:g}] s" if both else begin + end)

@@ -12,9 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink import mavwp
 
+from mavlink_defs import dialect
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.float32 import decimal_of_float32
 from mavlink_defs.mission_files import (
+    MissionFile,
     is_mission_file,
     mission_item,
     plan_text,
@@ -22,6 +24,8 @@ from mavlink_defs.mission_files import (
     waypoints_text,
 )
 from mavlink_defs.services.mission import MissionItem
+
+OTHERS = Path(__file__).parents[2] / "data" / "others"
 
 numbers = st.floats(-1000.0, 1000.0, width=32).map(decimal_of_float32).map(lambda x: round(x, 3))
 items = st.builds(
@@ -34,12 +38,15 @@ items = st.builds(
     numbers,
     st.sampled_from([0, 3, 5, 6]),
 )
-missions = st.lists(items, min_size=1, max_size=5)
+home = items.filter(lambda item: item.command != dialect.MAV_CMD_DO_JUMP)
+missions = st.builds(lambda first, others: [first, *others], home, st.lists(items, max_size=4))
 
 
 def numbered(listed: list[MissionItem]) -> tuple[MissionItem, ...]:
     for seq, item in enumerate(listed):
         item.seq = seq
+        if item.command == dialect.MAV_CMD_DO_JUMP:  # to an item that there is, not home
+            item.param1 = float(1 + seq % max(len(listed) - 1, 1))
     return tuple(listed)
 
 
@@ -53,7 +60,7 @@ def contents(listed: Any) -> list[tuple[float, ...]]:
 def read(text: str, folder: Path, name: str = "mission.waypoints") -> tuple[MissionItem, ...]:
     path = folder / name
     path.write_text(text)
-    return read_mission_file(path)
+    return read_mission_file(path).items
 
 
 @given(missions)
@@ -88,7 +95,7 @@ def test_pymavlink_reads_what_we_write(tmp_path: Path) -> None:
     assert (waypoint.command, waypoint.frame, waypoint.param2, waypoint.z) == (16, 3, 5.0, 100.0)
     assert (waypoint.x, waypoint.y) == pytest.approx((-35.35, 149.17), abs=1e-7)
     loader.save(str(tmp_path / "theirs.waypoints"))
-    again = read_mission_file(tmp_path / "theirs.waypoints")
+    again = read_mission_file(tmp_path / "theirs.waypoints").items
     assert contents(again)[1] == pytest.approx(contents(mission)[1], abs=1e-4)
 
 
@@ -148,7 +155,6 @@ LINE = "0\t1\t0\t16\t0\t0\t0\t0\t-35.3\t149.1\t584\t1\n"
         (f"QGC WPL 110\n{LINE.replace('149.1', 'x')}", "waypoints: item 0: expected a number, got"),
         (f"QGC WPL 110\n{LINE.replace('149.1', '1e99')}", "waypoints: item 0: expected numbers w"),
         (plan(plannedHomePosition=[0, 0, 10**400]), "expected numbers within 1e+38, got 1000"),
-        (f"QGC WPL 110\n{LINE}{LINE}", "item 1: expected the number 1, got 0"),
         (f"QGC WPL 110\n{LINE.replace('149.1', '1e9')}", "item 0: expected degrees, got -35.3"),
         (f"QGC WPL 110\n{LINE.replace('16', '70000')}", "item 0: there is no command 70000"),
         ("{", "is no JSON: "),
@@ -190,5 +196,129 @@ def test_a_file_that_is_not_there(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "expected"), [("a.plan", True), ("a.WAYPOINTS", True), ("a.yaml", False)]
 )
-def test_files_are_known_by_name(name: str, expected: bool) -> None:
+def test_files_that_are_not_there_are_known_by_name(name: str, expected: bool) -> None:
     assert is_mission_file(Path(name)) is expected
+
+
+@pytest.mark.parametrize("name", ["a.txt", "a", "a.yaml", "a.json"])
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (f"QGC WPL 110\n{LINE}", True),
+        (f"\ufeff\n QGC WPL 110\n{LINE}", True),
+        (json.dumps(PLAN), True),
+        (json.dumps({"mission": PLAN["mission"], "fileType": "Plan"}, indent=4), True),
+        ('{"extends": "paper/scenario1"}', False),
+        ("{mission: {items: []}}", False),
+        ("", False),
+        ("name: QGC WPL 110", False),
+    ],
+)
+def test_files_are_known_by_what_they_begin_with(
+    name: str, text: str, expected: bool, tmp_path: Path
+) -> None:
+    (tmp_path / name).write_text(text)
+    assert is_mission_file(tmp_path / name) is expected
+
+
+def jumping(ids: list[int | None], target: float) -> str:
+    """A plan of waypoints with such ids, and a jump at the end."""
+    (waypoint,) = PLAN["mission"]["items"]
+    items = [{k: v for k, v in waypoint.items() if k != "doJumpId"} for _ in ids]
+    for item, name in zip(items, ids, strict=True):
+        item.update({} if name is None else {"doJumpId": name})
+    jump = {**waypoint, "command": 177, "params": [target, 2, 0, 0, 0, 0, 0], "doJumpId": 10**6}
+    return plan(items=[*items, jump])
+
+
+@given(st.lists(st.none() | st.integers(1, 9), min_size=1, max_size=5), st.integers(0, 12))
+def test_a_jump_of_a_plan_goes_to_the_item_with_that_id(
+    tmp_path_factory: pytest.TempPathFactory, ids: list[int | None], target: int
+) -> None:
+    """An item without one has its place as id; what no item, or several, are called is refused."""
+    folder = tmp_path_factory.mktemp("jumps")
+    named = [k if name is None else name for k, name in enumerate(ids, start=1)]
+    if named.count(target) != 1:
+        with pytest.raises(ConfigError, match=f"jumps to doJumpId {target}, which"):
+            read(jumping(ids, target), folder, "a.plan")
+        return
+    items = read(jumping(ids, target), folder, "a.plan")
+    assert items[-1].param1 == 1 + named.index(target)
+    assert [item.seq for item in items] == list(range(len(ids) + 2))
+
+
+@given(st.lists(st.integers(0, 9), min_size=1, max_size=5), st.integers(0, 9))
+def test_a_jump_of_a_list_goes_to_the_line_with_that_number(
+    tmp_path_factory: pytest.TempPathFactory, numbers: list[int], target: int
+) -> None:
+    folder = tmp_path_factory.mktemp("jumps")
+    lines = [f"{n}{LINE[1:]}" for n in numbers]
+    text = "".join(["QGC WPL 110\n", *lines, f"99 0 3 177 {target} 2 0 0 0 0 0 1\n"])
+    if numbers.count(target) != 1:
+        with pytest.raises(ConfigError, match=f"jumps to the number {target}, which"):
+            read(text, folder)
+        return
+    items = read(text, folder)
+    assert items[-1].param1 == numbers.index(target)
+    assert [item.seq for item in items] == list(range(len(numbers) + 1))
+
+
+def test_public_kinds_of_files_are_read() -> None:
+    def held(name: str) -> MissionFile:
+        return read_mission_file(OTHERS / name)
+
+    plans = [held(f"jump_ids{name}.plan").items for name in ("", "_as_meant")]
+    assert repr(contents(plans[0])) == repr(contents(plans[1]))
+    assert [item.command for item in held("numbers_not_in_order.waypoints").items] == [
+        16,
+        18,
+        18,
+        16,
+    ]
+    assert len(held("indented_comment.waypoints").items) == 3
+    assert is_mission_file(OTHERS / "speeds.txt")
+    speeds = [item.param2 for item in held("speeds.txt").items if item.command == 178]
+    assert speeds == [16.0, 20.0, 15.0]
+
+
+def test_our_own_plans_hold_nothing_else(tmp_path: Path) -> None:
+    path = tmp_path / "ours.plan"
+    path.write_text(plan_text(read_mission_file(OTHERS / "fence_and_rally.plan").items))
+    assert read_mission_file(path).not_flown == ()
+
+
+FENCE = {"circles": [{}, {}], "polygons": [{}], "breachReturn": [1, 2, 3], "version": 2}
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        (
+            {"geoFence": FENCE},
+            ["a fence of 2 circles and 1 polygon", "the fence's place of return"],
+        ),
+        ({"rallyPoints": {"points": [[1, 2, 3]]}}, ["1 rally point"]),
+        ({"rallyPoints": {"points": [[], []]}}, ["2 rally points"]),
+        ({"version": 2}, ["what is new in version 2"]),
+        ({"survey\x1b": {}}, ["survey\\x1b"]),
+        ({"geoFence": None, "rallyPoints": 7}, []),
+        ({"mission": {"cruiseSpeed": 18}}, ["a cruise speed of 18 m/s"]),
+        ({"mission": {"hoverSpeed": 5}}, ["a hover speed of 5 m/s"]),
+        ({"mission": {"vehicleType": 2}}, ["vehicleType 2, which is no fixed-wing aircraft"]),
+        ({"mission": {"version": 3}}, ["what is new in mission.version 3"]),
+        ({"mission": {"gimbal": 1}}, ["mission.gimbal"]),
+        (
+            {"mission": {"items": [PLAN["mission"]["items"][0] | {"autoContinue": False}]}},
+            ["autoContinue false of 1 item"],
+        ),
+    ],
+)
+def test_what_is_not_flown_of_a_plan_is_told(
+    changes: dict[str, Any], told: list[str], tmp_path: Path
+) -> None:
+    speeds = {"cruiseSpeed", "hoverSpeed"}
+    mission = {k: v for k, v in PLAN["mission"].items() if k not in speeds}
+    whole = {**PLAN, **changes, "mission": mission | changes.get("mission", {})}
+    path = tmp_path / "a.plan"
+    path.write_text(json.dumps(whole))
+    assert list(read_mission_file(path).not_flown) == told

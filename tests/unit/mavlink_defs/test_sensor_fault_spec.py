@@ -55,7 +55,7 @@ def test_names_and_numbers_are_those_of_the_dialect() -> None:
         ),
         (
             {"sensor": "gps", "drift_m_s": 2.5, "end_s": 9.0},
-            "gps drifts by +2.5 m/s from now, 9] s",
+            "gps drifts by +2.5 m/s from now to 9 s",
         ),
         (
             {"sensor": "gps", "failure": "wrong", "drift_m_s": 2.5},

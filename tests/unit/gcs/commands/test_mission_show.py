@@ -12,11 +12,14 @@ from ftc_autopilot.common.geography import Origin, place_of
 from gcs.cli import app
 from gcs.results.path_following import paths_of
 from gcs.scenario.itinerary import dry_run, load_mission, outline
+from gcs.scenario.mission import MissionSection
 from gcs.scenario.model import load_scenario
 from mavlink_defs import dialect
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.mission_files import mission_item, plan_text, waypoints_text
 from mavlink_defs.services.mission import MissionItem
+
+OTHERS = Path(__file__).parents[3] / "data" / "others"
 
 
 def items(*places: tuple[float, float], last: MissionItem | None = None) -> list[MissionItem]:
@@ -116,7 +119,7 @@ def test_the_fleet_decides_what_can_be_flown(tmp_path: Path) -> None:
 
 def test_a_race_track_repeats() -> None:
     fleet = load_scenario("missions/hexagon")
-    itinerary = dry_run("hexagon", load_mission("missions/hexagon"), fleet)
+    itinerary = dry_run("hexagon", load_mission("missions/hexagon").items, fleet)
     assert itinerary.repeats == 1
     assert {stage.item for stage in itinerary.stages} == {1, 2, 3, 4, 5, 6}
 
@@ -132,3 +135,63 @@ def test_the_outline_of_a_path_follows_its_arcs() -> None:
     heading = [math.atan2(b[1] - a[1], b[0] - a[0]) for a, b in pairwise(corners)]
     turns = [abs(math.remainder(b - a, 2.0 * math.pi)) for a, b in pairwise(heading)]
     assert max(turns) < math.radians(6.0)
+
+
+FENCE = OTHERS / "fence_and_rally.plan"
+TOLD = "a fence of 1 circle and 0 polygons, 1 rally point, a cruise speed of 15 m/s"
+
+
+def test_what_vehicles_do_not_take_of_a_plan_is_told(tmp_path: Path) -> None:
+    """In one line, whether the plan is named or a scenario names it, and as JSON."""
+    copy, scenario = tmp_path / "fence.plan", tmp_path / "mine.yaml"
+    copy.write_text(FENCE.read_text())
+    scenario.write_text("extends: paper/scenario1\nprofile: null\nmission: {file: fence.plan}\n")
+    for file in (FENCE, scenario):
+        plan = FENCE if file == FENCE else copy
+        result = CliRunner().invoke(app, ["mission", "show", str(file), "--json"])
+        assert result.exit_code == 0, result.output
+        [line] = result.stderr.splitlines()
+        assert line.startswith(f"{plan}: not flown: {TOLD}")
+        assert json.loads(result.stdout)["not_flown"][0] == TOLD.partition(", ")[0]
+    # what has nothing else is told of nothing
+    copy.write_text(plan_text(items((2000.0, 0.0))))
+    result = CliRunner().invoke(app, ["mission", "show", str(copy), "--json"])
+    assert (result.stderr, json.loads(result.stdout)["not_flown"]) == ("", [])
+
+
+def test_a_scenario_keeps_nothing_of_what_is_told() -> None:
+    """Run folders, digests and reproductions know items alone."""
+    section = MissionSection.model_validate(
+        {"items": [{"return_to_launch": {}}], "not_flown": ["a fence"]}
+    )
+    assert "not_flown" not in section.model_dump()
+
+
+@pytest.mark.parametrize("name", ["mission.txt", "mission", "mission.list"])
+def test_a_mission_is_told_by_what_it_begins_with(name: str, tmp_path: Path) -> None:
+    path, plan = tmp_path / name, tmp_path / f"{name}.waypoints"
+    for file in (path, plan):
+        file.write_text(waypoints_text(items((2000.0, 0.0), (2000.0, 3000.0))))
+    assert show(path) == show(plan)
+    with pytest.raises(ConfigError, match="a mission, not a scenario"):
+        load_scenario(path)
+
+
+@pytest.mark.parametrize(
+    ("command", "advice"),
+    [
+        (31, "NAV_LOITER_TURNS"),
+        (183, "leave it out"),
+        (203, "leave it out"),
+        (206, "leave it out"),
+        (201, "leave it out"),
+        (115, "leave it out"),
+        (207, "leave it out"),
+    ],
+)
+def test_what_is_refused_says_what_to_do(command: int, advice: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text(waypoints_text(items((2000.0, 0.0), last=mission_item(2, command))))
+    status, text = show(path)
+    assert (status, text.startswith(f"{path}: Item 2: command {command}")) == (2, True)
+    assert advice in text

@@ -16,6 +16,7 @@ from mavlink_defs import dialect
 from mavlink_defs.capture.tap import DEFAULT_PORTS
 from mavlink_defs.framing.frames import FramePacker
 
+OTHERS = Path(__file__).parents[3] / "data" / "others"
 AUTOPILOT, PLANT = ("127.0.0.1", 40123), ("127.0.0.1", 14560)
 RELAY = ["--relay", "127.0.0.1:9=127.0.0.1:8"]
 
@@ -173,3 +174,33 @@ def test_messages_to_neighbours_stand_beside_the_events(gcs, tmp_path: Path) -> 
     _, out, _ = gcs("wire", path, "--period-us", 1000)
     (line,) = [line for line in out.splitlines() if "to neighbours" in line]
     assert "2" in line.split()
+
+
+def test_packets_without_a_datagram_are_counted_by_what_they_are(gcs, tmp_path: Path) -> None:
+    status, _, err = gcs("wire", OTHERS / "over_tcp.pcap")
+    assert status == 1
+    assert "over_tcp.pcap: 10 packets skipped that hold no UDP datagram over IPv4: 10 TCP" in err
+    datagram = udp_packet(AUTOPILOT, ("1.2.3.4", 53), b"dns")
+
+    def other(place: int, value: int) -> bytes:
+        return datagram[:place] + bytes([value]) + datagram[place + 1 :]
+
+    packets = [other(9, 6), other(9, 1), other(9, 1), other(9, 132), other(6, 0x20), other(0, 0x65)]
+    path = tmp_path / "a.pcap"
+    path.write_bytes(
+        pcap([(1.0, actuators(0, 0.1)), *((2.0, packet) for packet in packets)], "raw")
+    )
+    status, _, err = gcs("wire", path)
+    assert status == 0
+    kinds = "2 ICMP, 1 IP protocol 132, 1 TCP, 1 fragments, 1 not IPv4"
+    assert f"6 packets skipped that hold no UDP datagram over IPv4: {kinds}" in err
+    path.write_bytes(path.read_bytes()[:-3])
+    assert "cut off" in (text := gcs("wire", path)[2])
+    assert "5 packets skipped" in text
+
+
+def test_frames_of_mavlink_1_are_counted_as_such(gcs) -> None:
+    status, out, _ = gcs("wire", OTHERS / "mavlink1.tlog", "--json")
+    assert status == 1
+    [link] = json.loads(out)["links"]
+    assert (link["datagrams"], link["dropped"]) == (110, {"MAVLink 1": 110})

@@ -70,6 +70,27 @@ def test_noise_goes_nowhere() -> None:
     assert hub.drops.total() == 3
 
 
+def older(message: Any) -> bytes:
+    return bytes(message.pack(dialect.MAVLink(None, 249, 1), force_mavlink1=True))
+
+
+def test_a_station_that_speaks_mavlink_1_first_is_answered_and_told_of_once() -> None:
+    hub = fleet()
+    greeting = older(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+    damaged = (greeting[:-1], greeting + b"\0", b"\xfe" * 20, greeting[:9] + b"\7" + greeting[10:])
+    for datagram in damaged:
+        assert hub.route(datagram, GCS, 0.0) == []
+    assert hub.route(telemetry(1), ONE, 0.1) == []
+    assert hub.old_speakers == []
+    unread = older(dialect.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0))
+    for datagram in (greeting, unread, greeting):
+        assert hub.route(datagram, GCS, 0.2) == []
+    assert hub.route(telemetry(1), ONE, 0.3) == [GCS]
+    assert hub.old_speakers == [GCS]
+    assert hub.drops == {"not MAVLink 2": 4, "MAVLink 1": 3}
+    assert hub.route(command(1), GCS, 0.4) == [ONE]  # now in MAVLink 2
+
+
 def test_stations_beyond_the_limit_are_turned_away_and_counted() -> None:
     hub = fleet()
     crowd = [("192.0.2.1", 5000 + k) for k in range(MAX_STATIONS + 3)]

@@ -2,7 +2,10 @@
 
 import asyncio
 import contextlib
+import os
 import socket
+import sys
+from asyncio.subprocess import PIPE
 
 from gcs.fleet.hub import Hub
 from gcs.fleet.hub_socket import HubSocket
@@ -43,6 +46,43 @@ async def one_floods_and_another_asks() -> None:
             stations[0].send(frames[0])
         stations[1].send(frames[1])
         await heard(vehicle, frames[1])
+
+
+GREETING = """
+import sys
+from pymavlink import mavutil
+link = mavutil.mavlink_connection(sys.argv[1], source_system=249)
+assert link.WIRE_PROTOCOL_VERSION == "1.0"
+while not link.wait_heartbeat(timeout=0.2):
+    link.mav.heartbeat_send(6, 8, 0, 0, 4)
+print(link.target_system, link.WIRE_PROTOCOL_VERSION)
+"""
+
+
+async def pymavlink_greets() -> tuple[bytes, list[str]]:
+    """Let pymavlink, as it is without MAVLINK20, greet a hub with one vehicle."""
+    with contextlib.ExitStack() as sockets:
+        sock, vehicle = (
+            sockets.enter_context(bind_udp(UdpAddress("127.0.0.1", 0), name))
+            for name in ("hub", "vehicle")
+        )
+        hub, packer, address = Hub([7]), FramePacker(7, 1), sock.getsockname()
+        served = HubSocket(sock, hub)
+        sockets.callback(served.close)
+        command = (sys.executable, "-c", GREETING, f"udpout:127.0.0.1:{address[1]}")
+        plain = {name: value for name, value in os.environ.items() if name != "MAVLINK20"}
+        station = await asyncio.create_subprocess_exec(*command, stdout=PIPE, env=plain)
+        said = asyncio.ensure_future(station.communicate())
+        async with asyncio.timeout(TIMEOUT_S):
+            while not said.done():
+                beat = dialect.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3)
+                vehicle.sendto(packer.pack(beat), address)
+                await asyncio.wait([said], timeout=0.05)
+        return said.result()[0], [host for host, _ in hub.old_speakers]
+
+
+def test_pymavlink_hears_the_hub_without_being_told_of_mavlink_2() -> None:
+    assert asyncio.run(pymavlink_greets()) == (b"7 2.0\n", ["127.0.0.1"])
 
 
 def ping(k: int) -> dialect.MAVLink_ping_message:

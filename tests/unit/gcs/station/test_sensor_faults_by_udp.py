@@ -84,7 +84,7 @@ def true_state() -> Iterator[Plant]:
 
 def test_commands_set_list_and_clear_faults(plant: Plant) -> None:
     done = plant.gcs("fault", "set", "--sensor", "gyro", "--bias-deg-s", "3", "--for-s", "8")
-    assert done.stdout == "UAV 3: gyro +3 deg/s from now, 20] s\n"
+    assert done.stdout == "UAV 3: gyro +3 deg/s from now to 20 s\n"
     done = plant.gcs("fault", "set", "--sensor", "airspeed", "--failure", "stuck")
     assert done.exit_code == 0
     done = plant.gcs("fault", "set", "rudder", "--effectiveness", "0.5", "--start-s", "30")

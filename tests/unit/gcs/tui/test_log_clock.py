@@ -14,9 +14,10 @@ from gcs.errors import BadInput
 from gcs.tui.playback import Playback
 from gcs.tui.view import FleetView
 from mavlink_defs import dialect
-from mavlink_defs.capture.tlog import TlogWriter
-from mavlink_defs.framing.frames import FramePacker
+from mavlink_defs.capture.tlog import TlogWriter, read_frames
+from mavlink_defs.framing.frames import FramePacker, of_mavlink1
 
+OTHERS = Path(__file__).parents[3] / "data" / "others"
 EPOCH_US = 1_700_000_000_000_000
 HEARTBEAT = dialect.MAVLink_heartbeat_message(1, 3, 129, 12, dialect.MAV_STATE_ACTIVE, 3)
 
@@ -172,3 +173,18 @@ def test_a_time_that_is_not_in_the_log_is_refused(
             file.write(frame, time_us)
     with pytest.raises(BadInput, match=re.escape(f"--at {at_s:g}: some.tlog has {problem}")):
         log(path, at=at_s)
+
+
+def test_a_log_in_mavlink_1_is_shown_as_the_same_in_mavlink_2() -> None:
+    older = list(read_frames(OTHERS / "mavlink1.tlog"))
+    newer = [(at_us, of_mavlink1(frame) or b"") for at_us, frame in older]
+    states = []
+    for frames in (older, newer):
+        player = Playback("mavlink1.tlog", frames, lambda: 0.0)
+        player.seek(player.end_s)
+        while not player.advance():
+            pass
+        [vehicle] = player.fleet.vehicles.values()
+        states.append({kind: message.to_dict() for kind, message in vehicle.latest.items()})
+    assert repr(states[0]) == repr(states[1])
+    assert {0, 30} <= states[0].keys()  # HEARTBEAT, ATTITUDE

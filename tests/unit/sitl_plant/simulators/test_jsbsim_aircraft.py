@@ -261,7 +261,7 @@ def test_without_a_rudder_its_stops_are_0(tmp_path: Path) -> None:
         ({"aircraft": "Camel"}, "fcs/mixture-cmd-norm does not exist", "plant.thrust: engine"),
         ({"aircraft": "f16", "thrust": "engine"}, "has no inverse", "flight control of its own"),
         ({"aircraft": "SGS", "thrust": "engine"}, "has no engine", "plant.thrust: force"),
-        ({"aircraft": "ball"}, "moves no aileron", ""),
+        ({"aircraft": "ball"}, "JSBSim's ball has no aerodynamic surfaces", ""),
         ({"patch": {"metrics/wings": 1.0}}, "'metrics/wings', which is the path of 0", "wingarea"),
         ({"patch": {"metrics/[": 1.0}}, "the path of 0", ""),
         ({"patch": {"metrics/wingspan": 0.0}}, "wing_span_m is 0.0, expected > 0", ""),
