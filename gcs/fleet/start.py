@@ -13,6 +13,7 @@ from gcs.errors import CommandRefused, NoAnswer
 from gcs.fleet.processes import FleetProcesses
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client
+from gcs.station.fleet_state import FleetState
 from gcs.station.mission import Mission
 from gcs.station.patience import ENDLESS
 from gcs.station.vehicle import Vehicle
@@ -52,7 +53,7 @@ async def prepare(
         NoAnswer: A vehicle shows no sign of life.
     """
     ids = [uav.id for uav in scenario.uavs]
-    signs = SignsOfLife(client, fleet.computed_s, ids)
+    signs = SignsOfLife(client.fleet, fleet.computed_s, ids, time.monotonic())
     work = asyncio.create_task(_Start(client, ids, on_start, on_message).bring(scenario, start))
     try:
         while not work.done():
@@ -70,17 +71,22 @@ class SignsOfLife:
     """Notices UAVs that are neither heard nor compute."""
 
     def __init__(
-        self, client: Client, computed_s: Callable[[int], float | None], ids: list[int]
+        self,
+        heard: FleetState,
+        computed_s: Callable[[int], float | None],
+        ids: list[int],
+        now: float,
     ) -> None:
         """Begin without any.
 
         Args:
-            client: Hears the vehicles.
+            heard: What is heard of the vehicles.
             computed_s: Returns the processor time of a UAV's process [s]; None if that is unknown.
             ids: System ids of the vehicles.
+            now: The time [s].
         """
-        self._client, self._computed_s = client, computed_s
-        self._seen_s = dict.fromkeys(ids, time.monotonic())
+        self._heard, self._computed_s = heard, computed_s
+        self._seen_s = dict.fromkeys(ids, now)
         self._signs: dict[int, tuple[float | None, float | None]] = {}
         self._look_due_s = 0.0
 
@@ -97,7 +103,7 @@ class SignsOfLife:
             return
         self._look_due_s = now + _LOOK_S
         for uav, seen_s in self._seen_s.items():
-            state = self._client.fleet.vehicles.get(uav)
+            state = self._heard.vehicles.get(uav)
             sign = (None if state is None else state.heard_at, self._computed_s(uav))
             if sign != self._signs.get(uav):
                 self._signs[uav], self._seen_s[uav] = sign, now
