@@ -186,7 +186,7 @@ class Station:
         acting.cancel()
         await asyncio.gather(acting, return_exceptions=True)
         within = f"within {loop.time() - begin_s:.3g} s"
-        raise NoAnswer(f"UAV {vehicle.system} did not answer {within}{vehicle.sign_of_life}")
+        raise NoAnswer(f"UAV {vehicle.system} did not answer {within}{vehicle.last_heard}")
 
 
 def station_command(command: Callable[..., None], timeout_s: float = 10.0) -> Callable[..., None]:

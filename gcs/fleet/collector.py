@@ -72,7 +72,7 @@ class Collector:
             on_steps(steps)
         if over:
             for autopilot in self._autopilots:
-                autopilot.read_to(math.inf)  # what is too late is told
+                autopilot.read_to(math.inf)  # notes what is too late
 
     def pass_on_without_stragglers(self, on_steps: Callable[[Steps], None]) -> None:
         """Hand on the steps that are complete, and those that an autopilot has not had for long.

@@ -149,7 +149,7 @@ class Forked:
 
     @property
     def working_pid(self) -> int | None:
-        """Its process id, or while it is not forked yet that of the server, which compiles."""
+        """Its process id, or the server's, which compiles, while it is not forked yet."""
         return self._server.pid if self.pid is None else self.pid
 
     def poll(self) -> int | None:

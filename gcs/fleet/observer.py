@@ -13,7 +13,7 @@ _END_S = 5.0  # in which it must end when the fleet has
 
 
 class Observer:
-    """Something that watches, from its making until `close`; what befalls it is told once."""
+    """Something that watches, from its making until `close`; what befalls it is reported once."""
 
     def __init__(
         self, what: str, watch: "Callable[[Observer], None]", on_message: Callable[[str], None]
@@ -28,7 +28,7 @@ class Observer:
         self._what, self._watch, self._on_message = what, watch, on_message
         self._over = threading.Event()
         self._turn_s = time.monotonic()
-        self._told = False
+        self._reported = False
         self._thread = threading.Thread(target=self._run, name=what, daemon=True)
         self._thread.start()
 
@@ -58,6 +58,6 @@ class Observer:
             self._tell(f"ended: {why}; the fleet flies on")
 
     def _tell(self, text: str) -> None:
-        if not self._told:
-            self._told = True
+        if not self._reported:
+            self._reported = True
             self._on_message(f"{self._what} {text}")

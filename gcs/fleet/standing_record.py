@@ -57,7 +57,7 @@ class StandingRecord:
         self._ended = False
         self._frames: deque[tuple[int, bytes]] = deque()
         self._frames_lost = 0
-        self._gaps: dict[str, Gap] = {}  # as told
+        self._gaps: dict[str, Gap] = {}  # as reported
         self._check_due_s = 0.0
         self._collector = Collector(scenario, lambda name: folder / "processes" / name)
         self._open()
@@ -104,8 +104,8 @@ class StandingRecord:
     def _tell_gaps(self, over: bool = False) -> None:
         """Tell what is missing of each process: at the first time, and in all when it is over."""
         for name, gap in self._collector.gaps.items():
-            told = self._gaps.get(name)
-            if told is None or (over and told != gap):
+            reported = self._gaps.get(name)
+            if reported is None or (over and reported != gap):
                 self._gaps[name] = gap
                 first_s, last_s = (k * self._scenario.step_us / 1e6 for k in (gap.first, gap.last))
                 self._on_message(

@@ -1,7 +1,7 @@
 """The start of a fleet: mission and faults come to it by MAVLink, as from any ground station.
 
-On a busy machine that takes long. Who shows signs of life is waited for: a vehicle that is heard,
-or whose process computes. One that shows none for a while, or whose process ends, ends the start.
+On a busy machine that takes long. Who is alive is waited for: a vehicle that is heard, or whose
+process computes. One that is neither for a while, or whose process ends, ends the start.
 """
 
 import asyncio
@@ -50,15 +50,15 @@ async def prepare(
     Raises:
         BadInput, FlightLost: A process ended.
         CommandRefused: What a vehicle answered.
-        NoAnswer: A vehicle shows no sign of life.
+        NoAnswer: A vehicle does not seem alive.
     """
     ids = [uav.id for uav in scenario.uavs]
-    signs = SignsOfLife(client.fleet, fleet.computed_s, ids, time.monotonic())
+    liveness = Liveness(client.fleet, fleet.computed_s, ids, time.monotonic())
     work = asyncio.create_task(_Start(client, ids, on_start, on_message).bring(scenario, start))
     try:
         while not work.done():
             fleet.check()
-            signs.check(time.monotonic())
+            liveness.check(time.monotonic())
             await asyncio.wait([work], timeout=_POLL_S)
         await work
     finally:
@@ -67,7 +67,7 @@ async def prepare(
     fleet.check()
 
 
-class SignsOfLife:
+class Liveness:
     """Notices UAVs that are neither heard nor compute."""
 
     def __init__(
@@ -97,7 +97,7 @@ class SignsOfLife:
             now: The time [s].
 
         Raises:
-            NoAnswer: One has shown no sign of life for a minute.
+            NoAnswer: One has been neither for a minute.
         """
         if now < self._look_due_s:
             return
@@ -109,8 +109,8 @@ class SignsOfLife:
                 self._signs[uav], self._seen_s[uav] = sign, now
             elif now - seen_s > _LONGEST_SILENCE_S:
                 raise NoAnswer(
-                    f"UAV {uav} has shown no sign of life for {_LONGEST_SILENCE_S:g} s: "
-                    "it is not heard, and its process does not compute"
+                    f"UAV {uav} does not seem alive: for {_LONGEST_SILENCE_S:g} s "
+                    "it has not been heard, and its process has not computed"
                 )
 
 

@@ -1,4 +1,4 @@
-"""How long a station waits for a vehicle: by signs of life, not by the clock alone."""
+"""How long a station waits for a vehicle: by whether it is heard, not by the clock alone."""
 
 import math
 from dataclasses import dataclass

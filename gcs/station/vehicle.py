@@ -101,7 +101,7 @@ class Vehicle:
         return self.state.age_s(self._now()) < self.patience.silence_s
 
     @property
-    def sign_of_life(self) -> str:
+    def last_heard(self) -> str:
         """How long it has been silent, or that it still sends, at the end of a message."""
         silent_s = self.state.age_s(self._now())
         return f": silent for {silent_s:.1f} s" if silent_s >= LOST_S else ", though it still sends"
@@ -377,7 +377,7 @@ class Vehicle:
         if result == ok:
             return
         if result is None:
-            raise self._no_answer(f"UAV {self.system} did not answer {what}{self.sign_of_life}")
+            raise self._no_answer(f"UAV {self.system} did not answer {what}{self.last_heard}")
         answer, reason = enum_name(enum, result), "".join(f": {text}" for text in reasons)
         raise CommandRefused(f"UAV {self.system} refused {what} ({answer}){reason}", result)
 

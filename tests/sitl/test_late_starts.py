@@ -9,7 +9,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flying import process_of, scenario_tree, table_of, wait_until
+from flying import (
+    TIMEOUT_S,
+    assert_one_message,
+    kill_all,
+    process_of,
+    processes_of,
+    scenario_tree,
+    start,
+    table_of,
+    wait_until,
+    write_scenario,
+)
 from station import up
 
 from gcs.results.store import TRAJECTORY
@@ -81,3 +92,38 @@ def test_rows_are_of_their_steps_and_the_fleet_flies_on(
     assert "defect" not in said
     assert "recording ended" not in said
     check_rows(fleet.folder, said)
+
+
+@pytest.mark.parametrize("restart", ["never", "on-failure"])
+def test_an_autopilot_that_stands_still_while_it_is_prepared_is_waited_for(
+    tmp_path: Path, restart: str
+) -> None:
+    """For longer than an upload is repeated; and one that has ended is told with its reason."""
+    popen = start(
+        "gcs",
+        "up",
+        write_scenario(tmp_path),
+        *("--out", tmp_path / "run", "--json", "--free-ports", "--start", "--restart", restart),
+    )
+    try:
+        wait_until(lambda: f"{tmp_path}/run/processes/uav2.yaml" in commands(tmp_path), "it is")
+        pid = process_of(tmp_path / "run", "uav2")
+        os.kill(pid, signal.SIGSTOP)
+        time.sleep(12.0)
+        assert popen.poll() is None, popen.communicate()
+        if restart == "never":
+            os.kill(pid, signal.SIGKILL)
+            _, said = popen.communicate(timeout=TIMEOUT_S)
+            assert popen.returncode == 1
+            assert_one_message(said)
+            assert "uav2: ended by signal 9" in said
+        else:
+            os.kill(pid, signal.SIGCONT)
+            assert popen.stdout is not None
+            assert popen.stdout.readline().startswith("{")
+    finally:
+        kill_all(popen, tmp_path / "run")
+
+
+def commands(folder: Path) -> str:
+    return " ".join(processes_of(folder / "run" / "processes").values())

@@ -1,4 +1,4 @@
-"""A start waits for who shows signs of life, and goes on beside another station's upload."""
+"""A start waits for who is alive, and goes on beside another station's upload."""
 
 import asyncio
 import math
@@ -9,7 +9,7 @@ from slow_vehicle import SlowVehicle
 
 from gcs.errors import CommandRefused, NoAnswer
 from gcs.fleet import start
-from gcs.fleet.start import SignsOfLife
+from gcs.fleet.start import Liveness
 from gcs.scenario.model import Scenario
 from gcs.station.fleet_state import FleetState
 from gcs.station.patience import USUAL
@@ -32,7 +32,7 @@ def beat(heard: FleetState, uav: int, now: float) -> None:
 def test_who_is_heard_or_computes_is_waited_for_without_end() -> None:
     """UAV 1 only sends, UAV 2 only computes, as one that compiles."""
     heard, computed = FleetState(), {1: 5.0, 2: 0.0}
-    signs = SignsOfLife(heard, computed.get, [1, 2], 0.0)
+    signs = Liveness(heard, computed.get, [1, 2], 0.0)
     for second in range(LONG_S):
         if second % 30 == 0:
             beat(heard, 1, float(second))
@@ -44,7 +44,7 @@ def test_who_is_heard_or_computes_is_waited_for_without_end() -> None:
 def test_who_does_neither_ends_the_start(unknown: bool) -> None:
     """Even where nobody can say whether its process computes."""
     heard = FleetState()
-    signs = SignsOfLife(heard, lambda _: None if unknown else 1.0, [1, 2], 0.0)
+    signs = Liveness(heard, lambda _: None if unknown else 1.0, [1, 2], 0.0)
 
     def wait() -> None:
         for second in range(LONG_S):
@@ -55,7 +55,7 @@ def test_who_does_neither_ends_the_start(unknown: bool) -> None:
                 pytest.fail("it is waited for too long")
             signs.check(float(second))
 
-    with pytest.raises(NoAnswer, match="UAV 2 has shown no sign of life for 60 s"):
+    with pytest.raises(NoAnswer, match="UAV 2 does not seem alive: for 60 s"):
         wait()
 
 
