@@ -203,8 +203,9 @@ class FlightProgress:
 
     def __call__(self, time_s: float, events: np.ndarray) -> None:
         """Show a simulated time [s] and the counts."""
-        if time_s <= 0.0:
+        if time_s <= 0.0:  # it starts yet
             self._begin = time.monotonic()
+            return
         factor = time_s / max(time.monotonic() - self._begin, 1e-3)
         self._task.show(time_s, f"{factor:.1f}× real time, {int(events.sum())} events")
 

@@ -29,7 +29,7 @@ from mavlink_defs.endpoint import free_ports
 pytestmark = pytest.mark.sitl
 
 CASES = [(0.0, 6.0)]  # simulated time at which it is stopped, and for how long [s]
-if swept := os.environ.get("FTC_SITL_LATE_STARTS"):  # all of them, by hand
+if swept := os.environ.get("FTC_SITL_LATE_STARTS"):  # all of the first seconds, by hand
     CASES = [(at, length) for at in range(int(swept)) for length in (0.2, 1.0, 3.0, 6.0, 10.0)]
 SAME_M_S = 1e-6
 CLIMB = [
@@ -77,6 +77,8 @@ def test_rows_are_of_their_steps_and_the_fleet_flies_on(
     """An autopilot gets no time at its start, as on a busy machine."""
     (hub,) = free_ports(1)
     tree = scenario_tree(profile=CLIMB, faults=[])
+    for uav in tree["uavs"]:
+        uav["initial"]["altitude_m"] = 3000.0  # nobody steers for a while
     options = ("--start", "--speed", "2", "--hub-port", str(hub), "--restart", "never")
     with up(tmp_path / "fleet", *options, tree=tree) as fleet:
         assert fleet.hub.endswith(f":{hub}"), "the port is honoured beside --free-ports"
@@ -86,7 +88,12 @@ def test_rows_are_of_their_steps_and_the_fleet_flies_on(
         time.sleep(for_s / 2.0)  # at twice real time
         os.kill(pid, signal.SIGCONT)
         until_s = newest_s(fleet.folder) + 7.0
-        wait_until(lambda: newest_s(fleet.folder) > until_s, "it is recorded")
+
+        def is_recorded() -> bool:
+            assert fleet.popen.poll() is None, fleet.popen.communicate()
+            return newest_s(fleet.folder) > until_s
+
+        wait_until(is_recorded, "it is recorded")
         status, said = fleet.stop()
     assert status == 0, said
     assert "defect" not in said

@@ -54,7 +54,11 @@ def test_an_observer_that_raises_says_so_once(problem: Exception, messages: list
 
 def test_an_observer_that_hangs_is_told_once_and_left(hurried: None, messages: list[str]) -> None:
     released = threading.Event()
-    observer = Observer("watcher", lambda _: released.wait() and None, messages.append)
+
+    def hang(_: Observer) -> None:
+        released.wait()
+
+    observer = Observer("watcher", hang, messages.append)
     try:
         while not messages:
             observer.check()

@@ -69,7 +69,7 @@ class Beside:
         if self._left:
             self._left -= 1
             count = dialect.MAVLink_mission_count_message(7, 1, 3, 0)
-            message = parse(FramePacker(*self._own).pack(count))
+            message: Any = parse(FramePacker(*self._own).pack(count))
             self._slow.mission.receive(message, self._slow.now)
 
 
@@ -85,7 +85,7 @@ def test_an_upload_of_another_station_is_outlasted_and_told_once(
     starting = start._Start(nobody, [7], lambda _: None, said.append)
 
     async def upload(vehicle: Vehicle) -> None:
-        beside_too = vehicle.with_patience(USUAL)
+        beside_too: Any = vehicle.with_patience(USUAL)
         whole = beside_too.upload_mission
 
         async def begun(*arguments: Any) -> None:
@@ -94,7 +94,7 @@ def test_an_upload_of_another_station_is_outlasted_and_told_once(
             beside.begin()
             await whole(*arguments)
 
-        beside_too.upload_mission = begun  # type: ignore[method-assign]
+        beside_too.upload_mission = begun
         await starting._upload(beside_too, items)
 
     if uploads > 50 and own != SystemId(255, 190):
