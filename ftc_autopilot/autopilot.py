@@ -37,6 +37,7 @@ from mavlink_defs.framing.hot_link import Outcome
 from mavlink_defs.framing.hot_signing import load_link_signer, refresh, sign_bytes
 from mavlink_defs.framing.key_file import KeyFile
 from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK
+from mavlink_defs.runtime.spool import unwritten
 from mavlink_defs.visible import log_line
 
 _NEVER = 2**62
@@ -193,9 +194,11 @@ class Autopilot:
             if self._recorder is not None:
                 repeated, failure = self._hot.repeated, self.failure
                 self._recorder.finish(self.loss, repeated, heard_end, failure)
-        except OSError as problem:
+        except Exception as problem:
+            if not (self.record_optional or isinstance(problem, OSError)):
+                raise
             if not self.record_optional:
-                self.loss = f"cannot write {problem.filename}: {problem.strerror}"
+                self.loss = unwritten(problem)
 
     def _write_record(self, restarted: bool) -> str | None:
         """Write the record if it is full; return why it cannot be written."""
@@ -204,12 +207,13 @@ class Autopilot:
                 self._recorder.restart()
             elif self._recorder is not None:
                 self._recorder.write()
-        except OSError as problem:
-            text = f"cannot write {problem.filename}: {problem.strerror}"
-            if self._recorder is None or not self.record_optional:
-                return text
+        except Exception as problem:
+            if self._recorder is None or not (self.record_optional or isinstance(problem, OSError)):
+                raise
+            if not self.record_optional:
+                return unwritten(problem)
             self._recorder.give_up()
-            log(self.system, f"{text}; flying on without recording")
+            log(self.system, f"{unwritten(problem)}; flying on without recording")
         return None
 
     def _failure(self) -> str | None:

@@ -30,6 +30,7 @@ from mavlink_defs.framing.signing import PLANT_LINK, SigningError, counts_text
 from mavlink_defs.runtime.arguments import ArgumentParser
 from mavlink_defs.runtime.shutdown import on_stop
 from mavlink_defs.runtime.sockaddr import address_of
+from mavlink_defs.runtime.spool import unwritten
 from mavlink_defs.visible import log_line
 from sitl_plant.config import PlantConfig
 from sitl_plant.fleet import loss_of, new_plant_state
@@ -145,8 +146,10 @@ class Plant:
         try:
             if self._recorder is not None:
                 self._recorder.finish(loss, int(self._state["step"]), self.wall_s)
-        except OSError as problem:
-            return loss if self._record_optional else _unwritten(problem)
+        except Exception as problem:
+            if not (self._record_optional or isinstance(problem, OSError)):
+                raise
+            return loss if self._record_optional else unwritten(problem)
         return loss
 
     def _keep_record(self) -> str | None:
@@ -154,11 +157,15 @@ class Plant:
         try:
             if self._recorder is not None:
                 self._recorder.keep()
-        except OSError as problem:
-            if self._recorder is None or not self._record_optional:
-                return _unwritten(problem)
+        except Exception as problem:
+            if self._recorder is None or not (
+                self._record_optional or isinstance(problem, OSError)
+            ):
+                raise
+            if not self._record_optional:
+                return unwritten(problem)
             self._recorder.give_up()
-            _log(f"{_unwritten(problem)}; flying on without recording")
+            _log(f"{unwritten(problem)}; flying on without recording")
         return None
 
     @property
@@ -303,7 +310,7 @@ def main(arguments: list[str] | None = None) -> None:
         log_line(problem)
         sys.exit(2)
     except OSError as problem:
-        log_line(_unwritten(problem))
+        log_line(unwritten(problem))
         sys.exit(2)
 
     def stop() -> None:
@@ -318,10 +325,6 @@ def main(arguments: list[str] | None = None) -> None:
     if loss is not None:
         _log(loss)
     sys.exit(0 if loss is None else 1)
-
-
-def _unwritten(problem: OSError) -> str:
-    return f"cannot write {problem.filename}: {problem.strerror}"
 
 
 def _log(text: str) -> None:

@@ -31,11 +31,15 @@ class Recorder:
         self._given_up = True
 
     def write(self, at_least: int = RECORD_ROWS) -> None:
-        """Write the record if it has so many rows; OSError with a file's name if it cannot."""
+        """Write the record if its rows span so many steps; OSError with a file's name if it cannot.
+
+        An autopilot that acts on few of the states has few rows, which are waited for.
+        """
         if self._given_up:
             self._link.state["recorded"] = 0
         count = int(self._link.state[0]["recorded"])
-        if count >= at_least:
+        steps = self._link.record["step"]
+        if count and (count >= at_least or steps[count - 1] - steps[0] + 1 >= at_least):
             rows = self._rows(count)
             self._spool.write(int(rows["step"][0]), rows)
             self._link.state["recorded"] = 0  # not if it failed: nothing may be left out

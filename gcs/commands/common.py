@@ -3,7 +3,7 @@
 import contextlib
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -18,7 +18,7 @@ from ftc_autopilot.control.triggers.static import PerChannel
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.plugins.loading import calling
 from gcs.commands.options import SigningKeyOption
-from gcs.commands.progress import working
+from gcs.commands.progress import Task, working
 from gcs.errors import BadInput
 from gcs.scenario.changes import with_changes
 from gcs.scenario.model import Scenario
@@ -207,20 +207,28 @@ def warm_up(scenario: Scenario, console: Console, *, law: bool = True) -> None:
         compile_everything(scenario)
 
 
+class FlightProgress:
+    """Shows the progress of a flight: simulated time, real-time factor and event counts."""
+
+    def __init__(self, task: Task) -> None:
+        self._task = task
+        self._begin = time.monotonic()
+
+    def __call__(self, time_s: float, events: np.ndarray) -> None:
+        """Show a simulated time [s] and the counts."""
+        if time_s <= 0.0:  # it starts yet
+            self._begin = time.monotonic()
+            return
+        factor = time_s / max(time.monotonic() - self._begin, 1e-3)
+        self._task.show(time_s, f"{factor:.1f}× real time, {int(events.sum())} events")
+
+    def starts(self, text: str) -> None:
+        """Show how far the start is."""
+        self._task.show(0.0, text)
+
+
 @contextlib.contextmanager
-def flight_progress(
-    scenario: Scenario, console: Console
-) -> Iterator[Callable[[float, np.ndarray], None]]:
-    """Show the progress of a flight: simulated time, real-time factor and event counts."""
+def flight_progress(scenario: Scenario, console: Console) -> Iterator[FlightProgress]:
+    """Show the progress of a flight."""
     with working(console) as work:
-        task = work.add(scenario.name, scenario.duration_s, "s", rated=False)
-        begin = time.monotonic()
-
-        def show(time_s: float, events: np.ndarray) -> None:
-            nonlocal begin
-            if time_s <= 0.0:
-                begin = time.monotonic()
-            factor = time_s / max(time.monotonic() - begin, 1e-3)
-            task.show(time_s, f"{factor:.1f}× real time, {int(events.sum())} events")
-
-        yield show
+        yield FlightProgress(work.add(scenario.name, scenario.duration_s, "s", rated=False))

@@ -260,6 +260,7 @@ def _fly(
                 recorder.add,
                 options.speed,
                 on_progress,
+                on_start=on_progress.starts,
                 restart=options.restarts,
                 autopilot_processes=options.processes,
             )

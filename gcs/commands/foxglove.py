@@ -7,7 +7,7 @@ them, so that none waits for it. Clients can only read: nothing else is offered 
 import asyncio
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import foxglove
 from foxglove.channels import FrameTransformsChannel, SceneUpdateChannel
@@ -16,6 +16,7 @@ from gcs.errors import BadInput
 from gcs.fleet.foxglove_layout import layout_of
 from gcs.fleet.foxglove_scene import FormationScene
 from gcs.fleet.live_channels import LiveChannels, all_channels
+from gcs.fleet.observer import Observer
 from gcs.results.channels import Kind, encoded, nanoseconds
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client
@@ -25,6 +26,8 @@ from mavlink_defs.endpoint import Connection, UdpAddress
 
 LAYOUT = "foxglove.json"
 """Name of the layout in the run folder."""
+
+T = TypeVar("T")
 
 _SCENE_S = 0.1
 """Period of drawing the formation, of wall-clock time [s]."""
@@ -85,13 +88,21 @@ class FoxgloveServer:
         """End all connections."""
         self._server.stop()
 
-    async def feed(self, hub: UdpAddress) -> None:
-        """Send what a ground station hears at the hub, until this task is cancelled."""
+    def feed(self, hub: UdpAddress, observer: Observer) -> None:
+        """Send what a ground station hears at the hub, as long as the observer goes on.
+
+        Raises:
+            Exception: Whatever failed; nothing is sent any more.
+        """
+        asyncio.run(self._feed(hub, observer))
+
+    async def _feed(self, hub: UdpAddress, observer: Observer) -> None:
         live = LiveChannels(self._limits, self._publish)
+        problems: list[Exception] = []
         client = Client(
             Connection("out", hub),
-            on_message=live.receive,
-            on_notification=live.notify,
+            on_message=_noting(problems, live.receive),
+            on_notification=_noting(problems, live.notify),
             inquire=True,
             private=True,
             own=own_identity(),
@@ -100,10 +111,12 @@ class FoxgloveServer:
         live.fleet = client.fleet
         scene = FormationScene()
         async with client:
-            while True:
+            while observer.goes_on() and not problems:
                 await asyncio.sleep(_SCENE_S)
                 if self._scene.has_sinks() or self._frames.has_sinks():
                     self._draw(scene, client)
+        if problems:
+            raise problems[0]
 
     def _publish(
         self, kind: Kind, system: int, time_s: float, make: Callable[[], Mapping[str, Any]]
@@ -119,3 +132,15 @@ class FoxgloveServer:
             entities, frames = scene.update(states)
             self._frames.log(frames, log_time=nanoseconds(max(times)))
             self._scene.log(entities, log_time=nanoseconds(max(times)))
+
+
+def _noting(problems: list[Exception], take: Callable[[T], None]) -> Callable[[T], None]:
+    """Return the same, which notes what is raised: the event loop would only print it."""
+
+    def noting(something: T) -> None:
+        try:
+            take(something)
+        except Exception as problem:
+            problems.append(problem)
+
+    return noting

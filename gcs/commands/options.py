@@ -31,7 +31,13 @@ ConnectOption = Annotated[
 ]
 TimeoutOption = Annotated[
     float,
-    typer.Option("--timeout", min=0.1, metavar="S", help="How long to wait for a vehicle [s]."),
+    typer.Option(
+        "--timeout",
+        min=0.1,
+        metavar="S",
+        help="How long to wait for a vehicle [s]; six times as long for the answer of one that is "
+        "heard all the while.",
+    ),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, nothing else.")]
 SigningKeyOption = Annotated[

@@ -24,6 +24,7 @@ from gcs.commands.options import (
 from gcs.errors import BadInput, CommandRefused, Interrupted, NoAnswer
 from gcs.station.client import Client
 from gcs.station.connection import choose_connection, own_identity
+from gcs.station.patience import Patience
 from gcs.station.vehicle import Vehicle
 from gcs.terminal import print_json, print_line
 
@@ -33,6 +34,9 @@ Exit status: 0 accepted or answered by all, 2 bad input, 3 refused by one, 4 no 
 """
 
 T = TypeVar("T")
+
+_SLOW = 6  # times the time-out: the wait for a vehicle that is heard
+_LOOK_S = 0.2
 
 
 @dataclass(frozen=True)
@@ -149,16 +153,40 @@ class Station:
     ) -> _Outcome:
         uav = vehicle.system
         try:
-            async with asyncio.timeout(self.timeout):
-                text = await action(vehicle)
+            text = await self._while_it_lives(vehicle, action)
         except CommandRefused as problem:
             return _Outcome(uav, "refused", str(problem), problem.exit_status)
         except NoAnswer as problem:
             return _Outcome(uav, "no answer", str(problem), problem.exit_status)
-        except TimeoutError:
-            text = f"UAV {uav} did not answer within {self.timeout:g} s"
-            return _Outcome(uav, "no answer", text, NoAnswer.exit_status)
         return _Outcome(uav, "accepted", text, data=data(vehicle))
+
+    async def _while_it_lives(
+        self, vehicle: Vehicle, action: Callable[[Vehicle], Awaitable[str]]
+    ) -> str:
+        """Apply an action; wait for a vehicle that is heard longer than for a silent one.
+
+        Raises:
+            CommandRefused: As of the action.
+            NoAnswer: It has not answered, and is silent, or is waited for no longer.
+        """
+        patience = Patience(answer_s=_SLOW * self.timeout)
+        loop = asyncio.get_running_loop()
+        begin_s, acting = (
+            loop.time(),
+            asyncio.ensure_future(action(vehicle.with_patience(patience))),
+        )
+        await asyncio.wait([acting], timeout=self.timeout)
+        if not acting.done() and vehicle.is_heard:
+            text = f"UAV {vehicle.system} is heard, and slow to answer: waiting"
+            print_line(f"{text} up to {patience.answer_s:g} s", stderr=True)
+        while not acting.done() and vehicle.is_heard and loop.time() - begin_s < patience.answer_s:
+            await asyncio.wait([acting], timeout=_LOOK_S)
+        if acting.done():
+            return await acting
+        acting.cancel()
+        await asyncio.gather(acting, return_exceptions=True)
+        within = f"within {loop.time() - begin_s:.3g} s"
+        raise NoAnswer(f"UAV {vehicle.system} did not answer {within}{vehicle.last_heard}")
 
 
 def station_command(command: Callable[..., None], timeout_s: float = 10.0) -> Callable[..., None]:

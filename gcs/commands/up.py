@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 from collections.abc import Coroutine, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -25,6 +26,7 @@ from gcs.commands.common import (
 )
 from gcs.commands.listening import listen, listening_address
 from gcs.commands.options import InsecureOption, options_of, with_options
+from gcs.commands.progress import working
 from gcs.errors import BadInput, Interrupted
 from gcs.extras import load_package
 from gcs.scenario.model import Scenario
@@ -78,14 +80,15 @@ class UpOptions(FleetOptions):
         ),
     ] = False
     hub_port: Annotated[
-        int,
+        int | None,
         typer.Option(
             min=1,
             max=65535,
-            help="UDP port that any number of ground stations can connect to.",
+            help="UDP port that any number of ground stations can connect to; "
+            f"{HUB_PORT} by default, or a free one with --free-ports.",
             metavar="PORT",
         ),
-    ] = HUB_PORT
+    ] = None
     foxglove: Annotated[
         bool,
         typer.Option(
@@ -148,7 +151,7 @@ def up(scenario: ScenarioArgument, options: UpOptions) -> None:
     if not options.insecure:
         refuse_unsigned(loaded)
     foxglove = _foxglove_address(options)
-    hub = UdpAddress(loaded.links.host, options.hub_port)
+    hub = UdpAddress(loaded.links.host, options.hub_port or HUB_PORT)
     if not options.free_ports:
         check_ports(loaded, hub)
     check_simulators(loaded)
@@ -157,9 +160,10 @@ def up(scenario: ScenarioArgument, options: UpOptions) -> None:
     folder = make_run_folder(options.out, loaded.name)
     console = console_of(quiet=options.quiet or options.as_json)
 
-    def fly(scenario: Scenario, hub: UdpAddress) -> None:
+    def fly(scenario: Scenario, free_hub: UdpAddress) -> None:
+        chosen = free_hub if options.free_ports and options.hub_port is None else hub
         with _foxglove(scenario, folder, foxglove) as server:
-            _up(scenario, folder, hub, console, options, server)
+            _up(scenario, folder, chosen, console, options, server)
 
     try:
         with marked(folder, loaded, mark):
@@ -185,43 +189,45 @@ def _up(
     server: "FoxgloveServer | None",
 ) -> None:
     """Run a fleet until it is stopped."""
+    from gcs.fleet.observer import Observer
     from gcs.fleet.standing import keep_up
 
     links = scenario.links
     for address in (UdpAddress(links.host, links.gcs_port), hub):
         warn_if_exposed(address, links.signing_key is not None)
 
-    feeding: list[asyncio.Future[None]] = []
-
-    def feed_ended(feed: "asyncio.Future[None]") -> None:
-        if not feed.cancelled() and (problem := feed.exception()) is not None:
-            stderr.print(f"Foxglove gets no more data: {problem}; the fleet flies on")
-
-    def ready() -> None:
-        _announce(scenario, folder, hub, console, options)
-        if server is not None:
-            for line in server.lines:
-                console.print(f"  {line}", soft_wrap=True)
-            feeding.append(asyncio.ensure_future(server.feed(hub)))
-            feeding[0].add_done_callback(feed_ended)
-        if options.as_json:
-            served = {} if server is None else {"foxglove": server.url}
-            print_json(_addresses(scenario, folder, hub) | served)
-
     stderr = console_of()
+
+    def tell(text: str) -> None:
+        with contextlib.suppress(OSError):  # nobody reads it
+            stderr.print(text, soft_wrap=True)
+
+    starting = contextlib.ExitStack()
+
+    def ready() -> list[Observer]:
+        starting.close()
+        with contextlib.suppress(OSError):
+            _announce(scenario, folder, hub, console, options, server)
+        if server is None:
+            return []
+        return [Observer("Foxglove", partial(server.feed, hub), tell)]
+
     fleet = keep_up(
         scenario,
         folder,
         hub,
         on_ready=ready,
-        on_message=lambda text: stderr.print(text, soft_wrap=True),
+        on_message=tell,
+        on_start=lambda text: task.show(0.0, text),
         speed=options.pace,
         start=options.start,
         restart=options.restart is Restart.ON_FAILURE,
         record=not options.no_record,
         autopilot_processes=options.processes,
     )
-    asyncio.run(_until_stopped(fleet))
+    with starting:
+        task = starting.enter_context(working(console)).add(f"starting {scenario.name}")
+        asyncio.run(_until_stopped(fleet))
 
 
 def _foxglove_address(options: UpOptions) -> UdpAddress | None:
@@ -288,7 +294,12 @@ def _files(folder: Path, record: bool) -> str:
 
 
 def _announce(
-    scenario: Scenario, folder: Path, hub: UdpAddress, console: Console, options: UpOptions
+    scenario: Scenario,
+    folder: Path,
+    hub: UdpAddress,
+    console: Console,
+    options: UpOptions,
+    server: "FoxgloveServer | None",
 ) -> None:
     addresses = _addresses(scenario, folder, hub)
     mission = scenario.mission
@@ -310,6 +321,10 @@ def _announce(
         f"  {_files(folder, not options.no_record)}",
         *(f"  {'then:' if i == 0 else '     '} {text}" for i, text in enumerate(then)),
         "  Ctrl-C stops the fleet",
+        *(f"  {line}" for line in (server.lines if server else ())),
     ]
     for line in lines:
         console.print(line, soft_wrap=True)
+    if options.as_json:
+        served = {} if server is None else {"foxglove": server.url}
+        print_json(addresses | served)

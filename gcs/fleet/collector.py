@@ -1,6 +1,9 @@
 """The recordings of a fleet's processes, put together while it flies."""
 
+import math
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +16,26 @@ from gcs.scenario.model import Scenario
 from mavlink_defs.runtime.spool import SpoolReader
 
 _MOST_WAITING = 3
-"""Pieces of the plant's recording that wait for an autopilot's."""
+"""Pieces of the plant's recording after a piece that waits for an autopilot's."""
+_REMEMBERED = 65_536
+"""Missing steps of an autopilot that are remembered; rows of older ones count as missing, too."""
 _WHOLE = np.dtype((np.void, SIGNALS.itemsize))
 """Signals as one block of bytes; numpy copies a record by its fields, ten times as slowly."""
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Steps whose rows are missing, though the process has flown them.
+
+    Attributes:
+        rows: How many.
+        first: The first step among them.
+        last: The last one.
+    """
+
+    rows: int
+    first: int
+    last: int
 
 
 class Collector:
@@ -23,6 +43,9 @@ class Collector:
 
     The plant's steps are the flight's. A step is handed on when every autopilot has recorded
     it or a later one; one that it has not recorded is missing.
+
+    Attributes:
+        gaps: Rows that are gone or came after their steps had been handed on, by process.
     """
 
     def __init__(self, scenario: Scenario, folder_of: Callable[[str], Path]) -> None:
@@ -33,24 +56,36 @@ class Collector:
             folder_of: Gives the folder in which a process ("plant", "uav3") records.
         """
         self._scenario = scenario
+        self.gaps: dict[str, Gap] = {}
         self._plant = SpoolReader(folder_of("plant"))
+        names = (f"uav{uav.id}" for uav in scenario.uavs)
         self._autopilots = [
-            _Autopilot(SpoolReader(folder_of(f"uav{uav.id}"))) for uav in scenario.uavs
+            _Autopilot(SpoolReader(folder_of(name)), partial(self._note_gap, name))
+            for name in names
         ]
-        self._waiting: np.ndarray | None = None  # steps of the plant
+        self._waiting: tuple[int, np.ndarray] | None = None  # steps of the plant
         self._next = 0
 
     def pass_on(self, on_steps: Callable[[Steps], None], over: bool = False) -> None:
         """Hand on the steps that are complete; with `over`, no process writes any more."""
         for steps in self._complete(over):
             on_steps(steps)
+        if over:
+            for autopilot in self._autopilots:
+                autopilot.read_to(math.inf)  # notes what is too late
 
     def pass_on_without_stragglers(self, on_steps: Callable[[Steps], None]) -> None:
         """Hand on the steps that are complete, and those that an autopilot has not had for long.
 
         For flights in which an autopilot may be gone for good: nothing piles up on disk.
         """
-        self.pass_on(on_steps, over=self._plant.waiting >= _MOST_WAITING)
+        for steps in self._complete(over=False, most_waiting=_MOST_WAITING):
+            on_steps(steps)
+
+    def discard(self) -> None:
+        """Remove what has been written and not handed on; then nothing can be handed on."""
+        for reader in self._readers():
+            reader.discard()
 
     def ending(self, mode: Mode, restarts: tuple[int, ...] = ()) -> Ending:
         """Return how the flight ended, and remove the recordings of the processes.
@@ -65,7 +100,12 @@ class Collector:
         autopilots = [autopilot.reader.facts for autopilot in self._autopilots]
         ids = [uav.id for uav in self._scenario.uavs]
         complete = [facts for facts in autopilots if facts is not None]
-        if plant is None or len(complete) < len(ids) or plant["steps"] != self._next:
+        if (
+            plant is None
+            or len(complete) < len(ids)
+            or plant["steps"] != self._next
+            or "plant" in self.gaps
+        ):
             names = zip(("plant", *(f"uav{i}" for i in ids)), (plant, *autopilots), strict=True)
             torn = [name for name, facts in names if facts is None]
             which = f" ends early: {', '.join(torn)}" if torn else " lacks steps of the plant"
@@ -90,7 +130,7 @@ class Collector:
 
     def remove(self) -> None:
         """Remove the recordings of the processes."""
-        for reader in (self._plant, *(autopilot.reader for autopilot in self._autopilots)):
+        for reader in self._readers():
             reader.remove()
 
     def recording(self, mode: Mode) -> Recording:
@@ -99,14 +139,24 @@ class Collector:
         steps = Steps.joined(list(self._complete(over=True)), len(ids))
         return Recording.of(steps, self.ending(mode), ids, self._scenario.step_us)
 
-    def _complete(self, over: bool) -> Iterator[Steps]:
-        while True:
-            if self._waiting is None:
-                self._waiting = self._plant.take()
-            if self._waiting is None:
-                return
-            begin, count = self._next, len(self._waiting)
-            if not all(a.read_to(begin + count) or over for a in self._autopilots):
+    def _note_gap(self, name: str, steps: np.ndarray) -> None:
+        """Note steps of a process that are missing, ascending; at least one."""
+        rows, first, last = len(steps), int(steps[0]), int(steps[-1])
+        if (gap := self.gaps.get(name)) is not None:
+            rows += gap.rows
+            first, last = min(first, gap.first), max(last, gap.last)
+        self.gaps[name] = Gap(rows, first, last)
+
+    def _readers(self) -> Iterator[SpoolReader]:
+        yield self._plant
+        yield from (autopilot.reader for autopilot in self._autopilots)
+
+    def _complete(self, over: bool, most_waiting: float = math.inf) -> Iterator[Steps]:
+        while (piece := self._piece()) is not None:
+            begin, plant = piece
+            count = len(plant)
+            complete = [a.read_to(begin + count) for a in self._autopilots]
+            if not (all(complete) or over or self._plant.waiting >= most_waiting):
                 return
             n, estimated = len(self._autopilots), self._scenario.navigation == "estimated"
             signals = np.empty((count, n), SIGNALS)
@@ -114,8 +164,9 @@ class Collector:
             for i, autopilot in enumerate(self._autopilots):
                 taken = autopilot.signals(begin, begin + count, estimates[:, i])
                 signals.view(_WHOLE)[:, i] = taken.view(_WHOLE)
-            plant, self._waiting = self._waiting, None
-            self._next += count
+            if begin > self._next:
+                self._note_gap("plant", np.arange(self._next, begin))
+            self._waiting, self._next = None, begin + count
             yield Steps(
                 begin,
                 np.ascontiguousarray(plant["states"]),
@@ -125,28 +176,33 @@ class Collector:
                 estimates,
             )
 
+    def _piece(self) -> tuple[int, np.ndarray] | None:
+        """Return the plant's next steps that are not handed on yet, and the first one's number."""
+        while self._waiting is None and (piece := self._plant.take()) is not None:
+            first, rows = piece
+            known = max(self._next - first, 0)  # it came twice
+            if known < len(rows):
+                self._waiting = first + known, rows[known:]
+        return self._waiting
+
 
 class _Autopilot:
     """The rows that an autopilot has recorded and that are not handed on yet."""
 
-    def __init__(self, reader: SpoolReader) -> None:
+    def __init__(self, reader: SpoolReader, on_gap: Callable[[np.ndarray], None]) -> None:
         self.reader = reader
-        self._rows: np.ndarray | None = None
+        self._on_gap = on_gap
+        self._rows: np.ndarray | None = None  # ascending, each step once
         self._taken = 0  # steps before this one are handed on
+        self._missing = np.empty(0, np.int64)  # of these, those without a row; the newest
 
-    def read_to(self, end: int) -> bool:
+    def read_to(self, end: float) -> bool:
         """Read rows until the steps before `end` are complete; return whether they are."""
         while self._rows is None or not len(self._rows) or self._rows["step"][-1] + 1 < end:
-            rows = self.reader.take()
-            if rows is None:
+            piece = self.reader.take()
+            if piece is None:
                 return False
-            if self._rows is not None:
-                newest = self._rows["step"][-1] if len(self._rows) else self._taken - 1
-                if rows["step"][0] <= newest:  # after a restart it may write again what it had
-                    rows = rows[rows["step"] > newest]
-                if len(self._rows):
-                    rows = np.concatenate([self._rows, rows])
-            self._rows = rows
+            self._keep(piece[1])
         return True
 
     def signals(self, begin: int, end: int, estimates: np.ndarray) -> np.ndarray:
@@ -157,16 +213,43 @@ class _Autopilot:
             end: The step after the last.
             estimates: Where what was estimated in these steps is written, if anything was.
         """
-        if self._rows is None:
-            return no_signals(end - begin)
         self._taken = end
-        until = int(np.searchsorted(self._rows["step"], end))
-        taken, rest = self._rows[:until], self._rows[until:]
+        if self._rows is None:
+            self._note_missing(np.arange(begin, end))
+            return no_signals(end - begin)
+        first, until = np.searchsorted(self._rows["step"], (begin, end))
+        taken, rest = self._rows[first:until], self._rows[until:]
         self._rows = rest if len(rest) else rest.copy()  # of which no file is kept open
         if estimates.shape[-1] > 0:
             estimates[taken["step"] - begin] = taken["estimate"]
-        if until == end - begin:
+        if len(taken) == end - begin:  # each of these steps once
             return np.asarray(taken["signals"])
+        self._note_missing(np.setdiff1d(np.arange(begin, end), taken["step"], assume_unique=True))
         signals = no_signals(end - begin)
         signals[taken["step"] - begin] = taken["signals"]
         return signals
+
+    def _keep(self, rows: np.ndarray) -> None:
+        """Keep rows of steps that are not handed on; the first one of each step counts.
+
+        After a restart an autopilot may write again what it had.
+        """
+        is_late = rows["step"] < self._taken
+        if is_late.any():
+            self._note_late(np.unique(rows["step"][is_late]))
+            rows = rows[~is_late]
+        if self._rows is not None and len(self._rows):
+            rows = np.concatenate([self._rows, rows])
+        if (np.diff(rows["step"]) <= 0).any():
+            rows = rows[np.unique(rows["step"], return_index=True)[1]]
+        self._rows = rows
+
+    def _note_missing(self, steps: np.ndarray) -> None:
+        self._missing = np.concatenate([self._missing, steps])[-_REMEMBERED:]
+
+    def _note_late(self, steps: np.ndarray) -> None:
+        forgotten = self._missing[0] if len(self._missing) == _REMEMBERED else 0
+        steps = steps[np.isin(steps, self._missing) | (steps < forgotten)]
+        if len(steps):  # else they are recorded
+            self._missing = np.setdiff1d(self._missing, steps)
+            self._on_gap(steps)

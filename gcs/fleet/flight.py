@@ -6,7 +6,7 @@ vehicle is armed simulated time begins; when the plant ends, the flight is over.
 
 import asyncio
 import json
-from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -17,9 +17,11 @@ from ftc_autopilot.vehicle.telemetry import DEFAULT_INTERVALS_US
 from gcs.fleet.collector import Collector
 from gcs.fleet.processes import FleetProcesses
 from gcs.fleet.relays import relay_of
+from gcs.fleet.start import prepare
 from gcs.results.recording import Ending, Recording, Steps
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client
+from gcs.station.patience import ENDLESS
 from gcs.station.telemetry import REQUESTED_S
 from mavlink_defs import dialect
 from mavlink_defs.capture.tlog import TlogWriter
@@ -27,9 +29,7 @@ from mavlink_defs.config.output_files import write_text
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.endpoint import Connection, UdpAddress
 
-_START_TIMEOUT_S = 60.0
 _POLL_S = 0.05
-_AT_A_TIME = 8
 _END_TIMEOUT_S = 10.0
 _FOR_DISPLAYS = {*DEFAULT_INTERVALS_US, *REQUESTED_S} - {
     dialect.MAVLINK_MSG_ID_FTC_EVENTS,
@@ -48,6 +48,7 @@ async def fly_over_udp(
     restart: bool = False,
     autopilot_processes: int | None = None,
     crashes: Mapping[int, Sequence[int]] = MappingProxyType({}),
+    on_start: Callable[[str], None] = lambda _: None,
 ) -> Ending:
     """Fly a scenario with one plant process and one for each autopilot, or for several.
 
@@ -61,6 +62,7 @@ async def fly_over_udp(
         restart: Start autopilots that fail again; they resume from their checkpoints.
         autopilot_processes: As of `FleetProcesses`.
         crashes: Steps after which autopilots crash, by UAV, one for each start: for tests.
+        on_start: Called with how far the start is.
 
     Raises:
         BadInput: A port is in use.
@@ -73,7 +75,11 @@ async def fly_over_udp(
     ids = [uav.id for uav in scenario.uavs]
 
     def follow(message: MAVLink_message) -> None:
-        if isinstance(message, dialect.MAVLink_ftc_events_message) and on_progress is not None:
+        if (
+            on_progress is not None
+            and isinstance(message, dialect.MAVLink_ftc_events_message)
+            and message.get_srcSystem() in ids  # another fleet may send here, too
+        ):
             events[ids.index(message.get_srcSystem())] = message.events
             on_progress(message.time_boot_ms / 1e3, events)
 
@@ -88,6 +94,7 @@ async def fly_over_udp(
             private=True,
             only_recorded=_FOR_DISPLAYS,
             signing_key=key,
+            patience=ENDLESS,  # the start sees who lives
         ) as client:
             with FleetProcesses(
                 scenario,
@@ -100,7 +107,7 @@ async def fly_over_udp(
             ) as fleet:
                 collector = Collector(scenario, fleet.recording_of)
                 try:
-                    await prepare(client, fleet, scenario, start=True)
+                    await prepare(client, fleet, scenario, start=True, on_start=on_start)
                     while fleet.plant_returncode is None:
                         fleet.check()
                         client.check()
@@ -131,43 +138,3 @@ async def fly_and_record(scenario: Scenario, folder: Path, **options: Any) -> Re
     ids, parts = tuple(uav.id for uav in scenario.uavs), list[Steps]()
     ending = await fly_over_udp(scenario, folder, parts.append, **options)
     return Recording.of(Steps.joined(parts, len(ids)), ending, ids, scenario.step_us)
-
-
-async def prepare(client: Client, fleet: FleetProcesses, scenario: Scenario, start: bool) -> None:
-    """Bring missions and faults to a fleet that starts up.
-
-    Args:
-        client: Connected to the fleet.
-        fleet: Its processes.
-        scenario: The scenario.
-        start: Also start the missions and arm, so that simulated time begins.
-
-    Raises:
-        BadInput, FlightLost: A process ended.
-        CommandRefused, NoAnswer: What a vehicle answered, or not.
-    """
-    ids = [uav.id for uav in scenario.uavs]
-    waiting = asyncio.create_task(client.wait_for(ids, _START_TIMEOUT_S))
-    while not waiting.done():
-        fleet.check()
-        await asyncio.wait([waiting], timeout=_POLL_S)
-    await waiting
-    items = scenario.mission_items()
-    await _for_each(ids, lambda i: client.vehicle(i).upload_mission(items))
-    for uav_id, fault in scenario.fault_commands():
-        await client.vehicle(uav_id).set_fault(fault)
-    if start:
-        await _for_each(ids, lambda i: client.vehicle(i).start_mission())
-        await _for_each(ids, lambda i: client.vehicle(i).arm())
-    fleet.check()
-
-
-async def _for_each(ids: Iterable[int], work: Callable[[int], Awaitable[None]]) -> None:
-    """Do some work with every UAV, with a few of them at a time: each answers at once."""
-    turns = asyncio.Semaphore(_AT_A_TIME)
-
-    async def in_turn(uav_id: int) -> None:
-        async with turns:
-            await work(uav_id)
-
-    await asyncio.gather(*map(in_turn, ids))

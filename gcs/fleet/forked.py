@@ -39,6 +39,15 @@ def without_threads() -> dict[str, str]:
     return {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
 
 
+def processor_time_s(pid: int | None) -> float | None:
+    """Return the processor time that a process has used [s]; None if that is unknown."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:  # it has ended, or this is no Linux
+        return None
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")  # utime, stime of proc(5)
+
+
 def start_server_ahead() -> None:
     """Start the server that the next `ForkServer` will use; it ends with this process.
 
@@ -70,6 +79,11 @@ class ForkServer:
         self._popen: subprocess.Popen[bytes] | None = None
         self._forked: list[Forked] = []
         self._unread = b""
+
+    @property
+    def pid(self) -> int | None:
+        """Its process id; None before its start."""
+        return None if self._popen is None else self._popen.pid
 
     def start(self, program: str, arguments: Sequence[str], log: Path) -> "Forked":
         """Start ``sitl-plant`` or ``ftc-autopilot``; it writes to the file `log`."""
@@ -132,6 +146,11 @@ class Forked:
         self._program = program
         self.pid: int | None = None
         self.returncode: int | None = None
+
+    @property
+    def working_pid(self) -> int | None:
+        """Its process id, or the server's, which compiles, while it is not forked yet."""
+        return self._server.pid if self.pid is None else self.pid
 
     def poll(self) -> int | None:
         """Return the exit status; None while it runs."""

@@ -19,7 +19,14 @@ from typing import Self
 
 from ftc_autopilot.config import PLUGIN_FAILED
 from gcs.errors import BadInput, FlightLost, PortInUse
-from gcs.fleet.forked import FORKS, Forked, ForkServer, program, without_threads
+from gcs.fleet.forked import (
+    FORKS,
+    Forked,
+    ForkServer,
+    processor_time_s,
+    program,
+    without_threads,
+)
 from gcs.fleet.relays import through
 from gcs.fleet.restarts import MOST_IN_A_ROW, Restarts
 from gcs.scenario.model import Scenario
@@ -154,6 +161,12 @@ class FleetProcesses:
     def plant_returncode(self) -> int | None:
         """Exit status of the plant; None while it runs."""
         return self._processes[0].popen.poll()
+
+    def computed_s(self, uav: int) -> float | None:
+        """Return the processor time that a UAV's process has used [s]; None if that is unknown."""
+        recording = self.recording_of(f"uav{uav}")
+        (popen,) = (p.popen for p in self._processes if recording in p.recordings)
+        return processor_time_s(popen.working_pid if isinstance(popen, Forked) else popen.pid)
 
     def restarts_of(self, uav: int) -> int:
         """Return how often an autopilot was started again."""

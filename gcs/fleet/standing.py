@@ -2,16 +2,17 @@
 
 import asyncio
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from gcs.errors import BadInput, FlightLost, bad_endpoint
-from gcs.fleet.flight import prepare
 from gcs.fleet.hub import Hub
 from gcs.fleet.hub_socket import HubSocket
+from gcs.fleet.observer import Observer
 from gcs.fleet.processes import FleetProcesses
 from gcs.fleet.relays import relay_of
 from gcs.fleet.standing_record import StandingRecord
+from gcs.fleet.start import prepare
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client
 from mavlink_defs.endpoint import Connection, EndpointError, UdpAddress, bind_udp
@@ -32,8 +33,9 @@ async def keep_up(
     restart: bool,
     record: bool = True,
     autopilot_processes: int | None = None,
-    on_ready: Callable[[], None],
+    on_ready: Callable[[], Sequence[Observer]],
     on_message: Callable[[str], None],
+    on_start: Callable[[str], None] = lambda _: None,
 ) -> None:
     """Start a fleet, upload profile and faults, and keep it running until this task is cancelled.
 
@@ -46,8 +48,9 @@ async def keep_up(
         restart: Start autopilots that fail again; they resume from their checkpoints.
         record: Keep a log and a light recording.
         autopilot_processes: As of `FleetProcesses`.
-        on_ready: Called when the fleet is up.
-        on_message: Called with later messages to the user.
+        on_ready: Called when the fleet is up; returns who else watches it, until its end.
+        on_message: Called with later messages to the user, from any thread.
+        on_start: Called with how far the start is.
 
     Raises:
         BadInput: A port is in use.
@@ -68,7 +71,10 @@ async def keep_up(
     recording = StandingRecord(scenario, folder, on_message) if record else None
     log = (lambda _: None) if recording is None else recording.log
     route = Hub(ids, signer, sock.getsockname()[0], log)
-    served = HubSocket(sock, route)
+    served = HubSocket(sock, route, on_message)
+    observers = []
+    if recording is not None:
+        observers.append(Observer("recording", recording.watch, on_message))
     try:
         processes = folder / "processes"
         with (
@@ -86,13 +92,13 @@ async def keep_up(
             ) as fleet,
         ):
             async with Client(Connection("out", hub), signing_key=key) as client:
-                await prepare(client, fleet, scenario, start)
-            on_ready()
-            await _watch(fleet, route, recording, processes, restart, on_message)
+                await prepare(client, fleet, scenario, start, on_start, on_message)
+            observers += on_ready()
+            await _watch(fleet, route, observers, processes, restart, on_message)
     finally:
         served.close()
-        if recording is not None:
-            recording.close()
+        for observer in observers:
+            observer.close()
         if route.drops:
             on_message(f"hub: dropped {counts_text(route.drops)} in all")
 
@@ -100,18 +106,18 @@ async def keep_up(
 async def _watch(
     fleet: FleetProcesses,
     hub: Hub,
-    recording: StandingRecord | None,
+    observers: Sequence[Observer],
     folder: Path,
     restart: bool,
     on_message: Callable[[str], None],
 ) -> None:
-    """Supervise, record and report, until this task is cancelled; arguments as of `keep_up`."""
+    """Supervise and report, until this task is cancelled; arguments as of `keep_up`."""
     ended: set[int] = set()
     reported: set[str] = set()
     while True:
         await asyncio.sleep(_POLL_S)
-        if recording is not None:
-            recording.collect(asyncio.get_running_loop().time())
+        for observer in observers:
+            observer.check()
         if restart:
             fleet.check()
         for text in fleet.newly_restarted():

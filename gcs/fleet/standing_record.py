@@ -2,29 +2,35 @@
 
 import contextlib
 import time
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from gcs.fleet.collector import Collector
+from gcs.fleet.collector import Collector, Gap
+from gcs.fleet.observer import Observer
 from gcs.results.choices import Record
 from gcs.results.recorder import streams_of
 from gcs.results.recording import Steps, events_of
 from gcs.results.store import EVENTS, TRAJECTORY
 from gcs.scenario.model import Scenario
 from mavlink_defs.capture.tlog import TlogWriter
+from mavlink_defs.runtime.spool import unwritten
 
 LOG, PREVIOUS = "flight.tlog", "previous"
 LIMIT_BYTES = 128_000_000
 """Size of log and recording together at which they begin again; the ones before are kept, too."""
 _FILES = (LOG, TRAJECTORY, EVENTS)
 _CHECK_S = 1.0
+_COLLECT_S = 0.1
+_MOST_FRAMES = 200_000  # that wait to be written, of 280 bytes at most
 
 
 class StandingRecord:
     """Log and recording of a flight without an end, in two generations of bounded size.
 
     When the files have reached their limit they move to the folder `previous`, in place of those
-    before them. A file that cannot be written ends the recording, not the flight.
+    before them. Whatever fails here ends the recording, not the flight. One thread may log, and
+    another one collect.
     """
 
     def __init__(
@@ -49,39 +55,67 @@ class StandingRecord:
         self._limit_bytes = limit_bytes
         self._ids = tuple(uav.id for uav in scenario.uavs)
         self._ended = False
+        self._frames: deque[tuple[int, bytes]] = deque()
+        self._frames_lost = 0
+        self._gaps: dict[str, Gap] = {}  # as reported
         self._check_due_s = 0.0
         self._collector = Collector(scenario, lambda name: folder / "processes" / name)
         self._open()
 
     def log(self, frame: bytes) -> None:
-        """Append a frame of a vehicle, with the present time."""
-        if not self._ended:
-            try:
-                self._log.write(frame, time.time_ns() // 1000)
-            except OSError as problem:
-                self._end(problem)
+        """Note a frame of a vehicle, with the present time; `collect` writes it."""
+        if len(self._frames) < _MOST_FRAMES:
+            self._frames.append((time.time_ns() // 1000, frame))
+        else:
+            self._frames_lost += 1
+
+    def watch(self, observer: Observer) -> None:
+        """Collect until it is over, and close."""
+        while observer.goes_on(_COLLECT_S):
+            self.collect(time.monotonic())
+        self.close()
 
     def collect(self, now: float) -> None:
-        """Record what the processes have written since the last call; call it often.
+        """Record what vehicles and processes have written since the last call; call it often.
 
         Args:
             now: A time [s].
         """
-        try:
-            self._collector.pass_on_without_stragglers(self._add)
-            self._limit(now)
-        except OSError as problem:
-            self._end(problem)
+        with self._ending_if_it_fails():
+            self._write_frames()
+            if self._ended:
+                self._collector.discard()
+            else:
+                self._collector.pass_on_without_stragglers(self._add)
+                self._tell_gaps()
+                self._limit(now)
 
     def _add(self, steps: Steps) -> None:
-        if not self._ended:
-            step_us = self._scenario.step_us
-            self._events.add(events_of(steps.signals, steps.first, self._ids, step_us))
-            self._trajectory.add(steps)
+        step_us = self._scenario.step_us
+        self._events.add(events_of(steps.signals, steps.first, self._ids, step_us))
+        self._trajectory.add(steps)
+
+    def _write_frames(self) -> None:
+        while self._frames:
+            at_us, frame = self._frames.popleft()
+            if not self._ended:
+                self._log.write(frame, at_us)
+
+    def _tell_gaps(self, over: bool = False) -> None:
+        """Tell what is missing of each process: at the first time, and in all when it is over."""
+        for name, gap in self._collector.gaps.items():
+            reported = self._gaps.get(name)
+            if reported is None or (over and reported != gap):
+                self._gaps[name] = gap
+                first_s, last_s = (k * self._scenario.step_us / 1e6 for k in (gap.first, gap.last))
+                self._on_message(
+                    f"recording: {gap.rows} rows of {name} are missing, which came too late, "
+                    f"from {first_s:.3f} to {last_s:.3f} s"
+                )
 
     def _limit(self, now: float) -> None:
         """Begin again if the files are as large as they may be."""
-        if self._ended or now < self._check_due_s:
+        if now < self._check_due_s:
             return
         self._check_due_s = now + _CHECK_S
         if sum((self._folder / name).stat().st_size for name in _FILES) < self._limit_bytes:
@@ -95,13 +129,15 @@ class StandingRecord:
 
     def close(self) -> None:
         """Complete the files with what is left; no process writes any more."""
-        try:
-            self._collector.pass_on(self._add, over=True)
-            self._collector.remove()
+        with self._ending_if_it_fails():
+            self._write_frames()
             if not self._ended:
+                self._collector.pass_on(self._add, over=True)
+                self._tell_gaps(over=True)
                 self._close()
-        except OSError as problem:
-            self._end(problem)
+            if self._frames_lost:
+                self._on_message(f"recording: {self._frames_lost} frames are missing in {LOG}")
+        self._collector.remove()
 
     def _open(self) -> None:
         self._log = TlogWriter(self._folder / LOG)
@@ -111,14 +147,15 @@ class StandingRecord:
         for file in (self._log, self._events, self._trajectory):
             file.close()
 
-    def _end(self, problem: OSError) -> None:
-        if self._ended:
-            return
-        self._ended = True
-        for file in (self._log, self._events, self._trajectory):
-            with contextlib.suppress(OSError):
-                file.close()
-        self._on_message(
-            f"recording ended: cannot write {problem.filename}: {problem.strerror}; "
-            "the fleet flies on"
-        )
+    @contextlib.contextmanager
+    def _ending_if_it_fails(self) -> Iterator[None]:
+        try:
+            yield
+        except Exception as problem:
+            if self._ended:
+                return
+            self._ended = True
+            for file in (self._log, self._events, self._trajectory):
+                with contextlib.suppress(Exception):
+                    file.close()
+            self._on_message(f"recording ended: {unwritten(problem)}; the fleet flies on")

@@ -25,6 +25,7 @@ from gcs.station.fleet_state import FleetState
 from gcs.station.inquiries import Inquiries
 from gcs.station.machine_runner import MachineRunner
 from gcs.station.notifications import ERROR, Notification
+from gcs.station.patience import ENDLESS, HASTY, USUAL, Patience
 from gcs.station.vehicle import Vehicle
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
@@ -77,6 +78,7 @@ class Client(asyncio.DatagramProtocol):
         only_recorded: Collection[int] = (),
         own: SystemId = GROUND_STATION,
         signing_key: str | None = None,
+        patience: Patience = USUAL,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Prepare a client.
@@ -95,6 +97,7 @@ class Client(asyncio.DatagramProtocol):
             own: System and component id. Ground stations that talk to the same vehicles at the
                 same time should have different ones.
             signing_key: Key file; with one, unsigned frames are refused.
+            patience: How long operations on vehicles wait for answers; ENDLESS: inquiries, too.
             clock: Returns the time [s].
 
         Raises:
@@ -124,7 +127,9 @@ class Client(asyncio.DatagramProtocol):
         self._sock: socket.socket | None = None
         self._transport: asyncio.DatagramTransport | None = None
         self._pulse: asyncio.Task[None] | None = None
-        self._inquiries = Inquiries(private=private, rest=inquire)
+        self._patience = patience
+        inquiring = patience if patience is ENDLESS else HASTY
+        self._inquiries = Inquiries(private=private, rest=inquire, patience=inquiring)
 
     async def __aenter__(self) -> Self:
         """Open the port.
@@ -187,6 +192,13 @@ class Client(asyncio.DatagramProtocol):
             NoAnswer: Some are not ready; they are named.
         """
         expected = set(systems)
+        while before := self.not_ready(expected):
+            if not await self.until(lambda: self.not_ready(expected) != before, timeout_s):
+                names = ", ".join(map(str, sorted(before)))
+                raise NoAnswer(f"UAV {names} not ready within {timeout_s:g} s on {self.connection}")
+
+    def not_ready(self, systems: Iterable[int]) -> set[int]:
+        """Return the vehicles that have not been heard or are not ready, as of `wait_for`."""
 
         def is_complete(vehicle: Vehicle | None) -> bool:
             if vehicle is None or not vehicle.state.is_ready:
@@ -194,14 +206,7 @@ class Client(asyncio.DatagramProtocol):
             state = vehicle.state
             return state.tells_private or not (self._private and state.offers_private)
 
-        def missing() -> set[int]:
-            return {i for i in expected if not is_complete(self._vehicles.get(i))}
-
-        before: set[int] = set()
-        while before := missing():
-            if not await self.until(lambda: missing() != before, timeout_s):
-                names = ", ".join(map(str, sorted(before)))
-                raise NoAnswer(f"UAV {names} not ready within {timeout_s:g} s on {self.connection}")
+        return {i for i in systems if not is_complete(self._vehicles.get(i))}
 
     async def discover(
         self,
@@ -325,7 +330,7 @@ class Client(asyncio.DatagramProtocol):
         self.emit(self.fleet.receive(message, now))
         if system not in self._vehicles and system in self.fleet.vehicles:
             self._vehicles[system] = Vehicle(
-                self.own, self.fleet.vehicles[system], self.machines, self.emit
+                self.own, self.fleet.vehicles[system], self.machines, self.emit, self._patience
             )
             self._inquiries.start(self._vehicles.values(), now)
         self._heard.set()

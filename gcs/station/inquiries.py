@@ -4,19 +4,22 @@ import asyncio
 from collections.abc import Callable, Coroutine, Iterable
 from typing import Any
 
+from gcs.station.patience import HASTY, Patience
 from gcs.station.vehicle import Vehicle
 
 
 class Inquiries:
     """Requests that run beside everything else, one of a kind at a time for each vehicle."""
 
-    def __init__(self, *, private: bool, rest: bool) -> None:
+    def __init__(self, *, private: bool, rest: bool, patience: Patience = HASTY) -> None:
         """Start without any.
 
         Args:
             private: Whether to request the private messages.
             rest: Whether to request faults and profile, whenever they may have changed.
+            patience: How long to wait for answers; other operations on the vehicle wait, too.
         """
+        self._patience = patience
         self._private, self._rest = private, rest
         self._tasks: dict[tuple[int, str], asyncio.Task[None]] = {}
 
@@ -29,16 +32,17 @@ class Inquiries:
         """
         for vehicle in vehicles:
             if self._private and vehicle.state.is_private_due(now):
-                self._ask(vehicle, "private", vehicle.ask_for_private)
+                self._ask(vehicle, "private", Vehicle.ask_for_private)
             if self._rest and vehicle.state.is_asking_due(now):
-                self._ask(vehicle, "rest", vehicle.ask_what_is_due)
+                self._ask(vehicle, "rest", Vehicle.ask_what_is_due)
 
     def _ask(
-        self, vehicle: Vehicle, what: str, ask: Callable[[], Coroutine[Any, Any, None]]
+        self, vehicle: Vehicle, what: str, ask: Callable[[Vehicle], Coroutine[Any, Any, None]]
     ) -> None:
         before = self._tasks.get((vehicle.system, what))
         if before is None or before.done():
-            task = asyncio.get_running_loop().create_task(ask())
+            asked = ask(vehicle.with_patience(self._patience))
+            task = asyncio.get_running_loop().create_task(asked)
             self._tasks[vehicle.system, what] = task
 
     async def close(self) -> None:

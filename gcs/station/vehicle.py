@@ -5,16 +5,18 @@ Every operation returns, or raises `CommandRefused` (with the vehicle's reason) 
 """
 
 import contextlib
+import copy
 import math
 from collections.abc import Callable, Iterable, Sequence
-from typing import TypeVar
+from typing import Self, TypeVar
 
 from gcs.errors import BadInput, CommandRefused, NoAnswer
 from gcs.station.machine_runner import MachineRunner
 from gcs.station.mission import Mission
 from gcs.station.notifications import ERROR, INFO, WARNING, Notification, enum_name
+from gcs.station.patience import USUAL, Patience
 from gcs.station.telemetry import REQUESTED_S
-from gcs.station.vehicle_state import VehicleState
+from gcs.station.vehicle_state import LOST_S, VehicleState
 from mavlink_defs import dialect
 from mavlink_defs.constants import FORCE_DISARM, MODE_NAMES
 from mavlink_defs.profile import (
@@ -60,6 +62,7 @@ class Vehicle:
     Attributes:
         system: Its system id.
         state: Its known state.
+        patience: How long operations wait for its answers.
     """
 
     def __init__(
@@ -68,6 +71,7 @@ class Vehicle:
         state: VehicleState,
         machines: MachineRunner,
         emit: Callable[[Iterable[Notification]], None],
+        patience: Patience = USUAL,
     ) -> None:
         """Prepare the operations on a vehicle.
 
@@ -76,12 +80,31 @@ class Vehicle:
             state: The vehicle's known state.
             machines: Runs the operations.
             emit: Called with the notifications of operations.
+            patience: How long operations wait for answers.
         """
+        self.patience = patience
         self.system = state.system
         self.state = state
         self._machines, self._emit = machines, emit
         self._own, self._address = own, state.address
         self._commands = CommandClient(own)
+
+    def with_patience(self, patience: Patience) -> Self:
+        """Return the same vehicle, whose operations wait so long for answers."""
+        same = copy.copy(self)
+        same.patience = patience
+        return same
+
+    @property
+    def is_heard(self) -> bool:
+        """Whether it was heard so lately that it is waited for."""
+        return self.state.age_s(self._now()) < self.patience.silence_s
+
+    @property
+    def last_heard(self) -> str:
+        """How long it has been silent, or that it still sends, at the end of a message."""
+        silent_s = self.state.age_s(self._now())
+        return f": silent for {silent_s:.1f} s" if silent_s >= LOST_S else ", though it still sends"
 
     # commands
 
@@ -327,17 +350,23 @@ class Vehicle:
         stop: Callable[[float], None] | None = None,
     ) -> tuple[F, list[str]]:
         """Run a machine; return its last event and the vehicle's warnings meanwhile."""
-        heard = 0
+        heard, answered_s = 0, 0.0
 
         def begin(now: float) -> None:
-            nonlocal heard
-            heard = self.state.texts_heard
+            nonlocal heard, answered_s
+            heard, answered_s = self.state.texts_heard, now
             start(now)
 
+        def is_worth_waiting(now: float) -> bool:
+            return self.patience.lasts(self.state.age_s(now), now - answered_s)
+
         def on_event(event: E) -> None:
+            nonlocal answered_s
+            answered_s = self._now()
             if progress is not None and isinstance(event, MissionProgress | ParamProgress):
                 progress(event.done, event.total)
 
+        machine.wait_while(is_worth_waiting)
         turn = (self.system, service)
         done = await self._machines.run(turn, machine, begin, finished, on_event, stop)
         texts = self.state.texts_since(heard)
@@ -348,7 +377,7 @@ class Vehicle:
         if result == ok:
             return
         if result is None:
-            raise self._no_answer(f"UAV {self.system} did not answer {what}")
+            raise self._no_answer(f"UAV {self.system} did not answer {what}{self.last_heard}")
         answer, reason = enum_name(enum, result), "".join(f": {text}" for text in reasons)
         raise CommandRefused(f"UAV {self.system} refused {what} ({answer}){reason}", result)
 

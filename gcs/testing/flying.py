@@ -16,9 +16,9 @@ from typing import Any, TypeVar
 
 from gcs.errors import BadInput, FlightLost, NoAnswer
 from gcs.fleet.collector import Collector
-from gcs.fleet.flight import prepare
 from gcs.fleet.processes import FleetProcesses
 from gcs.fleet.relays import relay_of
+from gcs.fleet.start import prepare
 from gcs.results.recording import Mode
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client

@@ -87,19 +87,28 @@ class SpoolReader:
         """Read from a folder, which need not exist yet."""
         self._folder = folder
 
-    def take(self) -> np.ndarray | None:
-        """Return the next rows, read-only, and remove their file; None if there is none yet.
+    def take(self) -> tuple[int, np.ndarray] | None:
+        """Return the next rows and the number of the first; None if there are none yet.
 
-        The rows are the file's pages in memory, and keep a file descriptor while they are in use.
+        Their file is removed. The rows are read-only, the file's pages in memory, and keep a file
+        descriptor while they are in use.
         """
         path = min(self._folder.glob("*.npy"), default=None)
         if path is None:
             return None
-        with path.open("rb") as file:
-            content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        path.unlink()
+        try:
+            with path.open("rb") as file:
+                content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+            path.unlink()
+        except FileNotFoundError:  # the writer begins again
+            return None
         begin = _HEAD + int.from_bytes(content[_HEAD - 2 : _HEAD], "little")
-        return np.frombuffer(content, _dtype_of(content[:begin]), offset=begin)
+        return int(path.stem), np.frombuffer(content, _dtype_of(content[:begin]), offset=begin)
+
+    def discard(self) -> None:
+        """Remove all that has been written and not taken."""
+        for path in self._folder.glob("*.npy"):
+            path.unlink(missing_ok=True)
 
     @property
     def waiting(self) -> int:
@@ -118,3 +127,10 @@ class SpoolReader:
     def remove(self) -> None:
         """Remove the folder."""
         shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def unwritten(problem: Exception) -> str:
+    """Return why something cannot be recorded, for the user."""
+    if isinstance(problem, OSError) and problem.filename:
+        return f"cannot write {problem.filename}: {problem.strerror}"
+    return f"a defect of ftc-sitl: {type(problem).__name__}: {problem}"

@@ -17,12 +17,13 @@ from mavlink_defs.dialect import (
     MAVLink_command_long_message,
     MAVLink_message,
 )
-from mavlink_defs.services.machine import Machine, SystemId, is_for, sent_before
+from mavlink_defs.services.machine import SLOW_S, Machine, SystemId, is_for, sent_before
 
 CommandMessage: TypeAlias = MAVLink_command_long_message | MAVLink_command_int_message
 
 ACK_TIMEOUT_S = 0.5
 MAX_SENDS = 8
+_MOST_DOUBTED_S = 2.0  # less than a command is repeated for: some of its answers count
 PROGRESS_TIMEOUT_S = 3.0
 """Time after MAV_RESULT_IN_PROGRESS at which a client sends the command again [s]."""
 
@@ -83,15 +84,17 @@ class CommandClient(Machine[CommandProgress | CommandFinished]):
     """Sends one command at a time and repeats it until it is answered.
 
     An answer names only the MAV_CMD, so a delayed second answer could be taken for the one of the
-    next command. For one timeout after a command, answers for the same MAV_CMD are therefore
-    accepted only if they were sent later than the one that ended it, and not at all if it was
-    repeated, as then more may be on their way; the next command is then sent once more.
+    next command. For one timeout after a command, or as long as its answer took (at most 2 s),
+    answers for the same MAV_CMD are therefore accepted only if they were sent later than the one
+    that ended it, and not at all if it was repeated, as then more may be on their way; the next
+    command is then sent once more.
     """
 
     def __init__(self, own: SystemId) -> None:
         super().__init__()
         self._own = own
         self._command: CommandMessage | None = None
+        self._begun_s = 0.0
         self._sends = 0  # since the vehicle's last answer
         self._confirmation = 0
         self._deadline: float | None = None
@@ -110,7 +113,7 @@ class CommandClient(Machine[CommandProgress | CommandFinished]):
         """
         if self._command is not None:
             raise RuntimeError(f"command {self._command.command} is still in flight")
-        self._command = message
+        self._command, self._begun_s = message, now
         self._sends = self._confirmation = 0
         self._transmit(now)
 
@@ -138,10 +141,13 @@ class CommandClient(Machine[CommandProgress | CommandFinished]):
         """Send the command again, or give it up."""
         if self._command is None or self._deadline is None or now < self._deadline:
             return
-        if self._sends >= MAX_SENDS:
-            self._finish(CommandFinished(self._command.command, None), now)
-        else:
+        if self._sends < MAX_SENDS:
             self._transmit(now)
+        elif self._is_worth_waiting(now):
+            self._transmit(now)
+            self._deadline = now + SLOW_S
+        else:
+            self._finish(CommandFinished(self._command.command, None), now)
 
     def deadline(self) -> float | None:
         """Return the time of the next repetition [s]."""
@@ -176,6 +182,8 @@ class CommandClient(Machine[CommandProgress | CommandFinished]):
         now: float,
         only_answer: MAVLink_command_ack_message | None = None,
     ) -> None:
-        self._last = _Last(event.command, now + ACK_TIMEOUT_S, only_answer)
+        took_s = 0.0 if event.result is None else now - self._begun_s
+        doubted_until = now + min(max(ACK_TIMEOUT_S, took_s), _MOST_DOUBTED_S)
+        self._last = _Last(event.command, doubted_until, only_answer)
         self._command = self._deadline = None
         self._happened.append(event)

@@ -4,6 +4,7 @@ The vehicle sends one FTC_FAULT for each fault before it acknowledges. What was 
 requested again.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from mavlink_defs import dialect
@@ -68,6 +69,10 @@ class FaultLister(Machine[FaultsListed]):
         self._requests = 0
         self._list = FaultList()
         self._deadline: float | None = None
+
+    def wait_while(self, is_worth_waiting: Callable[[float], bool]) -> None:
+        """Wait for acknowledgements as `Machine` says."""
+        self._command.wait_while(is_worth_waiting)
 
     def start(self, now: float) -> None:
         """Request the list."""

@@ -7,11 +7,15 @@ that does not go backwards.
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import Generic, NamedTuple, TypeVar
 
 from mavlink_defs.dialect import MAVLink_message
 
 E = TypeVar("E")
+
+SLOW_S = 2.0
+"""Least period of requests to a vehicle that lives and does not answer [s]."""
 
 
 class SystemId(NamedTuple):
@@ -44,6 +48,14 @@ class Machine(ABC, Generic[E]):
     def __init__(self) -> None:
         self._outbox: list[MAVLink_message] = []
         self._happened: list[E] = []
+        self._is_worth_waiting: Callable[[float], bool] = lambda _: False
+
+    def wait_while(self, is_worth_waiting: Callable[[float], bool]) -> None:
+        """Repeat an unanswered request more often than usual while this holds, given the time.
+
+        A vehicle on a busy machine answers late: whoever hears that it lives can wait.
+        """
+        self._is_worth_waiting = is_worth_waiting
 
     @abstractmethod
     def receive(self, message: MAVLink_message, now: float) -> None:

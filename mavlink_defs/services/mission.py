@@ -27,7 +27,7 @@ from mavlink_defs.dialect import (
     MAVLink_mission_request_message,
 )
 from mavlink_defs.float32 import decimal_of_float32
-from mavlink_defs.services.machine import Machine, SystemId, is_for, sender_of
+from mavlink_defs.services.machine import SLOW_S, Machine, SystemId, is_for, sender_of
 
 MissionItem: TypeAlias = MAVLink_mission_item_int_message
 
@@ -121,12 +121,13 @@ class _MissionClient(Machine[MissionProgress | MissionFinished]):
         """Send the last request again, or give up."""
         if self._request is None or self._deadline is None or now < self._deadline:
             return
-        if self._retries >= MAX_RETRIES:
+        if self._retries >= MAX_RETRIES and not self._is_worth_waiting(now):
             self._finish(None)
         else:
+            slow_s = SLOW_S if self._retries >= MAX_RETRIES else 0.0
             self._retries += 1
             self._outbox.append(copy.copy(self._request))
-            self._deadline = now + self._timeout_s
+            self._deadline = now + max(self._timeout_s, slow_s)
 
     def deadline(self) -> float | None:
         """Return the time of the next repetition [s]."""

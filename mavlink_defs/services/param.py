@@ -20,7 +20,7 @@ from mavlink_defs.dialect import (
     MAVLink_param_value_message,
 )
 from mavlink_defs.float32 import decimal_of_float32
-from mavlink_defs.services.machine import Machine, SystemId, is_for, sender_of
+from mavlink_defs.services.machine import SLOW_S, Machine, SystemId, is_for, sender_of
 from mavlink_defs.visible import visible
 
 MAX_NAME = 16
@@ -117,11 +117,13 @@ class _ParamClient(Machine[ParamProgress | ParamFinished]):
         """Repeat the request, or give up."""
         if self._deadline is None or now < self._deadline:
             return
-        if self._retries >= MAX_RETRIES:
+        if self._retries >= MAX_RETRIES and not self._is_worth_waiting(now):
             self._finish(None)
         else:
             self._retries += 1
             self._repeat(now)
+            if self._retries > MAX_RETRIES:
+                self._deadline = now + SLOW_S
 
     def deadline(self) -> float | None:
         """Return the time of the next repetition [s]."""

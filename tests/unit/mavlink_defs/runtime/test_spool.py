@@ -16,10 +16,13 @@ def test_a_reader_gets_all_rows_in_order_whenever_it_polls(
 ) -> None:
     folder = tmp_path_factory.mktemp("spool") / "plant"
     spool, reader = Spool(folder), SpoolReader(folder)
-    written, read = 0, []
+    written = 0
+    read: list[int] = []
 
     def poll() -> None:
-        while (rows := reader.take()) is not None:
+        while (piece := reader.take()) is not None:
+            first, rows = piece
+            assert first == len(read)
             read.extend(rows.tolist())
 
     for k, size in enumerate(sizes):
@@ -65,5 +68,5 @@ def test_a_process_that_is_started_again_goes_on_with_its_recording(tmp_path: Pa
     first, second = reader.take(), reader.take()
     assert first is not None
     assert second is not None
-    assert (first.tolist(), second.tolist()) == ([0, 1, 2], [3, 4])
+    assert [(n, rows.tolist()) for n, rows in (first, second)] == [(0, [0, 1, 2]), (3, [3, 4])]
     assert reader.take() is None
