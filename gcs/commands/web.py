@@ -48,9 +48,10 @@ def web(
     ] = 8,
     view: Annotated[bool, typer.Option("--view", hidden=True)] = False,
 ) -> None:
-    """Serve the dashboard to browsers until Ctrl-C, read-only unless --control is given.
+    """Serve the dashboard to browsers until Ctrl-C.
 
-    Every browser gets a dashboard of its own, a process of this machine.
+    It is read-only unless --control is given. Every browser gets a dashboard of its own, a process
+    of this machine.
     """
     if view:
         from gcs.commands.dashboard import served_dashboard

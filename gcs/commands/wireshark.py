@@ -43,7 +43,7 @@ def wireshark(
         ),
     ] = None,
 ) -> None:
-    """Write a Wireshark dissector for all messages of the dialect (Lua, 3 MB)."""
+    """Write a Wireshark dissector for all messages (Lua)."""
     lua = lua_dissector(tuple(port or ()))
     if out is None:
         sys.stdout.write(lua)
