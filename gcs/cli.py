@@ -3,9 +3,11 @@
 import contextlib
 import errno
 import gc
+import math
 import os
 import resource
 import sys
+from functools import partial
 from importlib import import_module
 from typing import Annotated, Any, NoReturn
 
@@ -35,108 +37,62 @@ _NOT_WRITABLE = {
 _MISPLACED = {errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR}
 _SPACE = "free some space, or choose a writable folder; files written so far stay"
 
-COMMANDS = {
-    "fly": ("fly", "Fly a scenario to its end and record it."),
-    "ardupilot": (
-        "ardupilot",
-        "Let ArduPilot SITLs fly a scenario's aircraft, with its faults, servos, wind and sensors.",
-    ),
-    "runs": ("runs", "List what was flown, write a page of it, and add notes."),
-    "export": (
-        "export",
-        "Convert the recording of a flight, light or full, to a format of other programs.",
-    ),
-    "reproduce": (
-        "reproduce",
-        "Fly the paper's scenarios and compare the results with its tables and figures.",
-    ),
-    "compare": (
-        "compare",
-        "Test whether a campaign is worse than another one, or show how two flights differ.",
-    ),
-    "sweep": ("sweep", "Fly every combination of values, in process, on all cores."),
-    "baseline": (
-        "baseline",
-        "Find the slowest periodic senders that are as good as a triggered flight.",
-    ),
-    "campaign": (
-        "campaign",
-        "Fly every draw of a campaign, in process, on all cores or on a cluster.",
-    ),
-    "trim": (
-        "trim",
-        "Compute where an actuator may be stuck so that level flight remains possible.",
-    ),
-    "aircraft": (
-        "aircraft",
-        "List the bundled aircraft, or show one: size, limits, trim, modes, authority.",
-    ),
-    "design": ("design", "Write a scenario for an aircraft, every parameter derived from it."),
-    "identify": (
-        "identify",
-        "Identify the nominal aircraft of a simulator, or of a recorded flight.",
-    ),
-    "scenarios": (
-        "scenarios",
-        "List the bundled scenarios, one per line: name and what it shows; then the additions.",
-    ),
-    "laws": ("laws", "List the control laws, ours and other packages', or show one."),
-    "triggers": (
-        "triggers",
-        "List the event triggers, ours and other packages', or show one.",
-    ),
-    "guidance": (
-        "guidance",
-        "List the guidance laws, ours and other packages', or show one.",
-    ),
-    "new": (
-        "new",
-        "Write a small commented scenario, or a whole project, as a starting point for your own.",
-    ),
-    "up": ("up", "Start a fleet that flies until it is stopped (Ctrl-C)."),
-    "config": (
-        "config",
-        "Write the configuration of each process of a fleet that spans several hosts.",
-    ),
-    "status": (
-        "status",
-        "Show link, mode, attitude, events, savings and faults of every vehicle.",
-    ),
-    "start": (
-        "control",
-        "Start flying the mission: at once in flight, else when simulated time begins.",
-    ),
-    "arm": (
-        "control",
-        "Arm vehicles. Simulated time begins when every vehicle of the fleet is armed.",
-    ),
-    "disarm": ("control", "Disarm vehicles; in flight they refuse unless forced."),
-    "mode": (
-        "control",
-        "Change the mode: fly the mission, circle here, circle at home, or follow targets.",
-    ),
-    "record": ("record", "Record every frame that vehicles send, with its time, until Ctrl-C."),
-    "log": ("log", "Replay a telemetry log in the dashboard, with seek and speed."),
-    "web": (
-        "web",
-        "Serve the dashboard to browsers until Ctrl-C, read-only unless --control is given.",
-    ),
-    "key": ("key", "Make a key file for MAVLink 2 signing: 32 bytes that only you can read."),
-    "wire": ("wire", "Count frames and bytes per link, sender, message and actuator channel."),
-    "wireshark": (
-        "wireshark",
-        "Write a Wireshark dissector for all messages of the dialect (Lua, 3 MB).",
-    ),
-    "fault": ("fault", "Set, clear and list faults of actuators and sensors."),
-    "formation": ("formation", "See the formation in space, and change slots."),
-    "profile": ("profile", "Upload, download and check reference profiles."),
-    "mission": ("mission", "Show, upload, download and fly missions."),
-    "param": ("param", "List, read, set, save, load and compare parameters."),
+PANELS: dict[str, dict[str, tuple[str, str]]] = {
+    "Fly": {
+        "new": ("new", "Write a commented scenario, or a whole project, to start from."),
+        "scenarios": ("scenarios", "List the bundled scenarios and additions."),
+        "fly": ("fly", "Fly a scenario to its end and record it."),
+        "up": ("up", "Start a fleet that flies until it is stopped (Ctrl-C)."),
+        "start": ("control", "Start flying the mission."),
+        "status": ("status", "Show link, mode, attitude, events and faults of each vehicle."),
+        "fault": ("fault", "Set, clear and list faults of actuators and sensors."),
+        "runs": ("runs", "List what was flown, write a page of it, and add notes."),
+        "compare": ("compare", "Compare two flights, or two campaigns."),
+    },
+    "Operate": {
+        "arm": ("control", "Arm vehicles; time begins when the whole fleet is armed."),
+        "disarm": ("control", "Disarm vehicles; in flight they refuse unless forced."),
+        "mode": ("control", "Change the mode: fly the mission, circle, or follow targets."),
+        "mission": ("mission", "Show, upload, download and fly missions."),
+        "formation": ("formation", "See the formation in space, and change slots."),
+        "profile": ("profile", "Upload, download and check reference profiles."),
+        "param": ("param", "List, read, set, save, load and compare parameters."),
+        "record": ("record", "Record every frame that vehicles send, until Ctrl-C."),
+        "log": ("log", "Replay a telemetry log in the dashboard."),
+        "web": ("web", "Serve the dashboard to browsers until Ctrl-C."),
+    },
+    "Study": {
+        "campaign": ("campaign", "Fly every draw of a campaign, on all cores or a cluster."),
+        "sweep": ("sweep", "Fly every combination of values, in process, on all cores."),
+        "baseline": (
+            "baseline",
+            "Find the slowest periodic senders that match a triggered flight.",
+        ),
+        "reproduce": ("reproduce", "Fly the paper's scenarios, compare with its results."),
+        "export": ("export", "Convert the recording of a flight for other programs."),
+    },
+    "Aircraft and laws": {
+        "aircraft": ("aircraft", "List the bundled aircraft, or show one: limits, trim, modes."),
+        "design": ("design", "Write a scenario for an aircraft, parameters derived from it."),
+        "identify": ("identify", "Identify an aircraft from a simulator or a recorded flight."),
+        "trim": ("trim", "Compute where an actuator may be stuck in level flight."),
+        "laws": ("laws", "List the control laws, ours and other packages', or show one."),
+        "triggers": ("triggers", "List the event triggers, ours and other packages', or show one."),
+        "guidance": ("guidance", "List the guidance laws, ours and other packages', or show one."),
+    },
+    "Wire": {
+        "wire": ("wire", "Count frames and bytes of a capture or a relay."),
+        "wireshark": ("wireshark", "Write a Wireshark dissector for all messages (Lua)."),
+        "key": ("key", "Make a key file for MAVLink 2 signing."),
+        "config": ("config", "Write the configurations of a fleet that spans several hosts."),
+        "ardupilot": ("ardupilot", "Let ArduPilot SITLs fly a scenario's aircraft."),
+    },
 }
 """Module and one line of help of each command, in the order of the help.
 
 It is the first line of the command's own help, which is not imported for the help of `gcs`.
 """
+COMMANDS = {name: entry for panel in PANELS.values() for name, entry in panel.items()}
 
 _LAB = {
     *("aircraft", "baseline", "campaign", "compare", "design", "identify"),
@@ -152,9 +108,9 @@ _EXTRAS = {
 _EPILOG = """
 Examples:
 
-- gcs                                  (the dashboard, with the fleet of `gcs up`)
-- gcs --connect udpin:0.0.0.0:14550    (the dashboard, as the only ground station)
-- gcs log flight.tlog                  (the dashboard, with a log)
+- gcs                                  (dashboard of the fleet of `gcs up`)
+- gcs --connect udpin:0.0.0.0:14550    (as the only ground station)
+- gcs log flight.tlog                  (dashboard with a log)
 """
 
 
@@ -165,7 +121,11 @@ class _Commands(TyperGroup):
     """
 
     def __init__(self, **attributes: Any) -> None:
-        lines = {name: TyperCommand(name, short_help=line) for name, (_, line) in COMMANDS.items()}
+        lines = {
+            name: TyperCommand(name, short_help=line, rich_help_panel=title)
+            for title, panel in PANELS.items()
+            for name, (_, line) in panel.items()
+        }
         super().__init__(**{**attributes, "commands": lines})
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
@@ -231,7 +191,7 @@ def gcs(
             "--version",
             callback=_show_versions,
             is_eager=True,
-            help="Print the versions of ftc-sitl, Python, pymavlink and numba.",
+            help="Print the versions of ftc-sitl and what it stands on.",
         ),
     ] = False,
 ) -> None:
@@ -267,7 +227,7 @@ def _refuse_options(context: typer.Context) -> None:
 
 
 def _without_types(command: Any) -> Any:
-    """Return a command whose help texts show no types: flags take no value, the others say what.
+    """Return a command with our help, which has no types: flags take no value, others say what.
 
     Options and arguments have names of values, such as FILE or DEG, or show their choices.
     """
@@ -275,7 +235,10 @@ def _without_types(command: Any) -> Any:
     while commands:
         one = commands.pop()
         commands += getattr(one, "commands", {}).values()
+        one.format_help = _format_help.__get__(one)
         for parameter in one.get_params(typer.Context(one)):
+            if "float" in str(parameter.type_descriptor.annotation):
+                parameter.process_value = partial(_finite_only, parameter)
             if getattr(parameter, "is_flag", False):
                 parameter.metavar = ""
             elif parameter.param_type_name == "argument":
@@ -283,6 +246,29 @@ def _without_types(command: Any) -> Any:
             elif parameter.type_descriptor.is_choice:
                 parameter.metavar = parameter.metavar or "|".join(parameter.type_descriptor.choices)
     return command
+
+
+def _finite_only(parameter: Any, ctx: typer.Context, value: Any) -> Any:
+    """Convert the value of a number as typer does, which takes NaN and infinity for numbers.
+
+    Raises:
+        BadInput: It is one of these.
+    """
+    for text in value if isinstance(value, list | tuple) else (value,):
+        with contextlib.suppress(TypeError, ValueError):
+            if not math.isfinite(float(text)):
+                least, most = parameter.min, parameter.max
+                bounds = [f"at least {least:g}"] if least is not None else []
+                bounds += [f"at most {most:g}"] if most is not None else []
+                expected = " of ".join(["a finite number", *filter(None, [" and ".join(bounds)])])
+                raise BadInput(f"{parameter.opts[0]}: expected {expected}, got {text!r}")
+    return type(parameter).process_value(parameter, ctx, value)
+
+
+def _format_help(command: Any, ctx: typer.Context, _formatter: Any) -> None:
+    from gcs.commands.help_text import print_help
+
+    print_help(command, ctx)
 
 
 def _nothing(*, ctx: typer.Context) -> None:

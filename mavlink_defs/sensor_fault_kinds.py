@@ -216,7 +216,7 @@ SENSOR_FAULT_KINDS: Mapping[str, SensorFaultKind] = {
         SensorFaultKind(
             "drift",
             "wrong",
-            "Rate at which what is added grows.",
+            "Growth of what is added.",
             "drifts by {value:+g}",
             "{unit}/s",
             high=_OWN,

@@ -11,6 +11,7 @@ from ftc_autopilot.control.controllers import Controllers
 from ftc_autopilot.control.laws import own_state
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.hot.hot_state import HotState
+from ftc_autopilot.vehicle.changes import Change
 from ftc_autopilot.vehicle.message import message
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS
@@ -26,8 +27,8 @@ class ControllerMessages:
         self._hot, self._controllers, self._law = hot, controllers, law
         self._failed = [False] * len(ACTUATORS)
 
-    def changes(self) -> Iterator[tuple[int, str]]:
-        """Yield severity and text if the law gave no finite command, once for each channel."""
+    def changes(self) -> Iterator[Change]:
+        """Yield that the law gave no finite command, once for each channel."""
         before, self._failed = (
             self._failed,
             (self._controllers.states[0]["not_finite"] > 0).tolist(),
@@ -40,7 +41,7 @@ class ControllerMessages:
         if new:
             at = f"at {self._hot.time_us * 1e-6:.2f} s"
             text = f"law failed {at}: no finite command of {' and '.join(new)}, last one held"
-            yield dialect.MAV_SEVERITY_CRITICAL, text
+            yield Change("law", dialect.MAV_SEVERITY_CRITICAL, text)
 
     @message(dialect.MAVLink_ftc_tracking_message)
     def tracking(self) -> MAVLink_message:

@@ -8,6 +8,7 @@ from ftc_autopilot.control.diagnosis import LOST
 from ftc_autopilot.control.laws import heading_loop, own_state
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.hot.hot_state import HotState
+from ftc_autopilot.vehicle.changes import Change
 from ftc_autopilot.vehicle.message import message
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS, RUDDER, THROTTLE
@@ -59,8 +60,8 @@ class DiagnosisMessages:
         """Return whether no actuator is lost, as far as is known."""
         return not (self._controllers.signals[0]["phase"] == LOST).any()
 
-    def changes(self) -> Iterator[tuple[int, str]]:
-        """Yield severity and text of each decision since the last call."""
+    def changes(self) -> Iterator[Change]:
+        """Yield each decision since the last call."""
         if self._diagnosis is None:
             return
         before, self._lost = self._lost, (self._diagnosis["actuators"]["lost"] != 0).tolist()
@@ -75,9 +76,9 @@ class DiagnosisMessages:
                 stuck = self._amount(c, float(actuator["stuck"]))
                 where = f"{stuck:.0f} N" if c == THROTTLE else f"{stuck:.1f} deg"
                 text = f"{name} lost {at}, held at {where}, {self._taken_over(name)}"
-                yield dialect.MAV_SEVERITY_CRITICAL, text
+                yield Change(name, dialect.MAV_SEVERITY_CRITICAL, text)
             else:
-                yield dialect.MAV_SEVERITY_NOTICE, f"{name} back in service {at}"
+                yield Change(name, dialect.MAV_SEVERITY_NOTICE, f"{name} back in service {at}")
 
     def _taken_over(self, name: str) -> str:
         """Return what takes over from a lost actuator, and what is given up."""

@@ -13,6 +13,7 @@ from ftc_autopilot.estimation.health import ABSENT, REASONS, WELL
 from ftc_autopilot.estimation.measurements import GATE
 from ftc_autopilot.estimation.state import BARO, GNSS, MAG, PHI, PITOT, SENSORS
 from ftc_autopilot.hot.hot_state import HotState
+from ftc_autopilot.vehicle.changes import Change
 from ftc_autopilot.vehicle.clock import VehicleClock
 from ftc_autopilot.vehicle.flight_path import VehicleHome
 from ftc_autopilot.vehicle.message import message
@@ -154,8 +155,8 @@ class EstimatorMessages:
                 sensors &= ~bit
         return sensors
 
-    def changes(self) -> Iterator[tuple[int, str]]:
-        """Yield severity and text of each sensor excluded, or taken back, since the last call."""
+    def changes(self) -> Iterator[Change]:
+        """Yield each sensor excluded, or taken back, since the last call."""
         report = self._report
         if report is None:
             return
@@ -163,12 +164,12 @@ class EstimatorMessages:
         for k, reason in enumerate(self._imu_reasons()):
             if reason == self._said_imus[k]:
                 continue
+            name = f"IMU {k + 1}"
             if reason == WELL:
-                yield dialect.MAV_SEVERITY_NOTICE, f"IMU {k + 1} back in use {at}"
+                yield Change(name, dialect.MAV_SEVERITY_NOTICE, f"{name} back in use {at}")
             else:
-                flown = f"flying by IMU {int(report['imu']) + 1}"
-                text = f"IMU {k + 1} excluded {at}: {REASONS[reason]}, {flown}"
-                yield dialect.MAV_SEVERITY_CRITICAL, text
+                text = f"{name} excluded {at}: {REASONS[reason]}, {self._flown_by()}"
+                yield Change(name, dialect.MAV_SEVERITY_CRITICAL, text)
             self._said_imus[k] = reason
         for sensor, name in _NAMES.items():
             reason, before = int(report["reasons"][sensor]), self._said[sensor]
@@ -176,13 +177,20 @@ class EstimatorMessages:
             if reason in {before, ABSENT}:
                 continue
             if reason == WELL:
-                yield dialect.MAV_SEVERITY_NOTICE, f"{name} back in use {at}"
+                yield Change(name, dialect.MAV_SEVERITY_NOTICE, f"{name} back in use {at}")
             elif before == WELL:
                 text = f"{name} excluded {at}: {REASONS[reason]}, {_INSTEAD[sensor]}"
-                yield dialect.MAV_SEVERITY_WARNING, text
+                yield Change(name, dialect.MAV_SEVERITY_WARNING, text)
         resets, self._said_resets = self._said_resets, int(report["resets"])
         if self._said_resets > resets:
-            yield dialect.MAV_SEVERITY_WARNING, f"estimate reset {at}"
+            yield Change("estimate", dialect.MAV_SEVERITY_WARNING, f"estimate reset {at}")
+
+    def _flown_by(self) -> str:
+        assert self._report is not None
+        imu = int(self._report["imu"])
+        if self._imu_reasons()[imu] == WELL:
+            return f"flying by IMU {imu + 1}"
+        return f"no IMU passes its test, IMU {imu + 1} is the best"
 
     def _imu_reasons(self) -> Sequence[int]:
         assert self._report is not None

@@ -7,6 +7,7 @@ from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import Controllers, Source
 from ftc_autopilot.guidance.members import SILENT, cause_of, policy_of, state_of
 from ftc_autopilot.hot.hot_state import HotState
+from ftc_autopilot.vehicle.changes import Change
 from ftc_autopilot.vehicle.message import message
 from ftc_autopilot.vehicle.modes import Say
 from mavlink_defs import dialect
@@ -74,8 +75,8 @@ class FormationMessages:
         self._say(dialect.MAV_SEVERITY_INFO, text)
         return dialect.MAV_RESULT_ACCEPTED
 
-    def changes(self) -> Iterator[tuple[int, str]]:
-        """Yield severity and text of what has changed since the last call."""
+    def changes(self) -> Iterator[Change]:
+        """Yield what has changed since the last call."""
         if self._formation is None or not self._path_id:
             return
         yield from self._changes_of_members()
@@ -84,13 +85,13 @@ class FormationMessages:
         evading, near = bool(state["evading"]), distance < least
         if near and not self._near:
             text = f"UAV {neighbour} is {distance:.1f} m away, less than {least:g} m"
-            yield dialect.MAV_SEVERITY_CRITICAL, text
+            yield Change("separation", dialect.MAV_SEVERITY_CRITICAL, text)
         elif evading and not self._evading:
             text = f"evading, the nearest is UAV {neighbour}, {distance:.1f} m away"
-            yield dialect.MAV_SEVERITY_WARNING, text
+            yield Change("evading", dialect.MAV_SEVERITY_WARNING, text)
         self._evading, self._near = evading, near
 
-    def _changes_of_members(self) -> Iterator[tuple[int, str]]:
+    def _changes_of_members(self) -> Iterator[Change]:
         """Yield what has become of this UAV, of the silent, and whose slot this UAV takes."""
         state = self._state
         table = state["table"].tolist()
@@ -102,16 +103,18 @@ class FormationMessages:
             silent = SILENT in {cause_of(entry), cause_of(before)}
             if uav != self._own and not silent:
                 continue
+            who = f"formation: UAV {uav}"
             if self._known[m] == 0:
-                yield dialect.MAV_SEVERITY_NOTICE, f"formation: UAV {uav} is well again"
+                yield Change(who, dialect.MAV_SEVERITY_NOTICE, f"{who} is well again")
             else:
                 text = f"{_CAUSES[cause_of(entry)]}, {_POLICIES[policy_of(entry)]}"
-                yield dialect.MAV_SEVERITY_WARNING, f"formation: UAV {uav}: {text}"
+                yield Change(who, dialect.MAV_SEVERITY_WARNING, f"{who}: {text}")
         slot = self._members[int(state["slot_of"][self._members.index(self._own)])]
         if slot != self._slot:
             self._slot = slot
             whose = "its own slot" if slot == self._own else f"the slot of UAV {slot}"
-            yield dialect.MAV_SEVERITY_NOTICE, f"formation: UAV {self._own} takes {whose}"
+            text = f"formation: UAV {self._own} takes {whose}"
+            yield Change("slot", dialect.MAV_SEVERITY_NOTICE, text)
 
     @property
     def _path_id(self) -> int:

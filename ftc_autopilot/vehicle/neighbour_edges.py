@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from ftc_autopilot.hot.hot_state import HotState
+from ftc_autopilot.vehicle.changes import Change
 from mavlink_defs import dialect
 
 
@@ -13,8 +14,8 @@ class NeighbourEdges:
         self._hot = hot
         self._edges, self._edge_changes = hot.edges.tolist(), 0
 
-    def changes(self) -> Iterator[tuple[int, str]]:
-        """Yield severity and text of what has changed since the last call."""
+    def changes(self) -> Iterator[Change]:
+        """Yield what has changed since the last call."""
         before, self._edges = self._edges, self._hot.edges.tolist()
         if self._hot.edge_changes == self._edge_changes:
             return
@@ -22,4 +23,5 @@ class NeighbourEdges:
         for uav, edge, edge_before in zip(self._hot.neighbours, self._edges, before, strict=True):
             if edge != edge_before:
                 event = "heard again, edge restored" if edge else "silent, edge dropped"
-                yield dialect.MAV_SEVERITY_WARNING, f"neighbour {uav} {event}"
+                who = f"neighbour {uav}"
+                yield Change(who, dialect.MAV_SEVERITY_WARNING, f"{who} {event}")

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from ftc_autopilot.hot.hot_state import HotState
+from ftc_autopilot.vehicle.changes import Change
 from mavlink_defs import dialect
 
 
@@ -17,8 +18,8 @@ class Resumption:
         """Note that the flight resumes from where the records are now."""
         self._resumed_us = self._hot.step * self._hot.step_us
 
-    def changes(self) -> Iterator[tuple[int, str]]:
-        """Yield severity and text, once the plant has been heard."""
+    def changes(self) -> Iterator[Change]:
+        """Yield the resumption once, when the plant has been heard."""
         if self._resumed_us is None or self._hot.heard_s == 0.0:
             return
         resumed_us, self._resumed_us = self._resumed_us, None
@@ -26,4 +27,4 @@ class Resumption:
         if resumed_us >= 0:
             age_s = (self._hot.time_us - resumed_us) * 1e-6
             text += f", and the flight of {resumed_us * 1e-6:.3f} s, {age_s:.3f} s old"
-        yield dialect.MAV_SEVERITY_WARNING, text
+        yield Change("restart", dialect.MAV_SEVERITY_WARNING, text)

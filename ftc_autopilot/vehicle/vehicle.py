@@ -7,6 +7,7 @@ are modules of their own; here they are put together.
 import math
 from collections.abc import Iterable
 from functools import partial
+from itertools import chain
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from ftc_autopilot.control.controllers import Controllers, reset_controllers
 from ftc_autopilot.control.reference import profile_segments
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.hot.link import GCS, PLANT
+from ftc_autopilot.vehicle.changes import Changes
 from ftc_autopilot.vehicle.clock import VehicleClock
 from ftc_autopilot.vehicle.commands import Commands, Handler, PlaceHandler
 from ftc_autopilot.vehicle.controller_messages import ControllerMessages
@@ -102,6 +104,7 @@ class Vehicle:
         self._resumption = Resumption(hot)
         self._edges = NeighbourEdges(hot)
         self._old_states = OldStates(hot)
+        self._changes = Changes()
         self._clock = VehicleClock(round(unix_s * 1e6))
         self._estimator = EstimatorMessages(hot, config.origin, self._home, self._clock)
         makers = (
@@ -224,6 +227,7 @@ class Vehicle:
         self._resumption = Resumption(self._hot)
         self._edges = NeighbourEdges(self._hot)
         self._old_states = OldStates(self._hot)
+        self._changes = Changes()
         self.say(dialect.MAV_SEVERITY_WARNING, "plant restarted: disarmed, arm to fly again")
         self._collect()
 
@@ -261,6 +265,8 @@ class Vehicle:
     def farewell(self, text: str, severity: int = dialect.MAV_SEVERITY_NOTICE) -> None:
         """Send what is not yet reported, a last text and the final counters: the process ends."""
         self._report_changes()
+        for held in self._changes.left():
+            self.say(*held)
         self.say(severity, text)
         for station, telemetry in enumerate(self.telemetry):
             if telemetry.streams(dialect.MAVLINK_MSG_ID_FTC_EVENTS):
@@ -374,6 +380,7 @@ class Vehicle:
     def _report_changes(self) -> None:
         """Announce what has changed since the last report."""
         own = self._resumption, self._edges, self._old_states
-        for service in (*own, self._controller, self._diagnosis, self._estimator, self._formation):
-            for severity, text in service.changes():
-                self.say(severity, text)
+        services = (*own, self._controller, self._diagnosis, self._estimator, self._formation)
+        changes = chain.from_iterable(service.changes() for service in services)
+        for severity, text in self._changes.bounded(changes, self._hot.time_us):
+            self.say(severity, text)

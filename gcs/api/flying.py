@@ -188,6 +188,9 @@ def fly_many(
         recording = _record(record)
         if jobs is not None and jobs < 1:
             raise BadInput(f"jobs is {jobs}, expected at least 1")
+        if isinstance(flights, ScenarioLike):
+            got = flights.name if isinstance(flights, Scenario) else str(flights)
+            raise BadInput(f"flights: expected a list of scenarios, as in [{got!r}]")
         scenarios = [_one_of_many(k, one, overlays) for k, one in enumerate(flights)]
         if not scenarios:
             return []
@@ -274,6 +277,13 @@ def _scenario(
         raise BadInput(
             f"changes: expected a mapping, got {kind}", "as in {'controller.kind': 'surviving'}"
         )
+    for key, value in (changes or {}).items():
+        if callable(value):
+            name = getattr(value, "__name__", type(value).__name__)
+            raise BadInput(
+                f"changes: {key} is {name}, an object of Python; expected plain data",
+                f"name its file and class in a text: 'FILE.py:{name}'",
+            )
     try:
         return with_changes(scenario, overlays, plain(changes or {}), "changes")
     except TypeError as problem:

@@ -103,7 +103,9 @@ def ardupilot(
         bool, typer.Option("--json", help="Print summary.json on standard output instead.")
     ] = False,
 ) -> None:
-    """Let ArduPilot SITLs fly a scenario's aircraft, with its faults, servos, wind and sensors.
+    """Let ArduPilot SITLs fly a scenario's aircraft.
+
+    It has the scenario's faults, servos, wind and sensors.
 
     The plant answers as the physics of ArduPilot's JSON interface (--model JSON): one UDP port for
     each UAV. The scenario's law, trigger and profile, or mission, are not flown: ArduPilot decides.

@@ -55,7 +55,7 @@ def config(
     signing_key: SigningKeyOption = None,
     insecure: InsecureOption = False,
 ) -> None:
-    """Write the configuration of each process of a fleet that spans several hosts.
+    """Write the configurations of a fleet that spans several hosts.
 
     The folder gets plant.yaml, and uav1.yaml and so on. Run the same command on every host: it
     also compiles the numeric core there. Then start one process per file by hand: nothing here

@@ -39,7 +39,7 @@ Examples:
 
 @station_command
 def arm(station: Station) -> None:
-    """Arm vehicles. Simulated time begins when every vehicle of the fleet is armed."""
+    """Arm vehicles; time begins when the whole fleet is armed."""
     station.do(Vehicle.arm, "armed")
 
 
@@ -56,7 +56,10 @@ def disarm(
 
 @station_command
 def start(station: Station) -> None:
-    """Start flying the mission: at once in flight, else when simulated time begins."""
+    """Start flying the mission.
+
+    It starts at once in flight, else when simulated time begins.
+    """
     station.do(Vehicle.start_mission, "started its mission")
 
 
@@ -68,5 +71,8 @@ def mode(
         typer.Argument(metavar="MODE", help="auto, loiter, rtl or guided"),
     ],
 ) -> None:
-    """Change the mode: fly the mission, circle here, circle at home, or follow targets."""
+    """Change the mode: fly the mission, circle, or follow targets.
+
+    `loiter` circles here, `rtl` at home; `guided` follows the targets of a station.
+    """
     station.do(lambda vehicle: vehicle.set_mode(name.upper()), f"in mode {name.upper()}")

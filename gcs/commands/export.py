@@ -33,7 +33,7 @@ def export(
         Path | None, typer.Option(help="Folder for the files; RUN by default.", metavar="FOLDER")
     ] = None,
 ) -> None:
-    """Convert the recording of a flight, light or full, to a format of other programs."""
+    """Convert the recording of a flight for other programs."""
     from gcs.results.export import convert
     from gcs.results.store import EVENTS, TRAJECTORY, is_complete
 

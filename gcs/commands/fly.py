@@ -50,7 +50,7 @@ Examples:
 - gcs fly paper/scenario1
 - gcs fly paper/scenario1 --in-process --json | jq .saving
 - gcs fly my.yaml --speed 1 --out runs/demo
-- gcs fly faults/loe_aileron --with realistic --set sensors.gyro_deg_s.noise_rms=0.1
+- gcs fly faults/loe_aileron --with realistic --set trigger.b2_deg=0.5
 - gcs fly --campaign runs/robust --row 17 --in-process
 
 Exit status: 0 flown to its end, 1 lost, stopped early or not recorded, 2 bad input, 3 a vehicle
@@ -145,15 +145,11 @@ def fly(
 ) -> None:
     """Fly a scenario to its end and record it.
 
-    Starts one plant and an autopilot process for each UAV, uploads profile or mission, sets the
+    Starts a plant and an autopilot process for each UAV, uploads profile or mission, sets the
     faults, starts the missions and arms, all by MAVLink over UDP. The run folder gets
-    scenario.yaml, summary.json, flight.tlog (the GCS link), events.arrows, trajectory.arrows,
-    flight.png and flight.svg; with a mission mission.png and mission.svg, too.
-
-    The figures of summary.json count every step, whatever is recorded.
-
-    With --campaign and --row, a flight of a campaign is flown again, over the wire or in process,
-    and compared with its row of the table, bit for bit.
+    scenario.yaml, summary.json (of every step), flight.tlog (the GCS link), events.arrows,
+    trajectory.arrows and the figures. With --campaign and --row, a flight of a campaign is flown
+    again, and compared with its row of the table, bit for bit.
     """
     options.check()
     from gcs.fleet.ports import check_ports

@@ -41,9 +41,10 @@ def key(
         bool, typer.Option("--replace", help="Replace the key of a file that is in use.")
     ] = False,
 ) -> None:
-    """Make a key file for MAVLink 2 signing: 32 bytes that only you can read.
+    """Make a key file for MAVLink 2 signing.
 
-    With --replace, whatever uses the file goes over to the new key by itself.
+    It has 32 bytes that only you can read. With --replace, whatever uses the file goes over to the
+    new key by itself.
     """
     try:
         if replace:

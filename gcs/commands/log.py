@@ -42,10 +42,10 @@ def log(
     ] = None,
     theme: ThemeOption = "dark",
 ) -> None:
-    """Replay a telemetry log in the dashboard, with seek and speed.
+    """Replay a telemetry log in the dashboard.
 
-    Reads logs of `gcs fly` and `gcs record`, which are replayed by simulated time, and of other
-    ground stations, MAVLink 1 as well.
+    It has seek and speed. Reads logs of `gcs fly` and `gcs record`, which are replayed by simulated
+    time, and of other ground stations, MAVLink 1 as well.
     """
     try:
         frames = list(read_frames(file))

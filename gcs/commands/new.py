@@ -78,7 +78,7 @@ def new(
         ),
     ] = None,
 ) -> None:
-    """Write a small commented scenario, or a whole project, as a starting point for your own."""
+    """Write a commented scenario, or a whole project, to start from."""
     if (file is None) == (project is None):
         raise BadInput("expected either FILE or --project FOLDER", "see `gcs new --help`")
     if file is not None:

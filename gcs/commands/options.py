@@ -25,8 +25,8 @@ ConnectOption = Annotated[
         "--connect",
         metavar="ADDRESS",
         envvar="FTC_SITL_CONNECT",
-        help="udpin:HOST:PORT or udpout:HOST:PORT. Without it: the hub of `gcs up` "
-        f"(udpout:127.0.0.1:{HUB_PORT}) if there is one, else udpin:127.0.0.1:{GCS_PORT}.",
+        help=f"udpin:HOST:PORT or udpout:HOST:PORT; by default the hub of `gcs up` (udpout, "
+        f"{HUB_PORT}), else udpin:127.0.0.1:{GCS_PORT}.",
     ),
 ]
 TimeoutOption = Annotated[

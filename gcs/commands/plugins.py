@@ -1,5 +1,6 @@
 """What `gcs laws`, `gcs triggers` and `gcs guidance` print: a list, one of it, a C header."""
 
+import difflib
 from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from inspect import cleandoc
@@ -58,7 +59,12 @@ def show_list(kind: Kind, *, as_json: bool) -> None:
     if as_json:
         print_json([one._asdict() for one in listed], indent=2)
         return
-    table = table_of(texts(kind.noun), texts("package"), texts("written in"), texts("what it is"))
+    table = table_of(
+        texts(kind.noun),
+        texts("package"),
+        texts("written in"),
+        texts("what it is, and when to choose it"),
+    )
     for one in listed:
         table.add_row(*one)
     console_of(stderr=False).print(table)
@@ -81,7 +87,9 @@ def _listed(kind: Kind) -> Iterator[_Listed]:
 
 
 def _summary(model: type[Model]) -> str:
-    return cleandoc(model.__doc__ or "").partition("\n")[0]
+    """Return what a class says first of itself: what it is, and when to choose it."""
+    paragraphs = cleandoc(model.__doc__ or "its class has no text").split("\n\n")
+    return " ".join(" ".join(paragraphs[:2]).split())
 
 
 def _key(kind: Kind) -> str:
@@ -97,9 +105,12 @@ def found(kind: Kind, name: str) -> type[Model]:
     if name in kind.own:
         return kind.own[name]
     if not is_by_file(name) and name not in registered(kind.group):
-        known = ", ".join([*kind.own, *registered(kind.group)])
+        known = [*kind.own, *registered(kind.group)]
+        close = difflib.get_close_matches(name, known, n=1)
+        meant = f"; did you mean {close[0]!r}?" if close else ""
         raise BadInput(
-            f"there is no {kind.noun} {name!r}, expected one of {known}, or FILE.py:CLASS"
+            f"there is no {kind.noun} {name!r}{meant}",
+            f"expected one of {', '.join(known)}, or FILE.py:CLASS",
         )
     try:
         with watching(running_code):
@@ -117,7 +128,9 @@ def show(kind: Kind, name: str) -> None:
     else:
         package = plugin.package or str(plugin.file)
         print_line(f"{name}: {way_of(model)}, of {package}, code {plugin.digest}")
-    print_line(f"\n{cleandoc(model.__doc__ or '')}\n")
+    print_line(f"\n{cleandoc(model.__doc__ or 'its class has no text')}\n")
+    if page := vars(model).get("PAGE"):
+        print_line(f"More: {page}{' of the documentation' if plugin is None else ''}\n")
     table = table_of(
         Column("key", no_wrap=True), texts("default"), texts("expected"), texts("meaning")
     )

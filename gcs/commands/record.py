@@ -48,9 +48,9 @@ def record(
     as_json: JsonOption = False,
     signing_key: SigningKeyOption = None,
 ) -> None:
-    """Record every frame that vehicles send, with its time, until Ctrl-C.
+    """Record every frame that vehicles send, until Ctrl-C.
 
-    MAVProxy, QGroundControl and mavlogdump.py read these files.
+    Each frame has its time. MAVProxy, QGroundControl and mavlogdump.py read these files.
     """
     now = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
     path = file or Path(f"gcs-{now}.tlog")

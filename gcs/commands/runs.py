@@ -41,6 +41,11 @@ _DONE = {"completed": _GOOD, "under_way": "yellow"}
 class _ListByDefault(TyperGroup):
     """``gcs runs FOLDER`` is ``gcs runs list FOLDER``."""
 
+    @property
+    def default(self) -> Any:
+        """The command that is meant without one."""
+        return self.commands["list"]
+
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Take what is no command as arguments of the list."""
         if not args or (args[0] not in self.commands and args[0] != "--help"):
@@ -50,7 +55,8 @@ class _ListByDefault(TyperGroup):
 
 app = typer.Typer(
     cls=_ListByDefault,
-    help="List what was flown, write a page of it, and add notes.",
+    help="List what was flown, write a page of it, and add notes.\n\n"
+    "`gcs runs FOLDER` is `gcs runs list FOLDER`, whose options are below.",
 )
 
 _LIST_EPILOG = """

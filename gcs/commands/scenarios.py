@@ -21,7 +21,10 @@ Exit status: 0 listed.
 
 
 def scenarios() -> None:
-    """List the bundled scenarios, one per line: name and what it shows; then the additions."""
+    """List the bundled scenarios and additions.
+
+    One in a line: its name and what it shows.
+    """
     names = bundled_names()
     width = max(map(len, names))
     for name in names:

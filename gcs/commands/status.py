@@ -44,7 +44,7 @@ def status(
         bool, typer.Option("--watch", help="Refresh once a second until Ctrl-C.")
     ] = False,
 ) -> None:
-    """Show link, mode, attitude, events, savings and faults of every vehicle."""
+    """Show link, mode, attitude, events and faults of each vehicle."""
 
     def show(client: Client) -> None:
         if station.as_json:

@@ -55,9 +55,10 @@ def web(
     ] = 8,
     view: Annotated[int | None, typer.Option("--view", hidden=True)] = None,
 ) -> None:
-    """Serve the dashboard to browsers until Ctrl-C, read-only unless --control is given.
+    """Serve the dashboard to browsers until Ctrl-C.
 
-    Every browser gets a dashboard of its own, a process of this machine.
+    It is read-only unless --control is given. Every browser gets a dashboard of its own, a process
+    of this machine.
     """
     if view is not None:  # a process that the server has started
         die_with(view)

@@ -103,7 +103,9 @@ def wire(
         bool, typer.Option("--json", help="Print JSON on standard output instead of tables.")
     ] = False,
 ) -> None:
-    """Count frames and bytes per link, sender, message and actuator channel.
+    """Count frames and bytes of a capture or a relay.
+
+    Counts are per link, sender, message and actuator channel.
 
     Reads a file, or relays UDP datagrams and shows the counts live; a relay can also lose, delay,
     duplicate, reorder and damage datagrams. Actuator channels are compared with periodic sending.

@@ -42,7 +42,7 @@ def wireshark(
         ),
     ] = None,
 ) -> None:
-    """Write a Wireshark dissector for all messages of the dialect (Lua, 3 MB)."""
+    """Write a Wireshark dissector for all messages (Lua)."""
     if out is not None:
         check_file(out)
     lua = lua_dissector(tuple(port or ()))

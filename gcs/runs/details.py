@@ -32,16 +32,17 @@ def scenario_keys(folder: Path) -> dict[str, str]:
         tree = read(folder / SCENARIO)
     except ConfigError:
         return {}
-    return dict(_leaves(tree, ""))
+    return dict(leaves(tree, ""))
 
 
-def _leaves(value: Any, place: str) -> Iterator[tuple[str, str]]:
+def leaves(value: Any, place: str) -> Iterator[tuple[str, str]]:
+    """Yield every key below a place of a scenario, with its value as a text."""
     if isinstance(value, Mapping) and value:
         for key, inner in value.items():
-            yield from _leaves(inner, f"{place}.{key}" if place else str(key))
+            yield from leaves(inner, f"{place}.{key}" if place else str(key))
     elif isinstance(value, list) and any(isinstance(one, Mapping) for one in value):
         for number, inner in enumerate(value):
-            yield from _leaves(inner, f"{place}[{number}]")
+            yield from leaves(inner, f"{place}[{number}]")
     else:
         yield place, label(value)
 

@@ -1,5 +1,6 @@
 """Two flights compared: what differs in their scenarios, and in what they did."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -8,12 +9,14 @@ from typing import Any
 from rich import box
 from rich.table import Table
 
+from ftc_autopilot.control.laws import LAWS
+from ftc_autopilot.control.triggers import TRIGGERS
 from gcs.errors import BadInput
 from gcs.results.figures import UAV_FIGURES, Figure, FlightSummary, UavSummary
 from gcs.results.flight_mark import FLIGHT, is_under_way, read_mark
 from gcs.results.quantities import QUANTITIES
 from gcs.results.run_folder import read_summary
-from gcs.runs.details import scenario_keys
+from gcs.runs.details import leaves, scenario_keys
 from gcs.runs.read import outcome_of
 from gcs.runs.scan import SUMMARY
 from gcs.terminal import numbers, table_of, texts
@@ -40,6 +43,7 @@ class Flight:
         folder: Its run folder.
         summary: Its figures.
         keys: Every key of its scenario; none of an earlier version, which did not store it.
+        mark: What it was flown for; None of an earlier version.
         digest: Digest of the code that flew it; "" if it is unknown.
     """
 
@@ -59,7 +63,7 @@ class Flight:
         self.folder = folder
         self.summary: FlightSummary = read_summary(folder)
         self.keys = scenario_keys(folder)
-        mark = read_mark(folder)
+        self.mark = mark = read_mark(folder)
         self.digest = "" if mark is None else mark.digest
 
     @property
@@ -70,13 +74,21 @@ class Flight:
         return f"{text}: {reason}" if reason else text
 
 
-def difference(old: Flight, new: Flight) -> Iterator[Table | str]:
-    """Yield what two flights have not in common, as tables and lines for the terminal."""
+def difference(old: Flight, new: Flight, *, everything: bool = False) -> Iterator[Table | str]:
+    """Yield what two flights have not in common, as tables and lines for the terminal.
+
+    Args:
+        old: The flight to compare with.
+        new: The flight in question.
+        everything: Also list keys that only the law, or the trigger, of one of them has, and that
+            have their defaults.
+    """
     yield f"{old.folder}: {old.ending}"
     yield f"{new.folder}: {new.ending}"
+    yield from _set(old, new)
     yield _figures(old.summary, new.summary)
     yield from _diagnoses(old, new)
-    yield from _keys(old, new)
+    yield from _keys(old, new, everything)
     if old.digest and new.digest:
         same = old.digest == new.digest
         yield "both were flown by the same code" if same else "they were flown by different codes"
@@ -197,7 +209,20 @@ def _decisions(uav: UavSummary | None) -> str:
     return "; ".join(parts) or "nothing declared"
 
 
-def _keys(old: Flight, new: Flight) -> Iterator[str]:
+def _set(old: Flight, new: Flight) -> Iterator[str]:
+    """Yield what was set differently: scenario, law, trigger, and changes on the command line."""
+    if old.mark is None or new.mark is None:
+        return
+    for what in ("scenario", "law", "trigger", "changes"):
+        before, after = (getattr(flight.mark, what) for flight in (old, new))
+        if before != after:
+            shown = [
+                (" ".join(one) or "none") if what == "changes" else one for one in (before, after)
+            ]
+            yield f"{what}: {shown[0]} → {shown[1]}"
+
+
+def _keys(old: Flight, new: Flight, everything: bool) -> Iterator[str]:
     """Yield the keys of the scenarios that differ, each in a line."""
     without = [str(flight.folder) for flight in (old, new) if not flight.keys]
     if without:
@@ -212,8 +237,28 @@ def _keys(old: Flight, new: Flight) -> Iterator[str]:
         return
     count = len(_compared_keys(old, new))
     yield f"{len(differing)} of {count} keys of their scenarios differ, old → new:"
+    folded: Counter[str] = Counter()
+    defaults = [{} if everything else _defaults_of_one(*pair) for pair in ((old, new), (new, old))]
     for name in differing:
-        yield f"  {name}: {old.keys.get(name, '-')} → {new.keys.get(name, '-')}"
+        owner = next((group[name] for group in defaults if name in group), None)
+        if owner is None:
+            yield f"  {name}: {old.keys.get(name, '-')} → {new.keys.get(name, '-')}"
+        else:
+            folded[owner] += 1
+    for owner, number in folded.items():
+        yield f"  {owner} only, at their defaults: {number} keys (--all lists them)"
+
+
+def _defaults_of_one(flight: Flight, other: Flight) -> dict[str, str]:
+    """Return which keys only one flight has, as defaults of its law or trigger, and whose."""
+    own = {}
+    for section, name, models in (("controller", "kind", LAWS), ("trigger", "mode", TRIGGERS)):
+        kind = flight.keys.get(f"{section}.{name}", "")
+        if (model := models.get(kind)) is not None:
+            for key, value in leaves(model().model_dump(mode="json"), section):
+                if key not in other.keys and flight.keys.get(key) == value:
+                    own[key] = f"{section}: of {kind}"
+    return own
 
 
 def _compared_keys(old: Flight, new: Flight) -> list[str]:

@@ -19,7 +19,7 @@ from gcs.runs.run import Run
 from gcs.runs.scan import Foreign, Found, scan
 
 INDEX = ".runs.sqlite"
-_LAYOUT = 3
+_LAYOUT = 4
 """Number of this layout, and of what entries say; an index of another one is made again."""
 _PATIENCE_S = 2.0  # for another command that writes the index
 

@@ -19,6 +19,8 @@ KEYS = (
 NUMBERS = {"uavs", "flights", "planned", "completed", "duration_s", "messages", "events", "saving"}
 NUMBERS |= {f"iae_{name}" for name in QUANTITIES}
 _CHOICES: Mapping[str, Sequence[str]] = {"kind": KINDS, "outcome": OUTCOMES}
+_SEVERAL = {"law", "trigger"}
+"""Of which a sweep, or a campaign with variants, has more than one."""
 _COMPARED: Mapping[str, Callable[[Any, Any], bool]] = {
     "=": operator.eq,
     "!=": operator.ne,
@@ -50,6 +52,8 @@ class Condition:
         own = _value(run, self.key)
         if own is None:
             return self.sign == "!="
+        if self.key in _SEVERAL and self.sign in {"=", "!="}:
+            return (self.value in str(own).split(", ")) == (self.sign == "=")
         if self.sign == "~":
             return str(self.value).casefold() in str(own).casefold()
         return _COMPARED[self.sign](own, self.value)

@@ -63,7 +63,7 @@ def find_aircraft(folder: Path, name: str) -> Path:
         ConfigError: There is neither such a file nor such a bundled aircraft.
     """
     path = folder / name
-    if path.is_file():
+    if path.exists() and not path.is_dir():  # what is no file says so when it is read
         return path
     stem = name.removesuffix(".yaml")
     if stem in (names := aircraft_names()):

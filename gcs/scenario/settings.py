@@ -27,19 +27,22 @@ class Axis:
     values: tuple[Any, ...]
 
 
-def parse_axes(texts: Iterable[str], option: str = "--set") -> list[Axis]:
+def parse_axes(
+    texts: Iterable[str], option: str = "--set", form: str = "KEY=VALUE,VALUE,..."
+) -> list[Axis]:
     """Read axes written as ``KEY=VALUE,VALUE``; the values are YAML, as in a list in brackets.
 
     Args:
         texts: The axes.
         option: Their option on the command line, for messages.
+        form: How one is written, for messages.
 
     Raises:
         BadInput: A text is not of this form, or a key or a value is given twice.
     """
     axes: list[Axis] = []
     for text in texts:
-        axis = _parse_axis(text, option)
+        axis = _parse_axis(text, option, form)
         if axis.key in (other.key for other in axes):
             raise BadInput(
                 f"{option} {axis.key} is given twice", "give all its values at once, with commas"
@@ -48,7 +51,7 @@ def parse_axes(texts: Iterable[str], option: str = "--set") -> list[Axis]:
     return axes
 
 
-def _parse_axis(text: str, option: str) -> Axis:
+def _parse_axis(text: str, option: str, form: str) -> Axis:
     key, _, listed = (part.strip() for part in text.partition("="))
     try:
         values = parse_yaml(f"[{listed}]")
@@ -56,10 +59,11 @@ def _parse_axis(text: str, option: str) -> Axis:
     except (yaml.YAMLError, ValueError, TypeError, RecursionError):
         values = found = []
     if not key or not values:
+        several = "," in form
         raise BadInput(
-            f"{option} is {text!r}, expected KEY=VALUE,VALUE,...",
-            f"as in {option} trigger.b2_deg=0.5,1 or "
-            f"{option} 'controller.K1=[40, 40, 40], [50, 50, 50]'",
+            f"{option} is {text!r}, expected {form}",
+            f"as in {option} trigger.b2_deg={'0.5,1' if several else '0.5'} or "
+            f"{option} 'controller.K1=[40, 40, 40]{', [50, 50, 50]' if several else ''}'",
         )
     for _, problem in found:
         raise BadInput(f"{option} {key}: {problem}", "leave one of them out")
@@ -79,7 +83,7 @@ def values_of(settings: Sequence[str], option: str = "--set") -> dict[str, Any]:
     Raises:
         BadInput: A setting is not of that form, or has several values.
     """
-    axes = parse_axes(settings, option)
+    axes = parse_axes(settings, option, "KEY=VALUE")
     for axis in axes:
         if len(axis.values) > 1:
             raise BadInput(

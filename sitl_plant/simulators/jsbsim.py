@@ -202,7 +202,9 @@ class JsbSim:
         why = " ".join(text.split()) or "it gives no reason"
         hint = ""
         if self._engine is None and _OF_ENGINES.search(why):
-            hint = "its systems need its engines: choose plant.thrust: engine, or another aircraft"
+            hint = (
+                "its systems need its engines: plant.thrust: engine of a scenario, or another one"
+            )
         return SimulatorError(f"JSBSim cannot fly {self._name}: {why}", hint)
 
     def _evaluate(self) -> None:

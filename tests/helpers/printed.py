@@ -51,7 +51,13 @@ NO_TABLE = {
     **dict.fromkeys(
         (
             *("arm", "disarm", "start", "mode"),
-            *("fault set", "fault clear", "formation slot"),
+            *(
+                "fault set",
+                "fault clear",
+                "fault sensor set",
+                "fault sensor clear",
+                "formation slot",
+            ),
             *("mission fly", "mission upload", "profile upload"),
             *("param get", "param load", "param save", "param set"),
         ),

@@ -123,7 +123,7 @@ def test_a_fault_for_some_time_acts_now(fleet: Up) -> None:
 
 
 def test_a_sensor_of_an_aircraft_that_flies_by_its_true_state_cannot_fail(fleet: Up) -> None:
-    sensor = ("fault", "set", "--uav", "1", "--sensor", "airspeed", "--failure", "off")
+    sensor = ("fault", "sensor", "set", "airspeed", "--uav", "1", "--failure", "off")
     said = failed(fleet.gcs(*sensor), REFUSED)
     assert "has no airspeed that could fail" in said
     assert "navigation: estimated" in said

@@ -24,8 +24,12 @@ from sitl_plant.vec3 import mat3, mul, scale, sub
 
 
 class Backstepping(LawParameters):
-    """Parameters of nominal backstepping; gains as of the proposed law."""
+    """Backstepping by the inverse of the nominal model, not adaptive: the paper's comparator.
 
+    Choose it to see what the adaptation of `proposed` is worth; its gains are the same.
+    """
+
+    PAGE: ClassVar[str] = "explanation/controllers.md"
     STATE: ClassVar[np.dtype] = np.dtype([("omega_d_filtered", "f8", (3,))])  # rad/s
 
     kind: Literal["backstepping"] = Field(default="backstepping", description="Name of the law.")

@@ -39,6 +39,8 @@ class LawParameters(Model):
         FALLBACK: Parameters of a law that it may hand over to, all among its own; in its record
             they are a field `fallback`, as that law's own record.
         LIBRARY: Of a plug-in: file of the shared library with its function, beside the class.
+        PAGE: Page of the documentation, or address, that has more. The text of the class says what
+            it is, and in its second paragraph when to choose it.
     """
 
     STATE: ClassVar[np.dtype] = np.dtype([])
@@ -46,6 +48,7 @@ class LawParameters(Model):
     SELECTS_CHANNELS: ClassVar[bool] = False
     FALLBACK: ClassVar[type["LawParameters"] | None] = None
     LIBRARY: ClassVar[str | None] = None
+    PAGE: ClassVar[str] = ""
 
     @classmethod
     def record(cls) -> np.dtype:

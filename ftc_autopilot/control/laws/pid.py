@@ -30,14 +30,18 @@ _IntegralLimit = Annotated[float, quantity("deg", gt=0.0, doc="Limit of an integ
 
 
 class Pid(LawParameters):
-    """Parameters of the cascaded loops; triples are roll, pitch, yaw.
+    """Cascaded loops of angles, rates and airspeed, as in the autopilots of today.
 
+    Choose it as the yardstick that everybody knows, or for an aircraft of which little is known.
+
+    Triples are roll, pitch, yaw.
     A positive surface deflection makes a negative moment, which the law's signs account for:
     gains are positive. The defaults give the rate loops of the paper's aircraft the bandwidth
     of Table III's K2 at 45 m/s (45 rad/s), the speed loop the one of c_v (10 rad/s), feed-forward
     against the damping, and integrals a tenth of a second (speed: half a second).
     """
 
+    PAGE: ClassVar[str] = "explanation/controllers.md"
     STATE: ClassVar[np.dtype] = np.dtype(
         [("integral", "f8", (3,)), ("thrust_integral", "f8")]  # rad, N
     )

@@ -25,8 +25,13 @@ from sitl_plant.vec3 import clamp_each, sub, vec3
 
 
 class Proposed(LawParameters):
-    """Parameters of the proposed controller, eqs. (31) to (39) and (57)."""
+    """The paper's law, which learns the forces and moments that its model lacks, faults included.
 
+    Choose it to reproduce the paper, or where an actuator gets weak but does not fail. Its
+    equations are (31) to (39) and (57).
+    """
+
+    PAGE: ClassVar[str] = "explanation/method.md"
     STATE: ClassVar[np.dtype] = np.dtype(
         [
             ("Phi_v", "f8"),

@@ -21,6 +21,8 @@ class TriggerParameters(Model):
         BY_CLOCK: Whether it sends by the clock, whatever the commands are.
         LAW_SELECTS: Whether the law selects which channels are sent, and when.
         LIBRARY: Of a plug-in: file of the shared library with its function, beside the class.
+        PAGE: Page of the documentation, or address, that has more. The text of the class says what
+            it is, and in its second paragraph when to choose it.
     """
 
     STATE: ClassVar[np.dtype] = np.dtype([])
@@ -28,6 +30,7 @@ class TriggerParameters(Model):
     BY_CLOCK: ClassVar[bool] = False
     LAW_SELECTS: ClassVar[bool] = False
     LIBRARY: ClassVar[str | None] = None
+    PAGE: ClassVar[str] = ""
 
     mode: str = Field(description="Name of the trigger.")
 

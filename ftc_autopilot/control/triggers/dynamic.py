@@ -25,8 +25,12 @@ from mavlink_defs.runtime.jit import compiled
 
 
 class Dynamic(TriggerParameters):
-    """Thresholds and internal variable of the trigger `dynamic`."""
+    """Lets a command pass its threshold for a while, by a variable that fills in quiet flight.
 
+    Choose it for fewer events than `per_channel` at about the same thresholds.
+    """
+
+    PAGE: ClassVar[str] = "explanation/triggers.md"
     STATE: ClassVar[np.dtype] = np.dtype([("eta", "f8", (N_CHANNELS,))])  # rad s, rad s, rad s, N s
 
     mode: Literal["dynamic"] = Field(default="dynamic", description="Name of the trigger.")

@@ -22,8 +22,12 @@ def _period(doc: str) -> Any:
 
 
 class Periodic(TriggerParameters):
-    """Periods of the trigger `periodic`."""
+    """Sends by the clock, whatever the commands are.
 
+    Choose it as the yardstick of every saving; each channel may have a period of its own.
+    """
+
+    PAGE: ClassVar[str] = "explanation/triggers.md"
     STATE: ClassVar[np.dtype] = np.dtype([("steps", "i8")])  # made so far
     BY_THRESHOLD: ClassVar[bool] = False
     BY_CLOCK: ClassVar[bool] = True

@@ -20,8 +20,12 @@ from sitl_plant.hardware import period_problems
 
 
 class PeriodicEvent(TriggerParameters):
-    """Thresholds and clock of the trigger `periodic_event`."""
+    """Looks at the thresholds of `per_channel` by a clock only.
 
+    Choose it where nothing can be watched all the time; events are at least a check apart.
+    """
+
+    PAGE: ClassVar[str] = "explanation/triggers.md"
     STATE: ClassVar[np.dtype] = np.dtype([("steps", "i8")])  # made so far
 
     mode: Literal["periodic_event"] = Field(

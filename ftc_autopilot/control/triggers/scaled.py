@@ -35,8 +35,12 @@ _LEAST = 0.1
 
 
 class Scaled(TriggerParameters):
-    """Thresholds of the trigger `scaled`, and the time over which changes are watched."""
+    """Raises the thresholds of `per_channel` with the noise of the commands.
 
+    Choose it with noisy sensors, where `per_channel` sends noise.
+    """
+
+    PAGE: ClassVar[str] = "explanation/triggers.md"
     STATE: ClassVar[np.dtype] = np.dtype(
         [
             ("steps", "i8"),  # made so far

@@ -25,8 +25,12 @@ from sitl_plant.hardware import period_problems
 
 
 class SelfTriggered(TriggerParameters):
-    """Thresholds and limits of the trigger `self`."""
+    """Sets the time of the next transmission at the last one, and watches nothing in between.
 
+    Choose it where even the watching costs too much.
+    """
+
+    PAGE: ClassVar[str] = "explanation/triggers.md"
     STATE: ClassVar[np.dtype] = np.dtype(
         [
             ("wait", "i8", (N_CHANNELS,)),  # control periods from the last transmission to the next

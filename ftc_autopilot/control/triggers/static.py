@@ -18,20 +18,34 @@ _SURFACES = (1 << THROTTLE) - 1
 
 
 class PerChannel(TriggerParameters):
-    """Thresholds of the trigger `per_channel`."""
+    """Sends a command when it differs from the held one by more than a threshold, each by itself.
+
+    Choose it first: it is the paper's, (25) and (29) by surface.
+    """
+
+    PAGE: ClassVar[str] = "explanation/triggers.md"
 
     mode: Literal["per_channel"] = Field(default="per_channel", description="Name of the trigger.")
 
 
 class Joint(TriggerParameters):
-    """Thresholds of the trigger `joint`."""
+    """Sends all three surfaces when one of them passes its threshold.
+
+    Choose it to reproduce (29) as printed, or where a message carries them all anyway.
+    """
+
+    PAGE: ClassVar[str] = "explanation/triggers.md"
 
     mode: Literal["joint"] = Field(default="joint", description="Name of the trigger.")
 
 
 class Consequence(TriggerParameters):
-    """The trigger `consequence`; the law may use the thresholds, in a part of its own."""
+    """Leaves to the law which commands are sent, and when.
 
+    Choose it with `tube`, or another law that selects; the law may use the thresholds.
+    """
+
+    PAGE: ClassVar[str] = "explanation/triggers.md"
     BY_THRESHOLD: ClassVar[bool] = False
     LAW_SELECTS: ClassVar[bool] = True
 

@@ -17,10 +17,13 @@ class GuidanceParameters(Model):
     Attributes:
         STATE: The law's memory between updates, all zero before the first one.
         LIBRARY: Of a plug-in: file of the shared library with its function, beside the class.
+        PAGE: Page of the documentation, or address, that has more. The text of the class says what
+            it is, and in its second paragraph when to choose it.
     """
 
     STATE: ClassVar[np.dtype] = np.dtype([])
     LIBRARY: ClassVar[str | None] = None
+    PAGE: ClassVar[str] = ""
 
     kind: str = Field(description="Name of the law.")
 

@@ -59,8 +59,12 @@ _ROUNDING_SAMPLES = 8
 
 
 class PathFollowing(GuidanceParameters):
-    """Parameters of path following by preview."""
+    """Flies a mission's path by preview of its turns, at commanded airspeeds.
 
+    Choose it for missions, the one of ours; without a mission none is needed.
+    """
+
+    PAGE: ClassVar[str] = "explanation/guidance.md"
     STATE: ClassVar[np.dtype] = np.dtype(
         [
             ("started", "i8"),

@@ -1,7 +1,7 @@
 """A campaign's folder as an entry of the list of what was flown."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,9 @@ from gcs.runs.run import utc
 from gcs.scenario.model import Scenario
 from gcs.scenario.settings import label
 
+_KINDS = {"controller.kind", "trigger.mode"}
+_NO_MEDIANS = dict.fromkeys(("events", "messages", "saving")) | {"iae": {}}
+"""Of a sweep over kinds: a median over two laws says nothing of either."""
 _NAMED = 4
 """Factors of a campaign that are named; further ones are counted."""
 
@@ -33,6 +36,8 @@ def facts_of(folder: Path) -> dict[str, Any]:
         planned = planned_rows(folder)
     except BadInput:
         planned = 0  # it was ended while it was planned
+    law = _kinds(mark, "controller", "kind", _default("controller").kind)
+    trigger = _kinds(mark, "trigger", "mode", _default("trigger").mode)
     figures: dict[str, Any] = {"flights": 0, "completed": 0}
     if planned:
         figures = _figures(folder, mark)
@@ -53,9 +58,9 @@ def facts_of(folder: Path) -> dict[str, Any]:
         "title": mark.campaign.name,
         "scenario": mark.campaign.scenario,
         "changes": _changes(mark),
-        "law": _kinds(mark, "controller", "kind", _default("controller").kind),
-        "trigger": _kinds(mark, "trigger", "mode", _default("trigger").mode),
-        "faults": tuple(mark.campaign.faults),
+        "law": law,
+        "trigger": trigger,
+        "faults": (*_faults(mark), *mark.campaign.faults),
         "uavs": len(mark.uav_ids),
         "planned": planned,
         "outcome": outcome,
@@ -63,6 +68,7 @@ def facts_of(folder: Path) -> dict[str, Any]:
         "version": mark.version,
         "digest": mark.digest,
         **figures,
+        **(_NO_MEDIANS if _swept(mark).keys() & _KINDS else {}),
     }
 
 
@@ -106,10 +112,7 @@ def _changes(mark: Mark) -> tuple[str, ...]:
     """Return what a campaign varies: the values of a grid, the names of other factors."""
     campaign = mark.campaign
     if campaign.design == "grid":
-        varied: list[str] = []
-        for name, factor in campaign.factors.items():
-            values: Any = getattr(factor.draw, "values", ())
-            varied.append(f"{factor.key or name}={','.join(map(label, values))}")
+        varied = [f"{key}={','.join(map(label, values))}" for key, values in _swept(mark).items()]
     else:
         names = list(campaign.factors)
         more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
@@ -131,4 +134,24 @@ def _kinds(mark: Mark, section: str, key: str, default: str) -> str:
         return str(part.get(key, otherwise)) if isinstance(part, Mapping) else otherwise
 
     base = own(mark.scenario, default)
-    return ", ".join(dict.fromkeys(own(tree, base) for tree in mark.campaign.variants.values()))
+    kinds = _swept(mark).get(f"{section}.{key}") or [
+        own(tree, base) for tree in mark.campaign.variants.values()
+    ]
+    return ", ".join(dict.fromkeys(map(str, kinds)))
+
+
+def _faults(mark: Mark) -> Iterator[str]:
+    """Yield the faults of the base scenario, as its keys say them."""
+    for fault in mark.scenario.get("faults") or ():
+        uav, *keys = (f"{key}={label(value)}" for key, value in fault.items())
+        yield f"{uav}: {', '.join(keys)}"
+
+
+def _swept(mark: Mark) -> dict[str, Sequence[Any]]:
+    """Return the values of each key that a sweep varies; none of a campaign."""
+    if mark.campaign.design != "grid":
+        return {}
+    return {
+        factor.key or name: getattr(factor.draw, "values", ())
+        for name, factor in mark.campaign.factors.items()
+    }

@@ -73,7 +73,7 @@ def aircraft(
         bool, typer.Option("--json", help="Print an object instead of tables.")
     ] = False,
 ) -> None:
-    """List the bundled aircraft, or show one: size, limits, trim, modes, authority.
+    """List the bundled aircraft, or show one: limits, trim, modes.
 
     It also checks what the laws take for granted: a trim within the stops, thrust to spare, aileron
     and rudder that do different work, sideslip that dies out while the rudder holds the heading. If

@@ -118,7 +118,7 @@ def baseline(
         bool, typer.Option("--json", help="Print baseline.json on standard output instead.")
     ] = False,
 ) -> None:
-    """Find the slowest periodic senders that are as good as a triggered flight.
+    """Find the slowest periodic senders that match a triggered flight.
 
     Flies the scenario with its trigger, then the same law sending by the clock: with one period
     for all channels, with one for each, and, with --aircraft, on aircraft that differ from the

@@ -65,7 +65,7 @@ def campaign(
     ] = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Fly every draw of a campaign, in process, on all cores or on a cluster.
+    """Fly every draw of a campaign, on all cores or a cluster.
 
     All draws are checked before the first flight. The folder gets a table in Parquet, one row per
     flight, stored every few seconds: after any interruption, the same command continues there.

@@ -52,28 +52,36 @@ def compare(
     markdown: Annotated[
         Path | None, typer.Option(help="Write a summary for the page of a CI job.", metavar="FILE")
     ] = None,
+    everything: Annotated[
+        bool,
+        typer.Option("--all", help="Two flights: also list keys of one law only, at defaults."),
+    ] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Two flights: print JSON, nothing else.")
     ] = False,
 ) -> None:
-    """Test whether a campaign is worse than another one, or show how two flights differ.
+    """Compare two flights, or two campaigns.
 
-    If both flew the same draws, flights are compared in pairs (McNemar's exact test, the sign
-    test), else as two samples (Fisher's exact test, the Mann-Whitney test). A test that finds
-    nothing does not prove that both are equal; the interval beside it, at the level of the
-    condition, shows what could have escaped it.
+    Two campaigns: whether NEW is worse. If both flew the same draws, flights are compared in pairs
+    (McNemar's exact test, the sign test), else as two samples (Fisher's exact test, the
+    Mann-Whitney test). A test that finds nothing does not prove that both are equal; the interval
+    beside it, at the level of the condition, shows what could have escaped it.
 
-    Of two flights: figures of every UAV, decisions of the diagnosis, and the keys in which their
-    scenarios differ. Nothing is tested, so of the options only --json applies.
+    Of two flights: what was set, figures of every UAV, decisions of the diagnosis, and the keys in
+    which their scenarios differ. Nothing is tested, so of the options only --json and --all apply.
     """
     from gcs.runs.difference import is_flight
 
+    for folder in (old, new):
+        if not folder.exists():
+            raise BadInput(f"{folder} does not exist", "gcs runs lists what was flown")
     kinds = [is_flight(old), is_flight(new)]
     if any(kinds):
-        _compare_flights(old, new, kinds, [*(fail_if or ()), junit, markdown], as_json)
+        _compare_flights(old, new, kinds, [*(fail_if or ()), junit, markdown], as_json, everything)
         return
-    if as_json:
-        raise BadInput("--json is of two flights", "campaigns have --junit and --markdown")
+    if as_json or everything:
+        name = "--json" if as_json else "--all"
+        raise BadInput(f"{name} is of two flights", "campaigns have --junit and --markdown")
     from gcs.lab.campaigns.findings import findings_of
     from gcs.lab.campaigns.gate import DEFAULT, gate, parse_rules
     from gcs.lab.reports import gate as reports
@@ -99,7 +107,12 @@ def compare(
 
 
 def _compare_flights(
-    old: Path, new: Path, kinds: list[bool], options: list[object], as_json: bool
+    old: Path,
+    new: Path,
+    kinds: list[bool],
+    options: list[object],
+    as_json: bool,
+    everything: bool,
 ) -> None:
     """Show how two flights differ.
 
@@ -120,7 +133,7 @@ def _compare_flights(
         print_json(difference_data(Flight(old), Flight(new)))
         return
     console = console_of(stderr=False)
-    for part in difference(Flight(old), Flight(new)):
+    for part in difference(Flight(old), Flight(new), everything=everything):
         console.print(part, soft_wrap=isinstance(part, str))
 
 

@@ -120,7 +120,7 @@ def design(
     *,
     options: DesignOptions,
 ) -> None:
-    """Write a scenario for an aircraft, every parameter derived from it.
+    """Write a scenario for an aircraft, parameters derived from it.
 
     Law, trigger, diagnosis and guidance have defaults that were found on the paper's aircraft. Each
     is multiplied as its unit says, by the aircraft's own time scale, airspeed and mass; what
@@ -159,7 +159,7 @@ def _design(aircraft: str, options: DesignOptions) -> "Design":
     if options.law not in KINDS:
         raise BadInput(f"--law is {options.law!r}, expected one of {', '.join(KINDS)}")
     loaded = load_aircraft(aircraft)
-    is_file = Path(aircraft).is_file()
+    is_file = Path(aircraft).exists() and not Path(aircraft).is_dir()
     name = Path(aircraft).stem if is_file else aircraft.removesuffix(".yaml")
     key = name
     if is_file:

@@ -149,7 +149,7 @@ def identify(
     *,
     options: IdentifyOptions,
 ) -> None:
-    """Identify the nominal aircraft of a simulator, or of a recorded flight.
+    """Identify an aircraft from a simulator or a recorded flight.
 
     The simulator is trimmed in level flight, its stall is searched, and it is flown in many short
     experiments with all controls moved at random. Least squares give every coefficient of force and

@@ -62,7 +62,7 @@ def reproduce(
     ] = SCENARIOS / "paper",
     quiet: QuietOption = False,
 ) -> None:
-    """Fly the paper's scenarios and compare the results with its tables and figures.
+    """Fly the paper's scenarios, compare with its results.
 
     For a second chapter of the report, every law is flown with every trigger, on ideal and on
     realistic aircraft, always in process. Writes one folder: report.html (self-contained) and

@@ -86,7 +86,7 @@ def trim(
         bool, typer.Option("--json", help="Print a list of steady flights instead of tables.")
     ] = False,
 ) -> None:
-    """Compute where an actuator may be stuck so that level flight remains possible.
+    """Compute where an actuator may be stuck in level flight.
 
     For aileron and rudder at each airspeed: both ends of the range of deflections, and zero; the
     other surfaces balance the aircraft, which turns. For elevator and throttle: the airspeed at

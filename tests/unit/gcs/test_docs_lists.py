@@ -75,6 +75,12 @@ def options(command: Any) -> set[str]:
     return {name for parameter in command.params for name in parameter.opts}
 
 
+def own_options(command: Any, group: Any) -> list[str]:
+    """The options that are of a command only, not of all that talk to vehicles."""
+    shown = {n for one in command.params if not one.hidden for n in one.opts if n[0] == "-"}
+    return sorted(shown - options(group.commands["arm"]))
+
+
 def commands_with(option: str, group: Any, prefix: str = "") -> list[str]:
     found = []
     for name, command in group.commands.items():
@@ -93,6 +99,7 @@ def errors(error: type[GcsError] = GcsError) -> set[int]:
 def lists() -> dict[str, Listed]:
     """What each list has to name."""
     command: Any = whole_command()
+    fault = command.commands["fault"].commands
     return {
         "actuators": Listed(ACTUATORS),
         "commands": Listed(["up", *commands_with("--connect", command)], r"`gcs ([a-z ]*[a-z])"),
@@ -100,13 +107,8 @@ def lists() -> dict[str, Listed]:
         "drop-reasons": Listed([reason.text for reason in DropReason], r"[^,\n]+", ordered=True),
         "exit-statuses": Listed([str(status) for status in {0, _EXIT_DEFECT, *errors()}], r"\d+"),
         "fault-kinds": Listed([LOSS, *FAULT_KINDS]),
-        "fault-options": Listed(
-            sorted(
-                options(command.commands["fault"].commands["set"])
-                - options(command.commands["arm"])
-                - {"actuator"}
-            )
-        ),
+        "fault-options": Listed(own_options(fault["set"], command)),
+        "sensor-fault-options": Listed(own_options(fault["sensor"].commands["set"], command)),
         "guidance-laws": Listed(list(GUIDANCE_LAWS)),
         "law-numbers": Listed(
             [f"{i} {kind}" for i, kind in enumerate(KINDS)], r"\d+ \w+", ordered=True

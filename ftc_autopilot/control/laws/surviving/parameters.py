@@ -165,6 +165,10 @@ class FaultTolerant(LawParameters):
 
 
 class Surviving(FaultTolerant):
-    """Parameters of the surviving law."""
+    """Diagnoses its own actuators, and flies on with one of them lost.
 
+    Choose it wherever actuators or sensors may fail: first, if you are in doubt.
+    """
+
+    PAGE: ClassVar[str] = "explanation/surviving.md"
     kind: Literal["surviving"] = Field(default="surviving", description="Name of the law.")

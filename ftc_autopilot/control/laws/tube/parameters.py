@@ -28,11 +28,15 @@ _Times = tuple[_Time, _Time, _Time, _Time]
 
 
 class Tube(FaultTolerant):
-    """Parameters of the tube law, beside the ones of the surviving law, its fallback.
+    """Predicts what follows from not sending, and sends only where the aircraft would leave a tube.
+
+    Choose it where messages are dear; it goes with the trigger `consequence`, and `surviving` is
+    its fallback.
 
     Lists of three are roll, pitch, yaw; of four, airspeed, roll, pitch, yaw.
     """
 
+    PAGE: ClassVar[str] = "explanation/tube.md"
     SELECTS_CHANNELS: ClassVar[bool] = True
     FALLBACK: ClassVar[type[LawParameters] | None] = Surviving
     DERIVED: ClassVar[tuple[tuple[str, str, tuple[int, ...]], ...]] = (

@@ -153,14 +153,14 @@ def test_an_episode_is_reported_once_and_its_end(scenario1: Scenario) -> None:
         rig.state(LAST_BEFORE + round(OLD_STATE_S * 1000), REAL_TIME)
         assert list(reported.changes()) == []
         rig.state(317, REAL_TIME)
-        ((severity, text),) = reported.changes()
+        ((_, severity, text),) = reported.changes()
         assert severity == dialect.MAV_SEVERITY_WARNING
         assert "0.212 s old" in text
         rig.state(900, REAL_TIME)
         assert list(reported.changes()) == []
         for step in range(901, 3000):
             rig.state(step, REAL_TIME)
-        ((severity, text),) = reported.changes()
+        ((_, severity, text),) = reported.changes()
         assert severity == dialect.MAV_SEVERITY_NOTICE
         assert "0.583 s old" in text
         assert list(reported.changes()) == []

@@ -104,6 +104,7 @@ def test_changes_are_announced_once(bench: Bench) -> None:
         "formation: UAV 1 takes the slot of UAV 3",
     ]
     assert said(bench) == []
+    bench.hot.measured["time_usec"] += 1_000_000
     enter(state["table"], 2, 0)
     state["slot_of"][0] = 0
     assert said(bench) == [

@@ -411,3 +411,17 @@ def test_a_strict_type_checker_sees_the_types(tmp_path: Path) -> None:
         'Revealed type is "gcs.api.station.Uav"',
         'Revealed type is "mavlink_defs.dialect.MAVLink_message"',
     ], done.stdout + done.stderr
+
+
+def test_one_scenario_is_no_list_of_them() -> None:
+    with pytest.raises(gcs.BadInput, match=r"flights: expected a list .*\['paper/scenario1'\]"):
+        gcs.fly_many("paper/scenario1")
+
+
+def test_a_law_given_as_a_class_is_refused_with_the_way_to_name_it() -> None:
+    class Mine: ...
+
+    for law in (Mine, lambda: None):
+        with pytest.raises(gcs.BadInput, match="expected plain data") as refused:
+            gcs.fly("paper/scenario1", {"controller.kind": law})
+        assert "FILE.py:" in refused.value.hint

@@ -20,7 +20,7 @@ from mavlink_defs.framing.signing import make_key
 SCENARIO_1 = str(Path(__file__).parents[4] / "scenarios" / "paper" / "scenario1.yaml")
 NOWHERE = ("--connect", "udpout:127.0.0.1:1")
 SLOT = ("formation", "slot", *NOWHERE, "1", "2", "3")
-GYRO = ("fault", "set", "--sensor", "gyro", *NOWHERE)
+GYRO = ("fault", "sensor", "set", "gyro", *NOWHERE)
 RUDDER = ("fault", "set", "rudder", "--effectiveness", "0.5", *NOWHERE)
 
 
@@ -50,9 +50,9 @@ def complaint(*arguments: str) -> str:
         ((*RUDDER, "--for-s", "0"), "--for-s"),
         (("fault", "clear", "--actuator", "flaps", *NOWHERE), "flaps"),
         (("fault", "set", *NOWHERE), "expected an actuator"),
-        (("fault", "set", "rudder", "--sensor", "gps", *NOWHERE), "got rudder and gps"),
-        ((*RUDDER, "--fade-s", "3"), "--fade-s: does not fit an actuator; is --sensor missing?"),
-        ((*GYRO, "--effectiveness", "0.5"), "--effectiveness: does not fit a sensor"),
+        (("fault", "set", "rudder", "--sensor", "gps", *NOWHERE), "got rudder and the sensor gps"),
+        ((*RUDDER, "--fade-s", "3"), "--fade-s: does not fit an actuator"),
+        ((*GYRO, "--effectiveness", "0.5"), "No such option: --effectiveness"),
         ((*GYRO, "--bias-pa", "1"), "did you mean '--bias-deg-s'?"),
         ((*GYRO, "--delayed-s", "2"), "--delayed-s: expected [0, 1] s, got 2"),
         ((*GYRO, "--failure", "broken"), "broken"),
@@ -95,7 +95,7 @@ def complaint(*arguments: str) -> str:
             (*SLOT, "--uav", "1,2"),
             "expected --uav with one UAV, as two cannot have one slot, got 1, 2",
         ),
-        ((*SLOT[:-1], "nan", "--uav", "1"), "slot is 1 2 nan, expected finite distances [m]"),
+        ((*SLOT[:-1], "nan", "--uav", "1"), "up: expected a finite number, got 'nan'"),
         (("mission", "upload", "none.yaml", *NOWHERE), "none.yaml"),
         (("mission", "download", "--out", "held.txt", *NOWHERE), ".plan nor .waypoints"),
     ],

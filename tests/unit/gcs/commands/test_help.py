@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from gcs.cli import whole_command
+from gcs.cli import main, whole_command
 
 PROJECT = tomllib.loads((Path(__file__).parents[4] / "pyproject.toml").read_text())["project"]
 
@@ -53,3 +53,57 @@ def test_help(
 def test_every_program_and_command_is_there() -> None:
     assert len(HELPS) > 40
     assert {"ftc-autopilot", "sitl-plant", "ftc-mavlink"} <= {names[0] for names in HELPS}
+
+
+LONGEST = 70
+"""Lines at 80 columns: `gcs`, and `gcs fault sensor set` with 30 options, have as many."""
+
+
+@pytest.mark.parametrize("command", [one for one in HELPS if one[0] == "gcs"], ids=" ".join)
+def test_a_help_fits_a_screen_and_names_each_option_once(
+    command: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = help_of(command, monkeypatch, capsys)
+    assert len(text.splitlines()) <= LONGEST
+    named = re.findall(r"^│ (?:-\w, )?(--[\w-]+)", text, re.MULTILINE)
+    assert "--help" in named
+    assert len(named) == len(set(named))
+
+
+def test_the_help_of_gcs_begins_with_what_a_newcomer_needs(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    panels = re.split(r"^╭─ ", help_of(("gcs",), monkeypatch, capsys), flags=re.MULTILINE)[1:]
+    titles = [panel.split(" ─")[0] for panel in panels]
+    assert titles == ["Fly", "Operate", "Study", "Aircraft and laws", "Wire", "Options"]
+    first = re.findall(r"^│ (\w+)", panels[0], re.MULTILINE)
+    assert {"new", "fly", "up", "start", "status", "fault", "runs", "compare"} <= set(first)
+    assert len(first) <= 12
+
+
+def test_the_help_of_runs_has_the_options_of_its_list(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = help_of(("gcs", "runs"), monkeypatch, capsys)
+    assert all(option in text for option in ("--where", "--sort", "--number", "--json", "html"))
+
+
+def test_options_of_sensors_and_of_actuators_are_not_in_one_help(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    actuator = help_of(("gcs", "fault", "set"), monkeypatch, capsys)
+    assert "--bias-deg " in actuator
+    assert "--bias-deg-s" not in actuator
+    sensor = help_of(("gcs", "fault", "sensor", "set"), monkeypatch, capsys)
+    assert "--bias-deg-s" in sensor
+    assert "--bias-deg " not in sensor
+
+
+def help_of(
+    command: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> str:
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setattr(sys, "argv", [*command, "--help"])
+    with pytest.raises(SystemExit):
+        main()
+    return capsys.readouterr().out

@@ -1,12 +1,14 @@
 """Two flights compared: what differs, and nothing else."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 from run_folders import make_run
 from typer.testing import CliRunner
 
+from ftc_autopilot.control.laws import law_of
 from gcs.cli import app
 from gcs.results.flight_mark import FLIGHT
 from gcs.results.run_folder import SCENARIO
@@ -105,3 +107,33 @@ def test_what_cannot_be_compared_is_refused(pair: tuple[Path, Path], tmp_path: P
     assert not (tmp_path / "x.xml").exists()
     (pair[1] / "summary.json").unlink()
     assert "new has no summary.json" in refused("old", "new")
+
+
+def with_law(run: Path, kind: str) -> None:
+    """Make it a flight of another law, in all files that say so."""
+    tree = read(run / SCENARIO)
+    law = law_of(kind)(kind=kind)
+    (run / SCENARIO).write_text(yaml_of({**tree, "controller": law.model_dump(mode="json")}))
+    mark = read(run / FLIGHT)
+    (run / FLIGHT).write_text(yaml_of({**mark, "law": kind, "settings": {"controller": kind}}))
+
+
+def test_what_was_set_comes_first_and_defaults_of_one_law_are_counted(
+    pair: tuple[Path, Path],
+) -> None:
+    old, new = pair
+    with_law(old, "pid")
+    with_law(new, "surviving")
+    text = compared()
+    lines = text.splitlines()
+    assert lines[2] == "law: pid → surviving"
+    assert lines[3] == "changes: controller=pid → controller=surviving"
+    assert re.search(r"^  controller: of surviving only, at their defaults: \d+ keys", text, re.M)
+    assert "controller.diagnosis" not in text
+    assert "controller.kind: pid → surviving" in text
+    assert "controller.diagnosis" in compared("--all")
+    assert len(compared("--all").splitlines()) > len(lines) + 20
+
+
+def test_a_folder_that_is_not_there_is_said_to_be_so(pair: tuple[Path, Path]) -> None:
+    assert refused("old", "nosuch") == "nosuch does not exist"

@@ -339,3 +339,15 @@ def test_a_summary_is_read_as_it_was_written(cache: Path, tmp_path: Path) -> Non
     assert read_summary(folder) == summary
     with pytest.raises(BadInput, match="cannot read"):
         read_summary(tmp_path)
+
+
+def test_a_sweep_over_laws_names_them_and_has_no_medians_of_unlike_flights(
+    short: Path, tmp_path: Path
+) -> None:
+    root = tmp_path / "runs"
+    swept([short], ["controller.kind=pid,proposed", "duration_s=0.02"], root / "sweep")
+    (run,) = list_runs(root).runs
+    assert run.law == "pid, proposed"
+    assert (run.messages, run.events, run.saving, run.iae.get("roll")) == (None,) * 4
+    assert run.completed == 2
+    assert run.faults[0].startswith("uav=3: actuator=rudder")

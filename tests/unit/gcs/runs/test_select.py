@@ -80,3 +80,13 @@ def test_every_key_is_in_the_json() -> None:
     tree = Run("a", "flight", "t", "completed").to_json()
     assert set(KEYS) == set(tree)
     assert Run.from_json(tree).to_json() == tree
+
+
+@given(
+    laws=st.lists(st.sampled_from(["pid", "proposed", "tube"]), unique=True, min_size=1),
+    asked=st.sampled_from(["pid", "proposed", "tube", "pi"]),
+)
+def test_a_sweep_over_laws_is_found_by_each_of_them(laws: list[str], asked: str) -> None:
+    run = Run("a", "sweep", "t", "completed", law=", ".join(laws))
+    assert bool(chosen([run], conditions_of([f"law={asked}"]))) == (asked in laws)
+    assert bool(chosen([run], conditions_of([f"law!={asked}"]))) == (asked not in laws)

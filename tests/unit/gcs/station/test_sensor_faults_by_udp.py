@@ -83,9 +83,9 @@ def true_state() -> Iterator[Plant]:
 
 
 def test_commands_set_list_and_clear_faults(plant: Plant) -> None:
-    done = plant.gcs("fault", "set", "--sensor", "gyro", "--bias-deg-s", "3", "--for-s", "8")
+    done = plant.gcs("fault", "sensor", "set", "gyro", "--bias-deg-s", "3", "--for-s", "8")
     assert done.stdout == "UAV 3: gyro +3 deg/s from now to 20 s\n"
-    done = plant.gcs("fault", "set", "--sensor", "airspeed", "--failure", "stuck")
+    done = plant.gcs("fault", "sensor", "set", "airspeed", "--failure", "stuck")
     assert done.exit_code == 0
     done = plant.gcs("fault", "set", "rudder", "--effectiveness", "0.5", "--start-s", "30")
     assert done.exit_code == 0
@@ -96,8 +96,8 @@ def test_commands_set_list_and_clear_faults(plant: Plant) -> None:
         "UAV 3: gyro 2 +3 deg/s in (12, 20] s, waiting",
         "UAV 3: airspeed stuck after 12 s, until cleared, waiting",
     ]
-    assert plant.gcs("fault", "clear", "--sensor", "gyro", "--instance", "1").exit_code == 0
-    assert plant.gcs("fault", "clear", "--sensor", "airspeed").exit_code == 0
+    assert plant.gcs("fault", "sensor", "clear", "gyro", "--instance", "1").exit_code == 0
+    assert plant.gcs("fault", "sensor", "clear", "airspeed").exit_code == 0
     (answer,) = json.loads(plant.gcs("fault", "list", "--json").stdout)
     assert answer["faults"][1:] == [
         {
@@ -141,7 +141,7 @@ def test_a_program_sets_lists_and_clears_faults(plant: Plant) -> None:
 
 
 def test_an_aircraft_that_flies_by_its_true_state_refuses(true_state: Plant) -> None:
-    done = true_state.gcs("fault", "set", "--sensor", "gps", "--failure", "off")
+    done = true_state.gcs("fault", "sensor", "set", "gps", "--failure", "off")
     assert done.exit_code != 0
     assert isinstance(done.exception, CommandRefused) or "navigation: estimated" in done.output
     assert true_state.gcs("fault", "list").stdout == "UAV 3: no faults\n"

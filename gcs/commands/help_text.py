@@ -1,0 +1,72 @@
+"""How the help of `gcs` looks: an option and its value in one column, commands before options.
+
+The columns of typer's own help leave a third of a narrow terminal to the texts.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from inspect import cleandoc
+from typing import Any
+
+from rich.console import Console
+from rich.markdown import Markdown
+from rich.padding import Padding
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+_WIDEST_NAME = 29
+
+
+def print_help(command: Any, context: Any) -> None:
+    """Print the help of a command: usage, text, its commands or arguments and options, examples.
+
+    A group that runs one of its commands by default has it as `default`: its options are shown.
+    """
+    console = Console(markup=False)
+    usage = Text(command.get_usage(context), style="bold yellow")
+    console.print(Padding(usage, (0, 1, 1, 1)))
+    if command.help:
+        console.print(Padding(Markdown(cleandoc(command.help)), (0, 1, 1, 1)))
+    options = getattr(command, "default", command)
+    for panel in (*_of_commands(command), *_of_parameters(options, context)):
+        console.print(panel)
+    if options.epilog:
+        console.print(Padding(Markdown(cleandoc(options.epilog)), (0, 1)))
+
+
+def _of_commands(command: Any) -> Iterator[Panel]:
+    shown = [one for one in getattr(command, "commands", {}).values() if not one.hidden]
+    widest = max((len(one.name) for one in shown), default=0)
+    for title, panel in _by_panel(shown, "Commands").items():
+        rows = [
+            (one.name, one.short_help or (one.help or "").partition("\n\n")[0]) for one in panel
+        ]
+        yield _panel(title, rows, widest)
+
+
+def _of_parameters(command: Any, context: Any) -> Iterator[Panel]:
+    shown = [one for one in command.get_params(context) if not one.hidden]
+    arguments = [one for one in shown if one.param_type_name == "argument"]
+    options = [one for one in shown if one.param_type_name == "option"]
+    panels = _by_panel(arguments, "Arguments") | _by_panel(options, "Options")
+    for title, panel in panels.items():
+        rows = [one.get_help_record(context) for one in panel]
+        yield _panel(title, rows, min(max(len(name) for name, _ in rows), _WIDEST_NAME))
+
+
+def _by_panel(shown: Iterable[Any], default: str) -> dict[str, list[Any]]:
+    """Return what is shown by the titles of its panels, each where its first entry is."""
+    panels: defaultdict[str, list[Any]] = defaultdict(list)
+    for one in shown:
+        panels[one.rich_help_panel or default].append(one)
+    return panels
+
+
+def _panel(title: str, rows: Iterable[tuple[str, str]], width: int) -> Panel:
+    table = Table(show_header=False, box=None, expand=True, pad_edge=False)
+    table.add_column(style="bold cyan", width=width, overflow="fold")
+    table.add_column(ratio=1)
+    for name, text in rows:
+        table.add_row(Text(name.strip()), Markdown(text))
+    return Panel(table, title=title, title_align="left", border_style="dim")
