@@ -252,7 +252,11 @@ def _keys(old: Flight, new: Flight, everything: bool) -> Iterator[str]:
 def _defaults_of_one(flight: Flight, other: Flight) -> dict[str, str]:
     """Return which keys only one flight has, as defaults of its law or trigger, and whose."""
     own = {}
-    for section, name, models in (("controller", "kind", LAWS), ("trigger", "mode", TRIGGERS)):
+    sections: tuple[tuple[str, str, Mapping[str, Any]], ...] = (
+        ("controller", "kind", LAWS),
+        ("trigger", "mode", TRIGGERS),
+    )
+    for section, name, models in sections:
         kind = flight.keys.get(f"{section}.{name}", "")
         if (model := models.get(kind)) is not None:
             for key, value in leaves(model().model_dump(mode="json"), section):
