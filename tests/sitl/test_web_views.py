@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from aiohttp import ClientSession, WSMsgType
+from aiohttp import ClientSession, ClientWebSocketResponse, WSMsgType, WSServerHandshakeError
 from browser import browser, until
 from flying import TIMEOUT_S, wait_until
 from hypothesis import given
@@ -80,6 +80,17 @@ def server(
 
 def views_of(mark: Path, popen: "subprocess.Popen[str]") -> int:
     return len(set(processes_marked(str(mark))) - {popen.pid})
+
+
+async def opened(session: ClientSession, url: str) -> "ClientWebSocketResponse[bool]":
+    """Open a view as soon as it has a place: a moment after the processes of another are gone."""
+    async with asyncio.timeout(TIMEOUT_S):
+        while True:
+            try:
+                return await session.ws_connect(f"{url}/ws")
+            except WSServerHandshakeError as refusal:
+                if refusal.status != 503:
+                    raise
 
 
 def is_bounded(size: dict[str, Any]) -> bool:
@@ -160,7 +171,7 @@ def test_views_that_would_not_end_are_counted_and_ended_by_force(
     async def look(url: str, popen: "subprocess.Popen[str]") -> None:
         async with ClientSession() as session:
             for _ in range(3):
-                pages = [await session.ws_connect(f"{url}/ws") for _ in range(2)]
+                pages = [await opened(session, url) for _ in range(2)]
                 async with session.get(f"{url}/ws") as answer:
                     assert answer.status == 503
                 await until(lambda: views_of(tmp_path, popen) == 4)

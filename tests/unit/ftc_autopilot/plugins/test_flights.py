@@ -219,6 +219,7 @@ def test_a_failure_ends_the_flight_and_names_the_law(
     tmp_path: Path, body: str, decorator: str, reason: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
     flown = scenario(tmp_path, controller={"kind": failing(tmp_path, body, decorator)})
+    assert capfd.readouterr().err.startswith(f"runs {tmp_path}/bad.py, code ")
     flight = fly_in_process(flown)
     assert flight.loss is not None
     assert flight.loss.startswith("UAV 1: the law bad.py:Bad failed at 0.101 s: ")

@@ -114,7 +114,7 @@ def test_the_fleet_decides_what_can_be_flown(tmp_path: Path) -> None:
     assert show(path)[0] == 0
     status, text = show(path, "--fleet", str(fleet))
     assert status == 2
-    assert "Item 2: speed 55, must be 30 to 50 m/s" in text
+    assert "Item 2: speed 55, must be 23.72 to 47.43 m/s" in text
 
 
 def test_a_race_track_repeats() -> None:

@@ -147,8 +147,8 @@ def test_jsbsim_flies_and_repeats_like_any_plant(tmp_path, rate_hz):
     assert states[-1, 0] == pytest.approx(24.0 * 0.199, rel=0.01)
     assert states[:50, 6] == pytest.approx(np.zeros(50), abs=1e-3)
     assert states[-1, 6] < -0.05
-    address = ("127.0.0.1", 6)
-    again = [rig.send(n, rate_hz=rate_hz, address=address)[0] for n in range(200 // each)]
+    other = {"rate_hz": rate_hz, "address": ("127.0.0.1", 6), "now": 2.0}
+    again = [rig.send(n, **other)[0] for n in range(200 // each)]
     assert again == first
 
 
@@ -159,7 +159,7 @@ def test_one_that_waits_is_served_when_another_one_is_started_again():
     rig.send(1, i=0)
     rig.send(1, i=1)
     assert rig.send(2, i=0) == {}
-    answers = rig.send(0, i=1, address=("127.0.0.1", 6))
+    answers = rig.send(0, i=1, address=("127.0.0.1", 6), now=2.0)
     assert {k: one["timestamp"] for k, one in answers.items()} == {0: 0.001, 1: 0.001}
     assert rig.flight.step == 1
 
