@@ -139,7 +139,7 @@ class _Commands(TyperGroup):
             if missing(packages):
                 line = COMMANDS[name][1]
                 self.commands[name].short_help = f"{line} Needs the extra `{extra}`."
-        super().format_help(ctx, formatter)
+        _format_help(self, ctx, formatter)
 
     def load(self, name: str) -> None:
         """Import a command."""
@@ -235,7 +235,8 @@ def _without_types(command: Any) -> Any:
     while commands:
         one = commands.pop()
         commands += getattr(one, "commands", {}).values()
-        one.format_help = _format_help.__get__(one)
+        if not isinstance(one, _Commands):  # which marks what lacks an extra first
+            one.format_help = _format_help.__get__(one)
         for parameter in one.get_params(typer.Context(one)):
             if "float" in str(parameter.type_descriptor.annotation):
                 parameter.process_value = partial(_finite_only, parameter)

@@ -48,7 +48,7 @@ def load_lab(module: str, purpose: str | None = None) -> Any:
 
 
 def missing(packages: tuple[str, ...]) -> list[str]:
-    """Return those of some packages that are not installed."""
+    """Return the packages among some that are not installed."""
     return [package for package in packages if find_spec(package) is None]
 
 

@@ -70,7 +70,7 @@ def end_with_session(end: Callable[[], object]) -> None:
     def watch() -> None:
         terminals = select.poll()
         for number in filter(os.isatty, range(3)):
-            terminals.register(number, 0)  # a hang-up is always told
+            terminals.register(number, 0)  # a hang-up is always reported
         while not (
             any(event & select.POLLHUP for _, event in terminals.poll(0))
             or (os.getppid() != parent and signal.SIGHUP in numbers)

@@ -29,9 +29,11 @@ LONGEST_WORD = 24
 class Terminal(Console):
     """A console that prints text as it is: no markup, no control characters, nothing cut."""
 
-    def __init__(self, *, stderr: bool = False, quiet: bool = False) -> None:
+    def __init__(
+        self, *, stderr: bool = False, quiet: bool = False, pipe_has_edge: bool = False
+    ) -> None:
         super().__init__(stderr=stderr, quiet=quiet, markup=False, emoji=False, highlight=False)
-        if not (self.is_terminal or os.environ.get("COLUMNS")):
+        if not (pipe_has_edge or self.is_terminal or os.environ.get("COLUMNS")):
             self.width = _PIPE_WIDTH  # rich assumes 80 columns, but a pipe has no edge
 
     def render_str(self, text: str, **options: Any) -> Text:
@@ -57,9 +59,17 @@ class Terminal(Console):
         raise  # noqa: PLE0704 - rich calls this while it handles the error
 
 
-def console_of(stderr: bool = True, quiet: bool = False) -> Terminal:
-    """Return the console for progress and remarks, or that for results."""
-    return Terminal(stderr=stderr, quiet=quiet)
+def console_of(
+    stderr: bool = True, quiet: bool = False, *, pipe_has_edge: bool = False
+) -> Terminal:
+    """Return the console for progress and remarks, or for results.
+
+    Args:
+        stderr: For progress and remarks.
+        quiet: Print nothing.
+        pipe_has_edge: Into a pipe, too, fold at the width of the terminal, or at 80 columns.
+    """
+    return Terminal(stderr=stderr, quiet=quiet, pipe_has_edge=pipe_has_edge)
 
 
 def as_text(shown: RenderableType, width: int) -> str:
@@ -123,6 +133,16 @@ def numbers(heading: str) -> Column:
 def table_of(*columns: Column, **options: Any) -> Table:
     """Return a table of columns that `texts` and `numbers` make; options as of rich's table."""
     return _Uncut(*columns, **options)
+
+
+def names_and_texts(rows: Iterable[tuple[str, RenderableType]], width: int) -> Table:
+    """Return names in a column of a width [characters], each with its text beside it, folded."""
+    table = Table(show_header=False, box=None, expand=True, pad_edge=False)
+    table.add_column(style="bold cyan", width=width, overflow="fold")
+    table.add_column(ratio=1)
+    for name, text in rows:
+        table.add_row(Text(name), text)
+    return table
 
 
 class _Uncut(Table):

@@ -3,7 +3,7 @@
 A plan is JSON (https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html), a
 list a table of text that begins with ``QGC WPL 110``; their first bytes tell them apart, whatever
 their names. Both become the items of the mission protocol, home included as item 0. Jumps name an
-item by its `doJumpId`, or by the number in its line; the items are numbered anew.
+item by its `doJumpId`, or by the number in its line; the items are numbered again.
 """
 
 import codecs
@@ -33,6 +33,8 @@ _LARGEST = 1e38  # a float32 field holds a little more
 _Number = TypeVar("_Number", int, float)
 _FRAME = dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT
 _PLANE = dialect.MAV_TYPE_FIXED_WING
+MAX_NOT_FLOWN = 20
+"""Parts of a mission file that are named as not flown."""
 _PLAN_KEYS = {
     "fileType": "Plan",
     "version": 1,
@@ -201,7 +203,10 @@ def _of_plan(text: str) -> MissionFile:
         items.append(_item(len(items), command, frame, numbers, where))
         ids.append(_whole({"doJumpId": len(ids) + 1} | entry, "doJumpId", where))
     _find_targets(items[1:], ids, "doJumpId", "mission.items[{}]")
-    return MissionFile(tuple(items), tuple(_not_flown(plan, mission)))
+    parts = list(_not_flown(plan, mission))
+    if (more := len(parts) - MAX_NOT_FLOWN + 1) > 1:
+        parts[-more:] = [f"{more} more keys"]
+    return MissionFile(tuple(items), tuple(parts))
 
 
 def _not_flown(plan: dict[str, Any], mission: dict[str, Any]) -> Iterator[str]:

@@ -112,7 +112,7 @@ def calling(found: type[Model], method: str) -> ForeignCode:
     """Return the context in which a method of a plug-in's class is called, or of one of ours.
 
     Raises:
-        PluginError: Whatever that of a plug-in raised, with its line.
+        PluginError: Whatever the method of a plug-in raised, with its line.
     """
 
     def error(problem: BaseException) -> BaseException:

@@ -12,7 +12,7 @@ class Change(NamedTuple):
     Attributes:
         subject: What has changed, such as "IMU 1": texts of one subject are bounded together.
         severity: MAV_SEVERITY.
-        text: What stations are told.
+        text: What is sent to stations.
     """
 
     subject: str
@@ -28,11 +28,11 @@ class Changes:
     """
 
     def __init__(self) -> None:
-        self._told_us: dict[str, int] = {}
+        self._sent_us: dict[str, int] = {}
         self._held: dict[str, tuple[Change, int]] = {}  # the newest, and how many there were
 
     def bounded(self, changes: Iterable[Change], time_us: int) -> Iterator[tuple[int, str]]:
-        """Yield severity and text of what may be told.
+        """Yield severity and text of what may be sent.
 
         Args:
             changes: What has changed since the last call.
@@ -42,15 +42,15 @@ class Changes:
             _, count = self._held.get(change.subject, (change, 0))
             self._held[change.subject] = change, count + 1
         for subject in list(self._held):
-            if time_us - self._told_us.get(subject, -_PAUSE_US) >= _PAUSE_US:
-                self._told_us[subject] = time_us
-                yield self._told(subject)
+            if time_us - self._sent_us.get(subject, -_PAUSE_US) >= _PAUSE_US:
+                self._sent_us[subject] = time_us
+                yield self._next(subject)
 
     def left(self) -> Iterator[tuple[int, str]]:
         """Yield severity and text of what was held back: the flight ends."""
-        yield from map(self._told, list(self._held))
+        yield from map(self._next, list(self._held))
 
-    def _told(self, subject: str) -> tuple[int, str]:
+    def _next(self, subject: str) -> tuple[int, str]:
         change, count = self._held.pop(subject)
         counted = f" ({count} changes since the last text)" if count > 1 else ""
         return change.severity, change.text + counted

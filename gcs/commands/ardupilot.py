@@ -246,7 +246,7 @@ class _Flown:
         self.recorder.add(steps)
 
     def _begin_again(self) -> None:
-        """Keep what was flown so far in a folder of its own, and record anew."""
+        """Keep what was flown so far in a folder of its own, and begin another recording."""
         from gcs.results.flight_mark import FLIGHT
         from gcs.results.recorder import FlightRecorder
 

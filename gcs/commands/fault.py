@@ -96,7 +96,7 @@ def clear(
 ) -> None:
     """Clear faults: active, past and future ones, of actuators and sensors.
 
-    Those of one sensor: `gcs fault sensor clear`.
+    For one sensor: `gcs fault sensor clear`.
     """
     if actuator is not None and sensor is not None:
         raise BadInput("--actuator and --sensor both say whose", "leave one of them out")

@@ -26,7 +26,7 @@ ForOption = Annotated[
 
 
 def number_options(model: AnySpec, *, hidden: bool = False) -> Iterator[inspect.Parameter]:
-    """Yield an option for each number of a fault; those of sensors only, if they are hidden."""
+    """Yield an option for each number of a fault; hidden, only what no fault of an actuator has."""
     for name, field in model.model_fields.items():
         number = describe(field)
         if number is None or name == "instance" or (hidden and name in FaultSpec.model_fields):

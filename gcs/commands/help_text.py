@@ -8,12 +8,12 @@ from collections.abc import Iterable, Iterator
 from inspect import cleandoc
 from typing import Any
 
-from rich.console import Console
 from rich.markdown import Markdown
 from rich.padding import Padding
 from rich.panel import Panel
-from rich.table import Table
 from rich.text import Text
+
+from gcs.terminal import console_of, names_and_texts
 
 _WIDEST_NAME = 29
 
@@ -23,7 +23,7 @@ def print_help(command: Any, context: Any) -> None:
 
     A group that runs one of its commands by default has it as `default`: its options are shown.
     """
-    console = Console(markup=False)
+    console = console_of(stderr=False, pipe_has_edge=True)
     usage = Text(command.get_usage(context), style="bold yellow")
     console.print(Padding(usage, (0, 1, 1, 1)))
     if command.help:
@@ -64,9 +64,5 @@ def _by_panel(shown: Iterable[Any], default: str) -> dict[str, list[Any]]:
 
 
 def _panel(title: str, rows: Iterable[tuple[str, str]], width: int) -> Panel:
-    table = Table(show_header=False, box=None, expand=True, pad_edge=False)
-    table.add_column(style="bold cyan", width=width, overflow="fold")
-    table.add_column(ratio=1)
-    for name, text in rows:
-        table.add_row(Text(name.strip()), Markdown(text))
+    table = names_and_texts(((name.strip(), Markdown(text)) for name, text in rows), width)
     return Panel(table, title=title, title_align="left", border_style="dim")

@@ -196,7 +196,8 @@ def html(
     from gcs.runs.page import save_page
 
     path = out or folder / "index.html"
-    check_file(path)
+    if folder.is_dir():
+        check_file(path)
     conditions = conditions_of(where or ())
     order_of(sort)
     found = _listing(folder, False, quiet=quiet)

@@ -40,7 +40,7 @@ async def serve(
 
     Args:
         command: Runs the program once.
-        host: Where browsers find it, as the user named it: pages of others are told from ours.
+        host: Where browsers find it, as the user named it: others' pages are refused.
         listening: A bound socket.
         most: How many of these processes at a time; a further browser gets a text that says so.
         on_ready: Called when browsers can connect.

@@ -29,10 +29,12 @@ def size_in(given: Mapping[str, Any]) -> tuple[int, int]:
     Raises:
         ValueError: One is something else.
     """
-    wanted = [given["width"], given["height"]]
-    if not all(type(each) is int or isinstance(each, str) for each in wanted):
+    requested = [given["width"], given["height"]]
+    if not all(type(each) is int or isinstance(each, str) for each in requested):
         raise ValueError("expected whole numbers")
-    width, height = (min(max(int(each), 1), most) for each, most in zip(wanted, _MOST, strict=True))
+    width, height = (
+        min(max(int(each), 1), most) for each, most in zip(requested, _MOST, strict=True)
+    )
     return width, height
 
 

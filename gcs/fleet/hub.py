@@ -86,7 +86,7 @@ class Hub:
         self._most_shares = MAX_STATIONS * (len(self._systems) + 2)
         self._uploads = Uploads(MAX_STATIONS * len(self._systems))
         self._packers = {k: FramePacker(k, dialect.MAV_COMP_ID_AUTOPILOT1) for k in systems}
-        self._told: set[str] = set()  # hosts of stations that spoke MAVLink 1
+        self._old_hosts: set[str] = set()  # hosts of stations that spoke MAVLink 1
         self._rate_hz = rate_limit_hz(len(self._systems))
 
     def route(self, datagram: bytes, sender: Peer, now: float) -> list[Peer]:
@@ -157,8 +157,8 @@ class Hub:
 
     def _hear_old(self, sender: Peer) -> list[Peer]:
         """Note a station that speaks MAVLink 1: hearing vehicles, it may go on in MAVLink 2."""
-        if sender[0] not in self._told and len(self._told) < MAX_STATIONS:
-            self._told.add(sender[0])
+        if sender[0] not in self._old_hosts and len(self._old_hosts) < MAX_STATIONS:
+            self._old_hosts.add(sender[0])
             self.old_speakers.append(sender)
         return self._drop("MAVLink 1")
 

@@ -5,7 +5,8 @@ NumPy's .npz, which holds whole arrays, needs memory for all of the recording.
 
 import json
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from contextlib import closing
 from datetime import UTC, datetime, timedelta
 from itertools import groupby
 from pathlib import Path
@@ -47,6 +48,8 @@ def convert(run: Path, to: Format, folder: Path) -> list[Path]:
         BadInput: There is no recording, or it has no steps.
         OSError: A file cannot be written; it is named.
     """
+    with closing(_batches(run / TRAJECTORY)) as recorded:
+        next(recorded)  # before a file is made
     if to is Format.NPZ:
         return _to_npz(run, folder)
     if to is Format.KML:
@@ -163,7 +166,7 @@ def _written(
     return path
 
 
-def _batches(source: Path) -> Iterator["pa.RecordBatch"]:
+def _batches(source: Path) -> Generator["pa.RecordBatch"]:
     """Yield the batches of a recording; BadInput if it has none."""
     empty = True
     for batch in batches(source):

@@ -20,7 +20,7 @@ from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.config.written import located, source_at, written_in
 from mavlink_defs.constants import INT32_MAX, MAX_MISSION_ITEMS
 from mavlink_defs.float32 import decimal_of_float32
-from mavlink_defs.mission_files import mission_item, read_mission_file
+from mavlink_defs.mission_files import MAX_NOT_FLOWN, mission_item, read_mission_file
 from mavlink_defs.services.mission import MissionItem
 
 
@@ -191,7 +191,7 @@ class MissionSection(Model):
     items: Annotated[tuple[MissionEntry, ...], AtMost(MAX_MISSION_ITEMS)] = Field(
         min_length=1, description="The items, in order."
     )
-    not_flown: tuple[str, ...] = Field(
+    not_flown: Annotated[tuple[str, ...], AtMost(MAX_NOT_FLOWN)] = Field(
         default=(), exclude=True, description="Set by `file`: what else is in it."
     )
 

@@ -1,7 +1,7 @@
 """Parameter files of other ground stations; comments begin with #.
 
 MAVProxy and Mission Planner write a name and a value a line, QGroundControl vehicle, component,
-name, value and type. Of the latter those of the autopilot are read, whatever the vehicle.
+name, value and type. Of the latter the autopilot's are read, whatever the vehicle.
 """
 
 import math

@@ -108,7 +108,7 @@ def _settles(now: Step, gains: np.void, state: np.void) -> bool:
 
 @compiled
 def _begin_again(actuator: np.void, limits: Limits) -> None:
-    """Let all that was seen of an actuator count for nothing; a suspicion is looked into anew.
+    """Let all that was seen of an actuator count for nothing; a suspicion is tested again.
 
     The slow mean of the drift test stays: it shows what has failed in a gap.
     """

@@ -231,14 +231,14 @@ class Search:
             candidates, key=lambda periods: (transmissions(self.base, periods), periods)
         )
         found: dict[Yardstick, Verdict] = {}
-        wanted = set(yardsticks)
+        requested = set(yardsticks)
         for first in range(0, len(waiting), _BATCH):
             flown = list(self.flown(waiting[first : first + _BATCH]))
-            for yardstick in wanted - found.keys():
+            for yardstick in requested - found.keys():
                 best = find_slowest(self.verdict(tried, yardstick) for tried in flown)
                 if best is not None:
                     found[yardstick] = best
-            if found.keys() == wanted:
+            if found.keys() == requested:
                 break
         return found
 

@@ -60,7 +60,7 @@ def baseline_sentences(baseline: Baseline) -> Iterator[str]:
     limit = f"{100.0 * (baseline.largest_ratio - 1.0):g} %"
     yield (
         "Equal: the flight is completed, and no IAE of any UAV against the filtered reference is "
-        f"more than {limit} above that of the triggered flight. Most of an IAE against the "
+        f"more than {limit} above the triggered flight's. Most of an IAE against the "
         "commands is the lag of the reference filter, the same for every sender: equal by that "
         "says less."
     )

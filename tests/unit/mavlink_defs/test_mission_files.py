@@ -16,6 +16,7 @@ from mavlink_defs import dialect
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.float32 import decimal_of_float32
 from mavlink_defs.mission_files import (
+    MAX_NOT_FLOWN,
     MissionFile,
     is_mission_file,
     mission_item,
@@ -322,3 +323,17 @@ def test_what_is_not_flown_of_a_plan_is_told(
     path = tmp_path / "a.plan"
     path.write_text(json.dumps(whole))
     assert list(read_mission_file(path).not_flown) == told
+
+
+@pytest.mark.parametrize("extra", [MAX_NOT_FLOWN, MAX_NOT_FLOWN + 1, 3000])
+def test_of_very_many_keys_that_are_not_flown_the_first_are_named(
+    extra: int, tmp_path: Path
+) -> None:
+    mission = {k: v for k, v in PLAN["mission"].items() if not k.endswith("Speed")}
+    path = tmp_path / "a.plan"
+    path.write_text(json.dumps(PLAN | {"mission": mission} | {f"k{i}": 0 for i in range(extra)}))
+    named = [f"k{i}" for i in range(extra)]
+    if extra > MAX_NOT_FLOWN:
+        first = MAX_NOT_FLOWN - 1
+        named = [*named[:first], f"{extra - first} more keys"]
+    assert list(read_mission_file(path).not_flown) == named

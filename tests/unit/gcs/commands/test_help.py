@@ -50,6 +50,16 @@ def test_help(
     assert max(map(len, text.splitlines())) <= int(columns)
 
 
+def test_help_in_a_pipe_is_folded(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("COLUMNS", raising=False)
+    monkeypatch.setattr(sys, "argv", ["gcs", "--help"])
+    with pytest.raises(SystemExit):
+        main()
+    assert max(map(len, capsys.readouterr().out.splitlines())) < 1000
+
+
 def test_every_program_and_command_is_there() -> None:
     assert len(HELPS) > 40
     assert {"ftc-autopilot", "sitl-plant", "ftc-mavlink"} <= {names[0] for names in HELPS}

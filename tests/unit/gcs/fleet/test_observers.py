@@ -109,11 +109,18 @@ def test_whatever_fails_in_a_recording_ends_it_with_one_message(
 
 
 def test_a_recording_that_hangs_holds_up_no_frame(
-    scenario1: Scenario, tmp_path: Path, messages: list[str], hurried: None
+    scenario1: Scenario,
+    tmp_path: Path,
+    messages: list[str],
+    hurried: None,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     record, released = StandingRecord(scenario1, tmp_path, messages.append), threading.Event()
-    hangs: Any = lambda *_: released.wait(60.0)  # noqa: E731
-    record._collector.pass_on_without_stragglers = hangs  # type: ignore[method-assign]
+
+    def hangs(*_: Any) -> Any:
+        released.wait(60.0)
+
+    monkeypatch.setattr(record._collector, "pass_on_without_stragglers", hangs)
     observer = Observer("recording", record.watch, messages.append)
     try:
         while not messages:
@@ -126,7 +133,9 @@ def test_a_recording_that_hangs_holds_up_no_frame(
         released.set()
 
 
-def test_a_hub_that_fails_on_a_datagram_serves_the_next(messages: list[str]) -> None:
+def test_a_hub_that_fails_on_a_datagram_serves_the_next(
+    messages: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     hub = Hub([1])
     tries: list[bytes] = []
 
@@ -136,7 +145,7 @@ def test_a_hub_that_fails_on_a_datagram_serves_the_next(messages: list[str]) -> 
             raise KeyError(datagram)
         return [sender]
 
-    hub.route = route  # type: ignore[method-assign]
+    monkeypatch.setattr(hub, "route", route)
 
     async def serve() -> None:
         sock = bind_udp(UdpAddress("127.0.0.1", 0), "hub")

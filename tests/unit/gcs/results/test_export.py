@@ -147,3 +147,14 @@ def test_a_run_without_a_recording_is_refused(tmp_path: Path) -> None:
         with pytest.raises(BadInput, match=r"cannot read .*trajectory.arrows: No such file"):
             convert(tmp_path, to, tmp_path)
         assert not list(tmp_path.iterdir()), "nothing is left of a failed export"
+
+
+@pytest.mark.parametrize("to", Format)
+@pytest.mark.parametrize("is_file", [True, False])
+def test_what_is_no_run_folder_is_refused(to: Format, is_file: bool, tmp_path: Path) -> None:
+    thing = tmp_path / "thing"
+    if is_file:
+        thing.write_text("x")
+    with pytest.raises(BadInput, match=r"cannot read .*thing/trajectory.arrows: N"):
+        export(thing, to)
+    assert thing.exists() == is_file

@@ -114,7 +114,7 @@ def test_identify_refuses(
 @pytest.mark.parametrize(
     ("options", "text"),
     [
-        (("--cruise", "nan"), "Invalid value for '--cruise'"),
+        (("--cruise", "nan"), "--cruise: expected a finite number of at least 0.1"),
         (("--cruise", "1e9"), "Input should be less than or equal to 300"),
         (("--airspeed-min", "30"), "--airspeed-min is 30, expected at most --cruise, 28 m/s"),
         (("--airspeed-max", "20"), "--airspeed-max is 20, expected at least --cruise, 28 m/s"),
