@@ -13,7 +13,7 @@ Another seed draws other gusts and noise; with several each figure is the mean, 
 the least and the most. A clock tracks as well if no IAE of any UAV is more than 1 % above the
 triggered flight's: against the filtered reference, which laws track, and beside it against the
 commands, of which most is the reference filter's lag, the same for every sender. `--by-channel`
-searches for a period for each channel as well, from there on, and takes ten times as long.
+searches for a period for each channel as well, from there on.
 """
 
 import argparse
