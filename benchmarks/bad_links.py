@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ftc_autopilot.control.controller import no_signals
-from ftc_autopilot.control.controllers import Source, new_controllers
+from ftc_autopilot.control.controllers import Source
 from ftc_autopilot.control.laws import KINDS
 from ftc_autopilot.control.reference import profile_record
 from ftc_autopilot.control.stepping import (
@@ -25,8 +25,7 @@ from ftc_autopilot.control.stepping import (
     publish_own_state,
 )
 from ftc_autopilot.hot.acknowledgement import note_delay, note_events
-from ftc_autopilot.hot.link import new_link
-from ftc_autopilot.hot.navigation import new_navigation
+from ftc_autopilot.hot.state import new_autopilots
 from gcs.results.figures import UavSummary
 from gcs.results.quantities import QUANTITIES
 from gcs.results.recording import Recording
@@ -74,14 +73,13 @@ class _Autopilot:
     def __init__(self, scenario: Scenario, uav: int, impairment: Impairment) -> None:
         config = scenario.autopilot_config(uav)
         self.neighbours = [neighbour.id for neighbour in config.neighbours]
-        self.controllers = new_controllers([config])
-        self.controllers.weights[0] = [neighbour.weight for neighbour in config.neighbours]
-        self.controllers.profiles[0] = profile_record(scenario.segments())
+        autopilots = new_autopilots([config])
+        self.controllers = autopilots.controllers
+        self.controllers.edges[0]["weight"] = [one.weight for one in config.neighbours]
+        self.controllers.uavs[0]["profile"] = profile_record(scenario.segments())
         for key, value in (("active", 1), ("follows", Source.PROFILE), ("start_step", 0)):
-            self.controllers.guidance[0][key] = value
-        navigation = new_navigation(config)
-        link = new_link(uav, config.neighbours, scenario.step_us, 1.0, 0, navigation)
-        self.link = link.state[0]
+            self.controllers.uavs[0]["guidance"][key] = value
+        self.link = autopilots.own[0]["link"]
         self.states = _Direction(impairment, f"states {uav}")
         self.commands = _Direction(impairment, f"commands {uav}")
 
@@ -91,15 +89,16 @@ class _Autopilot:
         step, step_us = int(measured["step"]), int(self.link["step_us"])
         periods = note_delay(self.link, measured)
         if compensated:
-            controllers.delays[0]["periods"] = periods
+            controllers.uavs[0]["delay"]["periods"] = periods
         else:
-            delay = controllers.delays[0]
+            delay = controllers.uavs[0]["delay"]
             delay["step"], delay["n_events"] = step - 1, 0  # no state counts as lost, none as late
-        mask = controller_step(controllers, 0, measured, step_us)
-        broadcast_if_triggered(controllers, 0, step, step_us)
+        mask = controller_step(*controllers.of(0), measured, step_us)
+        broadcast_if_triggered(controllers.uavs[0], step, step_us)
         self.link["step"] = step
-        if note_events(self.link, measured, controllers, mask, False):
-            self.commands.send(controllers.actuators[0], at_s)
+        if note_events(self.link, measured, mask, False):
+            controllers.uavs[0]["actuators"]["time_usec"] = measured["time_usec"]
+            self.commands.send(controllers.uavs[0]["actuators"], at_s)
         return step
 
 
@@ -118,23 +117,23 @@ def fly_over(scenario: Scenario, impairment: Impairment, compensated: bool = Tru
     applied, signals = np.zeros((*shape, 4)), no_signals(scenario.steps * len(ids)).reshape(shape)
     for i, autopilot in enumerate(autopilots.values()):
         observe(fleet, i, 0, scenario.step_us)
-        publish_own_state(autopilot.controllers, 0, fleet.messages[i])
+        publish_own_state(autopilot.controllers.uavs[0], fleet.uavs[i]["message"])
     _exchange(autopilots)
     for step in range(scenario.steps):
-        states[step], wind[step] = fleet.states, fleet.air[:, :3]
+        states[step], wind[step] = fleet.uavs["state"], fleet.uavs["air"][:, :3]
         end_s = (step + 1) * dt
         for i, autopilot in enumerate(autopilots.values()):
             observe(fleet, i, step, scenario.step_us)
-            autopilot.states.send(fleet.messages[i], step * dt)
+            autopilot.states.send(fleet.uavs[i]["message"], step * dt)
             for at_s, datagram in autopilot.states.arrived(end_s):
                 worked_on = autopilot.receive(datagram, at_s, compensated)
-                signals[worked_on, i] = autopilot.controllers.signals[0]
+                signals[worked_on, i] = autopilot.controllers.uavs[0]["signals"]
         _exchange(autopilots)
         for i, autopilot in enumerate(autopilots.values()):
             for _, datagram in autopilot.commands.arrived(end_s):
                 receive_controls(fleet, i, np.frombuffer(datagram, ACTUATORS)[0])
         assert fly(fleet, step, scenario.step_us) < 0, "the flight was lost"
-        applied[step] = fleet.applied
+        applied[step] = fleet.uavs["applied"]
     repeats = np.array([autopilot.link["repeated"] for autopilot in autopilots.values()])
     return Recording(
         "real_time",
@@ -154,7 +153,7 @@ def _fleet_of(scenario: Scenario) -> PlantState:
     fleet, ids = new_plant_state(scenario.plant_config(speed=None)), [u.id for u in scenario.uavs]
     for uav, fault in scenario.fault_commands():
         received = fault_from_params(fault, scenario.aircraft_of(uav).fault_limits)
-        add_fault(fleet.faults[ids.index(uav)], received, now_s=0.0)
+        add_fault(fleet.uavs["faults"][ids.index(uav)], received, now_s=0.0)
     return fleet
 
 
@@ -162,7 +161,8 @@ def _exchange(autopilots: dict[int, _Autopilot]) -> None:
     """Deliver the last broadcast of every autopilot to its neighbours."""
     for autopilot in autopilots.values():
         for d, uav in enumerate(autopilot.neighbours):
-            hear(autopilot.controllers, 0, d, autopilots[uav].controllers.last_broadcast[0])
+            own, edges, _ = autopilot.controllers.of(0)
+            hear(own, edges, d, autopilots[uav].controllers.uavs[0]["last_broadcast"])
 
 
 def scenario_with(law: str, duration_s: float) -> Scenario:

@@ -110,8 +110,8 @@ def watched(scenario: Scenario) -> tuple[Steps, list[Exclusion]]:
 
 
 def _excluded(flight: Flight) -> Iterator[tuple[int, str]]:
-    for uav, estimator in zip(flight.ids, flight.estimators, strict=True):
-        report = estimator.report[0]
+    for uav, estimator in zip(flight.ids, flight.estimates.estimators, strict=True):
+        report = estimator["report"]
         for k in range(3):
             if int(report["bad_imus"]) >> k & 1:
                 yield uav, f"imu {k + 1}"

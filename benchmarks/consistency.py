@@ -83,7 +83,8 @@ def follow(scenario: Scenario, flight: Recording, seed: int, i: int = 0) -> Foll
         estimator,
     )
     records = np.zeros(2, SIM_STATE)
-    _follow(true, new_sensing(plant), i, estimator, np.zeros(1, SIM_STEP), records, *out[:6])
+    state, history = estimator.state[0], estimator.history
+    _follow(true, new_sensing(plant), i, state, history, np.zeros(1, SIM_STEP), records, *out[:6])
     return out
 
 
@@ -107,7 +108,8 @@ def _follow(
     true: np.ndarray,
     sensing: Sensing,
     i: int,
-    estimator: Estimator,
+    estimator: np.void,
+    history: np.ndarray,
     sim_step: np.ndarray,
     records: np.ndarray,
     error: np.ndarray,
@@ -118,7 +120,7 @@ def _follow(
     bad: np.ndarray,
 ) -> None:
     truth, estimated = records[0], records[1]
-    step_us = estimator.parameters[0]["step_us"]
+    step_us = estimator["parameters"]["step_us"]
     for k in range(len(true)):
         truth["time_usec"], truth["step"] = k * step_us, k
         for axis in range(3):
@@ -130,11 +132,13 @@ def _follow(
             truth["wind"][axis] = true[k, 15 + axis]
         sim_step[0]["step"], sim_step[0]["time_usec"] = k, k * step_us
         delivered = sense(sensing, i, k, truth)
-        estimate(estimator, sensing.imus[i], sensing.gps[i], delivered, sim_step[0], estimated)
+        estimate(
+            estimator, history, sensing.imus[i], sensing.gps[i], delivered, sim_step[0], estimated
+        )
         if k % EVERY != 0:
             continue
         row = k // EVERY
-        filter_ = estimator.filters[estimator.progress[0]["imu"]]
+        filter_ = estimator["filters"][estimator["progress"]["imu"]]
         _note_error(truth, filter_, error[row])
         for axis in range(3):
             measured[row, axis] = estimated["position"][axis]
@@ -146,9 +150,9 @@ def _follow(
             for c in range(N):
                 covariance[row, r, c] = filter_["P"][r, c]
         for s in range(ratios.shape[1]):
-            ratios[row, s] = estimator.report[0]["ratios"][s]
-        bad[row, 0] = estimator.report[0]["bad_imus"]
-        bad[row, 1] = estimator.report[0]["bad_sensors"]
+            ratios[row, s] = estimator["report"]["ratios"][s]
+        bad[row, 0] = estimator["report"]["bad_imus"]
+        bad[row, 1] = estimator["report"]["bad_sensors"]
 
 
 @compiled

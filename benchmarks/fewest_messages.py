@@ -121,7 +121,7 @@ class Sky:
         for _, fault in self.scenario.fault_commands():
             limits = self.scenario.aircraft.fault_limits
             received = fault_from_params(fault, limits)
-            add_fault(self._start.faults[0], received, now_s=0.0)
+            add_fault(self._start.uavs[0]["faults"], received, now_s=0.0)
         self.commanded = np.zeros((self.steps, 4))
         profile = profile_record(self.scenario.segments())
         for k in range(self.steps):
@@ -134,7 +134,7 @@ class Sky:
         """
         fleet = copy.deepcopy(self._start)
         states = np.zeros((self.steps, 12))
-        aircraft = fleet.aircraft[0]
+        aircraft = fleet.uavs[0]["aircraft"]
         limits = np.array([*aircraft["stops"][:, 1], aircraft["thrust_limit"]])
         commands = schedule.commands(self.steps, self.step_us) * limits
         if not fly_open_loop(fleet, commands, self.step_us, states):
@@ -161,10 +161,10 @@ def fly_open_loop(
         step_us: Period [µs].
         states: State at the beginning of each step, shape (steps, 12), written.
     """
-    fleet.messages[0]["actuator_time_usec"] = 0
+    fleet.uavs[0]["message"]["actuator_time_usec"] = 0
     for k in range(len(commands)):
-        states[k] = fleet.states[0]
-        fleet.controls[0] = commands[k]
+        states[k] = fleet.uavs[0]["state"]
+        fleet.uavs[0]["controls"] = commands[k]
         if fly(fleet, k, step_us) >= 0:
             return False
     return True

@@ -8,18 +8,14 @@ import time
 from collections import Counter
 from pathlib import Path
 
-import numpy as np
-
 from ftc_autopilot.config import AutopilotConfig
-from ftc_autopilot.control.controllers import new_controllers
 from ftc_autopilot.control.plugin_failures import clear_failures, failure_of
-from ftc_autopilot.hot.checkpoint import VEHICLE, save
+from ftc_autopilot.hot.checkpoint import save
+from ftc_autopilot.hot.drops import GCS, PLANT, SIMULATOR
 from ftc_autopilot.hot.hot_state import HotState
-from ftc_autopilot.hot.link import GCS, PLANT, SIMULATOR, new_link
-from ftc_autopilot.hot.loop import Loop
-from ftc_autopilot.hot.navigation import new_navigation, reset_navigation
-from ftc_autopilot.hot.recorder import RECORD_ROWS, Recorder
-from ftc_autopilot.hot.restart import with_checkpoint
+from ftc_autopilot.hot.navigation import reset_navigation
+from ftc_autopilot.hot.recorder import Recorder
+from ftc_autopilot.hot.state import FORMATION_SIGNER, PLANT_SIGNER, Autopilots
 from ftc_autopilot.vehicle.gcs_signing import GcsSigning
 from ftc_autopilot.vehicle.mission_checkpoint import load_mission, save_mission
 from ftc_autopilot.vehicle.vehicle import Vehicle
@@ -34,9 +30,8 @@ from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
 from mavlink_defs.framing.header import MAX_FRAME_SIZE
 from mavlink_defs.framing.hot_link import Outcome
-from mavlink_defs.framing.hot_signing import load_link_signer, refresh, sign_bytes
+from mavlink_defs.framing.hot_signing import refresh, sign_bytes
 from mavlink_defs.framing.key_file import KeyFile
-from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK
 from mavlink_defs.runtime.spool import unwritten
 from mavlink_defs.visible import log_line
 
@@ -59,6 +54,7 @@ class Autopilot:
 
     Attributes:
         system: Its system id.
+        state: Its state, which the compiled loop shares.
         is_over: Whether its flight has ended, or it was stopped.
         loss: Why it ended before the simulation did; None if it did not.
         failure: Which plug-in has ended it and why; None if none has.
@@ -70,24 +66,28 @@ class Autopilot:
     def __init__(
         self,
         config: AutopilotConfig,
+        state: Autopilots,
         plant: socket.socket,
         formation: socket.socket,
         gcs: socket.socket,
         record: Path | None,
         key_file: KeyFile | None,
-        checkpoint: Path | None = None,
+        mission_file: Path | None = None,
+        resumes: bool = False,
     ) -> None:
-        """Boot, restoring the checkpoint of a previous process if there is one.
+        """Boot, resuming the flight of a previous process if there is one.
 
         Args:
             config: The configuration.
+            state: A single one of `new_autopilots`.
             plant: Connected to the plant.
             formation: Bound to the own formation port.
             gcs: Sends to the ground stations.
             record: Folder for the recorded signals; None: nothing is recorded.
             key_file: The file `config.signing_key`, opened before the sockets were bound; None
                 without one.
-            checkpoint: File from which a restart resumes; None: nothing is saved.
+            mission_file: Where the mission is saved for a restart; None: it is not.
+            resumes: Whether `state` was restored from a checkpoint.
 
         Raises:
             OSError: A file cannot be made; it is named.
@@ -100,29 +100,15 @@ class Autopilot:
         self._ground_stations = [(address.host, address.port) for address in addresses]
         self._simulator = (config.id, SIMULATOR_COMPONENT)
         self._key_file = key_file
-        self._controllers = new_controllers([config])
-        self._link = new_link(
-            config.id,
-            config.neighbours,
-            config.step_us,
-            config.neighbour_timeout_s,
-            0 if record is None else RECORD_ROWS,
-            new_navigation(config),
-            load_link_signer(self._key_file, PLANT_LINK),
-            load_link_signer(self._key_file, FORMATION_LINK),
-        )
-        self._saved = np.zeros(1, VEHICLE)
-        resumes = False
-        if checkpoint is not None:
-            self._link, self._controllers, resumes = with_checkpoint(
-                self._link, self._controllers, self._saved, config, checkpoint
-            )
-        self._recorder = None if record is None else Recorder(self._link, record, resumes)
-        self._hot = HotState(self._link)
+        self.state, self._saved = state, state.own[0]["vehicle"]
+        self._controllers = state.controllers
+        self._signers = [state.signer(0, link) for link in (PLANT_SIGNER, FORMATION_SIGNER)]
+        self._recorder = None if record is None else Recorder(state, record, resumes)
+        self._hot = HotState(state)
         self._vehicle = Vehicle(config, self._hot, self._controllers, time.time())
-        self._mission_file = checkpoint and checkpoint.with_suffix(".mission")
-        if resumes and self._mission_file:
-            self._vehicle.resume(self._saved[0], load_mission(self._mission_file))
+        self._mission_file = mission_file
+        if resumes and mission_file:
+            self._vehicle.resume(self._saved, load_mission(mission_file))
         self._saved_mission: int | None = None
         component = dialect.MAV_COMP_ID_AUTOPILOT1
         # each has its own sequence numbers: not all get the same messages
@@ -137,11 +123,6 @@ class Autopilot:
         self.is_over = False
         self.crash_at = _NEVER
         self.record_optional = False
-
-    @property
-    def loop(self) -> Loop:
-        """What the compiled loop needs of this autopilot, which owns its memory."""
-        return Loop(self._link, self._controllers)
 
     @property
     def sockets(self) -> tuple[int, int, int]:
@@ -165,7 +146,7 @@ class Autopilot:
             self._receive_from_simulator()
         elif outcome == Outcome.RESTARTED:
             self._vehicle.restart()
-            reset_navigation(self._link.navigation, self._config)
+            reset_navigation(self.state.own, self.state.histories, self._config)
         self.loss = self.loss or self._silence()
         if self.loss is None:
             self._handle_messages()
@@ -218,14 +199,14 @@ class Autopilot:
 
     def _failure(self) -> str | None:
         """Return how a plug-in has ended the flight; a standing fleet flies on without this one."""
-        failure = failure_of(self._controllers, 0, self._config, self._vehicle.time_s)
+        failure = failure_of(self._controllers.uavs[0], self._config, self._vehicle.time_s)
         if failure is None:
             return None
         log(self.system, failure)
         if not self.record_optional:
             self.failure = failure
             return failure
-        clear_failures(self._controllers, 0)
+        clear_failures(self._controllers.uavs[0])
         self._vehicle.end_control(failure)
         return None
 
@@ -241,7 +222,7 @@ class Autopilot:
     def _handle_messages(self) -> None:
         """Receive from ground stations and answer; in real time a few messages for each step."""
         if self._key_file is not None:
-            refresh(self._key_file, self._link.simulator.signer, self._link.formation.signer)
+            refresh(self._key_file, *self._signers)
         passed, self._served_step = self._hot.step - self._served_step, self._hot.step
         most = None
         if self._in_real_time:
@@ -251,8 +232,8 @@ class Autopilot:
             more = self._receive_from_ground_stations(most or _MAX_GCS_DATAGRAMS)
         self._vehicle.handle_timer(time.monotonic(), most)
         self._save_mission()
-        self._vehicle.save(self._saved[0])
-        save(self._link.checkpoint)
+        self._vehicle.save(self._saved)
+        save(self.state.checkpoint, self.state.own, self.state.edges)
         self._send_messages(most)
         self._more_to_do = more or self._vehicle.has_gcs_messages
 
@@ -349,7 +330,7 @@ class Autopilot:
     def _send_messages(self, most: int | None = None) -> None:
         for message in self._vehicle.simulator_messages():
             _send(
-                self._plant, sign_bytes(self._link.simulator.signer, self._to_plant.pack(message))
+                self._plant, sign_bytes(self._signers[PLANT_SIGNER], self._to_plant.pack(message))
             )
         for station, address in enumerate(self._ground_stations):
             for message in self._vehicle.gcs_messages(station, most):

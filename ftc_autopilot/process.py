@@ -5,6 +5,7 @@ stations, and flies until the plant ends the simulation. Exit status: 0 the simu
 a signal stopped it, 1 the plant fell silent, 2 bad input, 3 a plug-in failed.
 """
 
+import socket
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -14,8 +15,12 @@ from pathlib import Path
 from ftc_autopilot.autopilot import Autopilot, log
 from ftc_autopilot.config import PLUGIN_FAILED, AutopilotConfig
 from ftc_autopilot.hot.loop import new_loops, run
+from ftc_autopilot.hot.recorder import RECORD_ROWS
+from ftc_autopilot.hot.restart import with_checkpoint
+from ftc_autopilot.hot.state import Autopilots, new_autopilots
 from mavlink_defs.config.files import load
 from mavlink_defs.config.models import ConfigError
+from mavlink_defs.config.problems import Problem
 from mavlink_defs.endpoint import (
     EndpointError,
     UdpAddress,
@@ -35,12 +40,12 @@ from mavlink_defs.runtime.shutdown import on_stop
 from mavlink_defs.visible import log_line
 
 
-class Autopilots:
+class Together:
     """One autopilot, or in lockstep several."""
 
-    def __init__(self, autopilots: Sequence[Autopilot]) -> None:
-        """Take autopilots that have booted; at least one."""
-        self._autopilots = autopilots
+    def __init__(self, autopilots: Sequence[Autopilot], state: Autopilots) -> None:
+        """Take autopilots that have booted, at least one, and their state."""
+        self._autopilots, self._state = autopilots, state
         self.stopping = False
 
     def fly(self) -> None:
@@ -53,7 +58,8 @@ class Autopilots:
             autopilot.stop()
 
     def _fly_until_one_ends(self, flying: Sequence[Autopilot]) -> None:
-        loops = new_loops([one.loop for one in flying], [one.sockets for one in flying])
+        rows = [self._autopilots.index(one) for one in flying]
+        loops = new_loops(self._state, [one.sockets for one in flying], rows)
         until_s, until_step = loops.state["until_s"], loops.state["until_step"]
         asking = list(enumerate(flying))
         while not self.stopping:
@@ -112,10 +118,7 @@ def main(arguments: list[str] | None = None) -> None:
         parser.error(f"{len(records)} --record for {len(configs)} CONFIGs: give one for each")
     with ExitStack() as sockets:
         try:
-            autopilots = [
-                _boot(config, record, options.checkpoint, sockets)
-                for config, record in zip(configs, records, strict=True)
-            ]
+            autopilots, state = _boot(configs, records, options.checkpoint, sockets)
         except (ConfigError, EndpointError, PluginError, SigningError) as problem:
             log_line(problem)
             sys.exit(2)
@@ -126,7 +129,7 @@ def main(arguments: list[str] | None = None) -> None:
             autopilot.record_optional = options.record_optional
         if options.crash_at is not None:
             autopilots[0].crash_at = options.crash_at
-        together = Autopilots(autopilots)
+        together = Together(autopilots, state)
 
         def stop() -> None:
             together.stopping = True
@@ -145,18 +148,47 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _boot(
-    file: Path, record: Path | None, checkpoint: Path | None, sockets: ExitStack
-) -> Autopilot:
-    """Return an autopilot by its configuration file; its sockets are closed with `sockets`.
+    files: Sequence[Path],
+    records: Sequence[Path | None],
+    checkpoint: Path | None,
+    sockets: ExitStack,
+) -> tuple[list[Autopilot], Autopilots]:
+    """Return autopilots by their configuration files, and their state.
+
+    The sockets are closed with `sockets`.
 
     Raises:
-        ConfigError, EndpointError, PluginError, SigningError: The configuration cannot be used.
+        ConfigError, EndpointError, PluginError, SigningError: A configuration cannot be used.
         OSError: A file cannot be made; it is named.
     """
-    config = load(file, AutopilotConfig)
-    key_file = None
-    if config.signing_key:
-        key_file = KeyFile(config.signing_key, partial(log, config.id))
+    configs = [load(file, AutopilotConfig) for file in files]
+    first, key_file = configs[0], None
+    for file, config in zip(files, configs, strict=True):
+        if config.signing_key != first.signing_key:
+            problem = Problem(
+                ("signing_key",), f"expected the key of {files[0]}, whose process it shares"
+            )
+            raise ConfigError(file, [problem])
+    if first.signing_key:
+        key_file = KeyFile(first.signing_key, partial(log, first.id))
+    own_sockets = [_open_sockets(config, sockets) for config in configs]
+    rows = 0 if records[0] is None else RECORD_ROWS
+    state = new_autopilots(configs, rows, key_file)
+    resumes, mission = False, None
+    if checkpoint is not None:
+        state, resumes = with_checkpoint(state, first, checkpoint)
+        mission = checkpoint.with_suffix(".mission")
+    autopilots = [
+        Autopilot(config, state.of(i), *own_sockets[i], record, key_file, mission, resumes)
+        for i, (config, record) in enumerate(zip(configs, records, strict=True))
+    ]
+    return autopilots, state
+
+
+def _open_sockets(
+    config: AutopilotConfig, sockets: ExitStack
+) -> tuple[socket.socket, socket.socket, socket.socket]:
+    """Return sockets: connected to the plant, on the formation port, of ground stations."""
     address = parse_address(config.formation_bind)
     plant = sockets.enter_context(connect_udp(parse_address(config.plant)))
     formation = sockets.enter_context(
@@ -166,4 +198,4 @@ def _boot(
     for at in (address, UdpAddress(*gcs.getsockname())):
         if not is_loopback(at):
             log(config.id, exposed(at, bool(config.signing_key)))
-    return Autopilot(config, plant, formation, gcs, record, key_file, checkpoint)
+    return plant, formation, gcs

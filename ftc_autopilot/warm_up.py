@@ -15,9 +15,8 @@ from ftc_autopilot.guidance.members import cause_of, policy_of, state_of
 from ftc_autopilot.guidance.path import locate, path_record, point_at
 from ftc_autopilot.hot.checkpoint import save
 from ftc_autopilot.hot.hot_state import HotState
-from ftc_autopilot.hot.link import AutopilotLink, new_link
-from ftc_autopilot.hot.loop import Loop, new_loops, run
-from ftc_autopilot.hot.navigation import new_navigation
+from ftc_autopilot.hot.loop import new_loops, run
+from ftc_autopilot.hot.state import new_autopilots
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from mavlink_defs.config.files import load
 from mavlink_defs.config.models import ConfigError
@@ -34,9 +33,9 @@ def warm_up_with(config_file: Path) -> None:
 def call_controller(config: AutopilotConfig) -> None:
     """Make a control step: what takes longest to compile, and what every flight calls."""
     controllers, measured = new_controllers([config]), np.zeros(1, SIM_STATE)
-    controllers.guidance["active"] = 1
+    controllers.uavs["guidance"]["active"] = 1
     measured["velocity"][:, 0] = 40.0  # m/s
-    controller_step(controllers, 0, measured[0], config.step_us)
+    controller_step(*controllers.of(0), measured[0], config.step_us)
 
 
 def call_everything(config: AutopilotConfig) -> None:
@@ -47,11 +46,11 @@ def call_everything(config: AutopilotConfig) -> None:
 
 def call_loop(config: AutopilotConfig) -> None:
     """Let the compiled loop poll for a state that does not come."""
-    link = _new_link(config)
+    autopilots = new_autopilots([config], 1)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         fd = sock.fileno()
-        run(new_loops([Loop(link, new_controllers([config]))], [(fd, fd, fd)]))
-    save(link.checkpoint)
+        run(new_loops(autopilots, [(fd, fd, fd)]))
+    save(autopilots.checkpoint, autopilots.own, autopilots.edges)
 
 
 def call_messages(config: AutopilotConfig) -> None:
@@ -61,14 +60,10 @@ def call_messages(config: AutopilotConfig) -> None:
     point_at(path, 0.0)
     for part_of in (state_of, cause_of, policy_of):
         part_of(0)
-    state = HotState(_new_link(config))
-    (telemetry, *_) = Vehicle(config, state, new_controllers([config])).telemetry
+    autopilots = new_autopilots([config])
+    (telemetry, *_) = Vehicle(config, HotState(autopilots), autopilots.controllers).telemetry
     for message_id in telemetry.available:
         telemetry.make(message_id)
-
-
-def _new_link(config: AutopilotConfig) -> AutopilotLink:
-    return new_link(config.id, config.neighbours, config.step_us, 1.0, 1, new_navigation(config))
 
 
 def endless_path() -> np.void:

@@ -17,6 +17,7 @@ from ftc_autopilot.autopilot import Autopilot
 from ftc_autopilot.control.stepping import controller_step
 from ftc_autopilot.hot.formation_link import receive_neighbour_states
 from ftc_autopilot.hot.loop import new_loops, run
+from ftc_autopilot.hot.state import FORMATION_SIGNER, new_autopilots
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client
 from gcs.station.status import drop_lines, fleet_table, vehicle_status
@@ -89,9 +90,10 @@ class AutopilotTarget:
         station = "{}:{}".format(*self._plant.getsockname())
         neighbours = tuple(n.model_copy(update={"address": station}) for n in config.neighbours)
         update = {"gcs": (station,), "plant": station, "neighbours": neighbours}
-        self._autopilot = Autopilot(
-            config.model_copy(update=update), self._own, self._formation, self._gcs, None, None
-        )
+        config = config.model_copy(update=update)
+        self._state = new_autopilots([config])
+        sockets = self._own, self._formation, self._gcs
+        self._autopilot = Autopilot(config, self._state, *sockets, None, None)
         self._formation.setblocking(False)
         self._own.setblocking(False)
         self._fuzzed = {
@@ -102,24 +104,24 @@ class AutopilotTarget:
         senders = {"gcs": (255, 190), "simulator": (UAV, 25), "formation": (NEIGHBOUR, 1)}
         self.sender = senders[port]
         self._is_formation = port == "formation"
-        self._link, self._controllers = self._autopilot._link, self._autopilot._controllers
+        self._controllers, self._row = self._state.controllers, self._state.own[0]
         self._steps = 0
         self._arm()
-        self._link.simulator.measured[0]["velocity"] = (40.0, 0.0, 0.5)
-        self._link.state["flags"], self._link.state["heard_s"] = 0, time.monotonic()
+        self._row["measured"]["velocity"] = (40.0, 0.0, 0.5)
+        self._row["link"]["flags"], self._row["link"]["heard_s"] = 0, time.monotonic()
         self.step()
 
     def feed(self, datagram: bytes) -> None:
         """Take in a datagram and do all that it causes."""
         self._plant.sendto(datagram, self._fuzzed.getsockname())
-        self._link.state["flags"] &= _LOCKSTEP
-        self._link.state["heard_s"] = time.monotonic()
+        self._row["link"]["flags"] &= _LOCKSTEP
+        self._row["link"]["heard_s"] = time.monotonic()
         if self._is_formation:
-            receive_neighbour_states(
-                self._formation.fileno(), self._link.formation, self._controllers, 0
-            )
+            signer = self._state.signer(0, FORMATION_SIGNER)
+            edges = self._state.edges[0]
+            receive_neighbour_states(self._formation.fileno(), self._row, edges, signer, 0)
             return
-        loops = new_loops([self._autopilot.loop], [self._autopilot.sockets])
+        loops = new_loops(self._state, [self._autopilot.sockets])
         loops.state["until_step"] = 2**62
         run(loops)
         outcome = loops.state[0]["outcome"]
@@ -132,7 +134,7 @@ class AutopilotTarget:
         self._autopilot._send_messages()
 
     def _arm(self) -> None:
-        self._controllers.guidance[0]["active"] = 1
+        self._controllers.uavs[0]["guidance"]["active"] = 1
         self._autopilot._vehicle.modes.armed = True
 
     def handle_timer(self, now: float) -> None:
@@ -146,13 +148,13 @@ class AutopilotTarget:
         state = np.zeros(1, codec.SIM_STATE)
         state["velocity"] = (40.0, 0.0, 0.5)
         state["step"], self._steps = self._steps, self._steps + 1
-        controller_step(self._controllers, 0, state[0], 1000)
-        controls: np.ndarray = self._controllers.actuators[0]["controls"]
+        controller_step(*self._controllers.of(0), state[0], 1000)
+        controls: np.ndarray = self._controllers.uavs[0]["actuators"]["controls"]
         return controls
 
     def state(self) -> bytes:
         """Return all that an invalid datagram must leave as it is."""
-        vehicle, state = self._autopilot._vehicle, self._link.state[0]
+        vehicle, state = self._autopilot._vehicle, self._row["link"]
         names = ("step", "pending_usec", "repeated")
         values = repr(
             (
@@ -163,19 +165,18 @@ class AutopilotTarget:
                 [p.get() for p in vehicle._params._parameters],
             )
         )
-        return (
+        memory: bytes = (
             b"".join(array.tobytes() for array in self._controllers)
             + b"".join(state[name].tobytes() for name in names)
-            + self._link.formation.state["edge_changes"].tobytes()
-            + self._link.formation.pending.tobytes()
-            + self._link.formation.heard_step.tobytes()
-            + self._link.simulator.measured.tobytes()
+            + self._row["formation"]["edge_changes"].tobytes()
+            + self._row["measured"].tobytes()
             + values.encode()
         )
+        return memory
 
     def drops(self) -> int:
         """Return the number of datagrams counted as dropped."""
-        return int(self._link.drops[:3].sum())
+        return int(self._row["drops"][:3].sum())
 
     def close(self) -> None:
         """Close the sockets."""
@@ -195,13 +196,13 @@ class PlantTarget:
         self._fuzzed = self._other if stranger else self._peer
         self.sender = (1, dialect.MAV_COMP_ID_AUTOPILOT1)
         self._link, self._fleet = self._plant._link, self._plant._fleet
-        self._link.addresses[:] = sockaddr(Endpoint(*self._peer.getsockname()))
-        self._link.known[:] = 1
+        self._link.peers["address"][:] = sockaddr(Endpoint(*self._peer.getsockname()))
+        self._link.peers["known"][:] = 1
         self._link.state["flags"] = _LOCKSTEP
 
     def feed(self, datagram: bytes) -> None:
         """Take in a datagram and do all that it causes."""
-        self._link.heard_s[:] = self._link.state["sent_s"] = time.monotonic()
+        self._link.peers["heard_s"][:] = self._link.state["sent_s"] = time.monotonic()
         self._fuzzed.sendto(datagram, self._sock.getsockname())
         outcome = plant_link.run(self._sock.fileno(), self._link, self._fleet, 0.0)
         if outcome == Outcome.SERVICE:
@@ -213,19 +214,19 @@ class PlantTarget:
         """Let time pass; the states that come of it."""
         for step in range(steps):
             fly(self._fleet, step, 1000)
-        return self._fleet.states
+        return self._fleet.uavs["state"]
 
     def state(self) -> bytes:
         """Return all that an invalid datagram must leave as it is."""
         services = [service.armed for service in self._plant._services]
         arrays = (
-            self._fleet.states,
-            self._fleet.controls,
-            self._fleet.faults,
-            self._link.done,
-            self._fleet.messages["actuator_time_usec"],
-            self._link.known,
-            self._link.addresses,
+            self._fleet.uavs["state"],
+            self._fleet.uavs["controls"],
+            self._fleet.uavs["faults"],
+            self._link.peers["done"],
+            self._fleet.uavs["message"]["actuator_time_usec"],
+            self._link.peers["known"],
+            self._link.peers["address"],
         )
         return b"".join(array.tobytes() for array in arrays) + repr(services).encode()
 

@@ -5,10 +5,11 @@ from typing import NamedTuple
 import numpy as np
 
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
+from mavlink_defs.faults import MAX_FAULTS
 from mavlink_defs.framing.codec import SIM_STATE, SIM_STEP
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.runtime.jit import compiled, inlined
-from sitl_plant.actuators import no_faults
+from sitl_plant.actuators import FAULT, no_faults
 from sitl_plant.aircraft import AIRCRAFT, aircraft_record
 from sitl_plant.config import InitialState, PlantConfig
 from sitl_plant.disturbance import (
@@ -30,10 +31,10 @@ from sitl_plant.plant import (
 from sitl_plant.plant_section import OwnPlant
 from sitl_plant.rigid_body import R1
 from sitl_plant.sensing.sense import Sensing, new_sensing, sense
-from sitl_plant.sensors import measure, new_sensors, true_motions
-from sitl_plant.servo import begin_period, new_servos, sent_commands
+from sitl_plant.sensors import SENSORS, measure, new_sensors, true_motions
+from sitl_plant.servo import SERVOS, begin_period, new_servos, sent_commands
 from sitl_plant.stops import position_of, range_of
-from sitl_plant.turbulence import advance_turbulence, start_turbulence
+from sitl_plant.turbulence import TURBULENCE, advance_turbulence, start_turbulence
 from sitl_plant.vec3 import mul, norm, sub, vec3
 from sitl_plant.wind import air_around, new_wind
 
@@ -53,26 +54,34 @@ ADVANCE = -2
 """Result of `fly`: simulators are to be advanced before the period can end."""
 
 
-class PlantState(NamedTuple):
-    """Arrays over n aircraft, in the order of the configuration."""
+UAV = np.dtype(
+    [
+        ("aircraft", AIRCRAFT),  # the true one
+        ("state", "f8", (12,)),  # see `sitl_plant.rigid_body.State`
+        ("air", "f8", (6,)),  # motion of the air around it now, see `sitl_plant.rigid_body.Air`
+        ("controls", "f8", (N_CHANNELS,)),  # held: aileron, elevator, rudder [rad], thrust [N]
+        ("applied", "f8", (N_CHANNELS,)),  # true positions and thrust at the last period's start
+        ("faults", FAULT, (MAX_FAULTS,)),
+        ("servos", SERVOS),
+        ("turbulence", TURBULENCE),
+        ("sensors", SENSORS),
+        ("outside", OUTSIDE),
+        ("message", SIM_STATE),  # the present state as the wire carries it
+        ("step", SIM_STEP),  # of a flight by sensors, what is beyond them
+    ]
+)
+"""One aircraft of the plant."""
 
-    states: np.ndarray  # (n, 12), see `sitl_plant.rigid_body.State`
-    controls: np.ndarray  # (n, 4) held commands: aileron, elevator, rudder [rad], thrust [N]
-    servos: np.ndarray  # (n,), dtype SERVOS
+
+class PlantState(NamedTuple):
+    """All of n aircraft, in the order of the configuration."""
+
+    uavs: np.ndarray  # (n,), dtype UAV
     sent: np.ndarray  # (n, depth, 4), see `sitl_plant.servo.sent_commands`
-    applied: np.ndarray  # (n, 4) true positions and thrust at the last period's start
-    faults: np.ndarray  # (n, MAX_FAULTS), dtype FAULT
-    aircraft: np.ndarray  # (n,), dtype AIRCRAFT, the true ones
-    messages: np.ndarray  # (n,), dtype SIM_STATE: the present state as the wire carries it
-    steps: np.ndarray  # (n,), dtype SIM_STEP: of a flight by sensors, what is beyond them
+    truth: np.ndarray  # (n, depth, AXES), see `sitl_plant.sensors.true_motions`
     disturbance: np.ndarray  # (6, 3)
     disturbed: np.ndarray  # (7,): a step, -1 for none, and the disturbances at it
     wind: np.ndarray  # (1,), dtype WIND
-    turbulence: np.ndarray  # (n,), dtype TURBULENCE
-    air: np.ndarray  # (n, 6), motion of the air around each now, see `sitl_plant.rigid_body.Air`
-    sensors: np.ndarray  # (n,), dtype SENSORS
-    truth: np.ndarray  # (n, depth, AXES), see `sitl_plant.sensors.true_motions`
-    outside: np.ndarray  # (n,), dtype OUTSIDE
     sensing: Sensing  # of no aircraft if all are handed their true states
 
 
@@ -81,43 +90,29 @@ _NOTHING_APPLIED = np.uint64(2**64 - 1)
 
 def new_plant_state(config: PlantConfig) -> PlantState:
     """Return the state of a configuration's plant, at its start."""
-    n = len(config.uavs)
-    aircraft = np.zeros(n, AIRCRAFT)
-    states = np.zeros((n, 12))
-    messages = np.zeros(n, SIM_STATE)
-    messages["actuator_time_usec"] = _NOTHING_APPLIED
-    for i, uav in enumerate(config.uavs):
-        aircraft[i] = aircraft_record(uav.aircraft)
-        states[i] = _initial_state(uav.initial)
-    servos = np.array([new_servos(uav.servos, config.step_us) for uav in config.uavs])
-    wind, turbulence = new_wind(config.wind, config.uavs)
-    sensors = new_sensors(config)
-    outside = np.zeros(n, OUTSIDE)
-    outside["flies"] = [not isinstance(uav.plant, OwnPlant) for uav in config.uavs]
+    uavs = np.zeros(len(config.uavs), UAV)
+    uavs["message"]["actuator_time_usec"] = _NOTHING_APPLIED
+    uavs["servos"] = [new_servos(uav.servos, config.step_us) for uav in config.uavs]
+    wind, uavs["turbulence"] = new_wind(config.wind, config.uavs)
+    uavs["sensors"] = new_sensors(config)
+    uavs["outside"]["flies"] = [not isinstance(uav.plant, OwnPlant) for uav in config.uavs]
+    for own, uav in zip(uavs, config.uavs, strict=True):
+        own["aircraft"] = aircraft_record(uav.aircraft)
+        own["state"] = _initial_state(uav.initial)
+        own["faults"] = no_faults(1)[0]
     fleet = PlantState(
-        states,
-        np.zeros((n, N_CHANNELS)),
-        servos,
-        sent_commands(servos),
-        np.zeros((n, N_CHANNELS)),
-        no_faults(n),
-        aircraft,
-        messages,
-        np.zeros(n, SIM_STEP),
+        uavs,
+        sent_commands(uavs["servos"]),
+        true_motions(uavs["sensors"]),
         disturbance_table(config.disturbance),
         np.full(7, -1.0),
         wind,
-        turbulence,
-        np.zeros((n, 6)),
-        sensors,
-        true_motions(sensors),
-        outside,
         _sensing_of(config),
     )
     for i, uav in enumerate(config.uavs):
-        start_turbulence(turbulence[i], uav.initial.airspeed_m_s, config.seed, uav.id)
+        start_turbulence(uavs[i]["turbulence"], uav.initial.airspeed_m_s, config.seed, uav.id)
         sample_air(fleet, i, 0.0)
-    states[:, 3:6] += fleet.air[:, :3]  # the initial airspeed is one through the air
+    uavs["state"][:, 3:6] += uavs["air"][:, :3]  # the initial airspeed is one through the air
     return fleet
 
 
@@ -149,7 +144,7 @@ def receive_controls(fleet: PlantState, i: int, actuators: np.void) -> int:
     Returns:
         0 if it is in force, else NOT_NEWER, or OUT_OF_RANGE for a value that is no command.
     """
-    message = fleet.messages[i]
+    message = fleet.uavs[i]["message"]
     last = message["actuator_time_usec"]
     if last != _NOTHING_APPLIED and actuators["time_usec"] <= last:
         return DropReason.NOT_NEWER
@@ -160,10 +155,10 @@ def receive_controls(fleet: PlantState, i: int, actuators: np.void) -> int:
         lowest = 0.0 if c == THROTTLE else -1.0
         if not lowest <= controls[c] <= 1.0:  # false for NaN, too
             return DropReason.OUT_OF_RANGE
-    aircraft = fleet.aircraft[i]
+    aircraft = fleet.uavs[i]["aircraft"]
     for c in range(N_CHANNELS):
         lowest, highest = range_of(aircraft, c)
-        fleet.controls[i, c] = position_of(controls[c], lowest, highest)
+        fleet.uavs[i]["controls"][c] = position_of(controls[c], lowest, highest)
     message["actuator_time_usec"] = actuators["time_usec"]
     return 0
 
@@ -175,20 +170,17 @@ def observe(fleet: PlantState, i: int, step: int, step_us: int) -> None:
     Position and velocity are true; what else it senses has the errors of its sensors. In a flight
     by sensors the payload is true, and what they report is in `fleet.sensing`.
     """
-    message, x = fleet.messages[i], fleet.states[i]
+    uav = fleet.uavs[i]
+    message, x = uav["message"], uav["state"]
     message["time_usec"] = step * step_us
     message["step"] = step
     around = Environment(
-        fleet.servos[i],
-        fleet.faults[i],
-        fleet.wind[0],
-        fleet.turbulence[i],
-        fleet.aircraft[i],
+        uav["servos"], uav["faults"], fleet.wind[0], uav["turbulence"], uav["aircraft"]
     )
     d_v, _ = _disturbances_at(fleet, step, step_us)
-    air = vec3(fleet.air[i, :3]), vec3(fleet.air[i, 3:])
-    if fleet.outside[i]["flies"] == 1:
-        force = vec3(fleet.outside[i]["specific_force"])
+    air = vec3(uav["air"][:3]), vec3(uav["air"][3:])
+    if uav["outside"]["flies"] == 1:
+        force = vec3(uav["outside"]["specific_force"])
     else:
         force = specific_force_at(x, step, step_us, d_v, air, around)
     for k in range(3):
@@ -197,11 +189,11 @@ def observe(fleet: PlantState, i: int, step: int, step_us: int) -> None:
         message["attitude"][k] = x[6 + k]
         message["rates"][k] = x[9 + k]
         message["specific_force"][k] = force[k]
-        message["wind"][k] = fleet.air[i, k]
+        message["wind"][k] = uav["air"][k]
     if navigates(fleet):
         sense(fleet.sensing, i, step, message)
     else:
-        measure(fleet.sensors[i], fleet.truth[i], step, message)
+        measure(uav["sensors"], fleet.truth[i], step, message)
 
 
 @inlined
@@ -219,9 +211,9 @@ def fly(fleet: PlantState, step: int, step_us: int) -> int:
     Returns:
         Index of the first aircraft that hit the ground or left the model's range of validity, or
         -1. Or `ADVANCE`: `sitl_plant.outside` is to advance those that simulators fly, from what
-        is in `fleet.outside`, after which a second call ends the period.
+        is in `fleet.uavs["outside"]`, after which a second call ends the period.
     """
-    if fleet.outside[0]["advanced"] == 0 and _begin(fleet, step, step_us):
+    if fleet.uavs[0]["outside"]["advanced"] == 0 and _begin(fleet, step, step_us):
         return ADVANCE
     return _end(fleet, step, step_us)
 
@@ -233,27 +225,24 @@ def _begin(fleet: PlantState, step: int, step_us: int) -> bool:
     now = _disturbances_at(fleet, step, step_us)
     disturbed = disturbances_over(now, fleet.disturbance, t, dt)
     any_outside = False
-    for i in range(len(fleet.states)):
-        outside = fleet.outside[i]
-        outside["grounded"] = is_below_ground(fleet.states[i])
-        commanded = fleet.messages[i]["actuator_time_usec"] != _NOTHING_APPLIED
+    for i in range(len(fleet.uavs)):
+        uav = fleet.uavs[i]
+        outside = uav["outside"]
+        outside["grounded"] = is_below_ground(uav["state"])
+        commanded = uav["message"]["actuator_time_usec"] != _NOTHING_APPLIED
         begin_period(
-            fleet.servos[i], fleet.sent[i], fleet.controls[i], fleet.faults[i], step, t, commanded
+            uav["servos"], fleet.sent[i], uav["controls"], uav["faults"], step, t, commanded
         )
         around = Environment(
-            fleet.servos[i],
-            fleet.faults[i],
-            fleet.wind[0],
-            fleet.turbulence[i],
-            fleet.aircraft[i],
+            uav["servos"], uav["faults"], fleet.wind[0], uav["turbulence"], uav["aircraft"]
         )
-        V = norm(sub(vec3(fleet.states[i, 3:6]), vec3(fleet.air[i, :3])))
+        V = norm(sub(vec3(uav["state"][3:6]), vec3(uav["air"][:3])))
         if outside["flies"] == 0:
-            step_aircraft(fleet.states[i], t, dt, disturbed, around, V, fleet.applied[i])
+            step_aircraft(uav["state"], t, dt, disturbed, around, V, uav["applied"])
             continue
         any_outside = True
-        actuators_over(t, dt, around, V, fleet.applied[i], outside["controls"])
-        wind = mul(R1(vec3(fleet.states[i, 6:9])), vec3(fleet.air[i, :3]))
+        actuators_over(t, dt, around, V, uav["applied"], outside["controls"])
+        wind = mul(R1(vec3(uav["state"][6:9])), vec3(uav["air"][:3]))
         for k in range(3):
             outside["wind"][k] = wind[k]
     return any_outside
@@ -263,22 +252,24 @@ def _begin(fleet: PlantState, step: int, step_us: int) -> bool:
 def _end(fleet: PlantState, step: int, step_us: int) -> int:
     """End a period; return the index of the first aircraft that is lost, or -1."""
     dt, lost = step_us / 1e6, -1
-    for i in range(len(fleet.states)):
-        fleet.outside[i]["advanced"] = 0
+    for i in range(len(fleet.uavs)):
+        uav = fleet.uavs[i]
+        uav["outside"]["advanced"] = 0
         if fleet.wind[0]["still"] == 0:
-            V = norm(sub(vec3(fleet.states[i, 3:6]), vec3(fleet.air[i, :3])))
-            system, seed = fleet.sensors[i]["system"], fleet.sensors[i]["seed"]
-            advance_turbulence(fleet.turbulence[i], V, dt, seed, system, step + 1)
+            V = norm(sub(vec3(uav["state"][3:6]), vec3(uav["air"][:3])))
+            system, seed = uav["sensors"]["system"], uav["sensors"]["seed"]
+            advance_turbulence(uav["turbulence"], V, dt, seed, system, step + 1)
             sample_air(fleet, i, time_s(step + 1, step_us))
-        hit_ground = fleet.outside[i]["grounded"] == 1
-        if lost < 0 and (hit_ground or is_lost(fleet.states[i], fleet.air[i, :3])):
+        hit_ground = uav["outside"]["grounded"] == 1
+        if lost < 0 and (hit_ground or is_lost(uav["state"], uav["air"][:3])):
             lost = i
     return lost
 
 
 def loss_of(fleet: PlantState, i: int) -> str:
     """Describe in what way aircraft i is lost."""
-    return describe_loss(fleet.states[i], fleet.air[i, :3], float(fleet.aircraft[i]["stall"]))
+    uav = fleet.uavs[i]
+    return describe_loss(uav["state"], uav["air"][:3], float(uav["aircraft"]["stall"]))
 
 
 @inlined
@@ -296,7 +287,8 @@ def _disturbances_at(fleet: PlantState, step: int, step_us: int) -> Disturbances
 @compiled
 def sample_air(fleet: PlantState, i: int, t: float) -> None:
     """Note the motion of the air around aircraft i at a time [s]."""
-    x = fleet.states[i]
-    air = air_around(fleet.wind[0], fleet.turbulence[i], vec3(x[0:3]), vec3(x[6:9]), t)
+    uav = fleet.uavs[i]
+    x = uav["state"]
+    air = air_around(fleet.wind[0], uav["turbulence"], vec3(x[0:3]), vec3(x[6:9]), t)
     for k in range(3):
-        fleet.air[i, k], fleet.air[i, 3 + k] = air[0][k], air[1][k]
+        uav["air"][k], uav["air"][3 + k] = air[0][k], air[1][k]

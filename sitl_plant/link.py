@@ -30,7 +30,7 @@ from mavlink_defs.framing.hot_signing import LinkSigner, new_link_signer, sign_f
 from mavlink_defs.framing.signing import PLANT_LINK
 from mavlink_defs.runtime import native
 from mavlink_defs.runtime.jit import compiled, inlined
-from mavlink_defs.runtime.memory import borrowed, copy_values
+from mavlink_defs.runtime.memory import borrowed, bytes_of, copy_values
 from sitl_plant.fleet import (
     ADVANCE,
     PlantState,
@@ -55,11 +55,30 @@ LINK_STATE = np.dtype(
         ("origin_s", "f8"),  # wall-clock time that `origin_step` belongs to [s]
         ("origin_step", "i8"),
         ("lag_s", "f8"),  # wall-clock time given up because the machine was too slow [s]
-        ("received", "i8"),  # length of the datagram in `received`
+        ("received", "i8"),  # length of `datagram`
         ("lost", "i8"),  # index of a lost aircraft
         ("recorded", "i8"),  # rows of the record in use
+        ("silent", "u1", codec.SIM_STATE["silent"].shape),  # FTC_SIM_STATE.silent, next step
+        ("drops", "i8", (codec.DROPS_SIZE,)),  # datagrams dropped, by negated `DropReason`
+        ("sent", codec.BUFFER),
+        ("datagram", codec.BUFFER),  # received, and where it came from
+        ("sender", "u1", (native.ADDRESS_SIZE,)),
+        ("step_done", codec.STEP_DONE),  # payloads as they were received
+        ("actuators", codec.ACTUATORS),
     ]
 )
+
+PEER = np.dtype(
+    [
+        ("system", "i8"),  # system id of the aircraft
+        ("known", "i8"),  # 1: an autopilot is registered
+        ("address", "u1", (native.ADDRESS_SIZE,)),  # its sockaddr
+        ("heard_s", "f8"),  # wall-clock time of its last datagram [s]
+        ("done", "i8"),  # last step that it has finished
+        ("sequence", "i8"),  # frames sent by the simulator component
+    ]
+)
+"""The autopilot of an aircraft."""
 
 
 class Record(NamedTuple):
@@ -74,21 +93,15 @@ class PlantLink(NamedTuple):
     """Peers, time and buffers of a plant of n aircraft."""
 
     state: np.ndarray  # (1,), dtype LINK_STATE
-    systems: np.ndarray  # (n,), system id of each aircraft
-    known: np.ndarray  # (n,), 1: an autopilot is registered
-    addresses: np.ndarray  # (n, native.ADDRESS_SIZE), sockaddr of the autopilot
-    heard_s: np.ndarray  # (n,), wall-clock time of its last datagram [s]
-    done: np.ndarray  # (n,), last step that it has finished
-    silent: np.ndarray  # (32,), FTC_SIM_STATE.silent of the next step
-    sequences: np.ndarray  # (n,), frames sent by each simulator component
-    drops: np.ndarray  # (DROPS_SIZE,), datagrams dropped, by negated `DropReason`
-    sent: np.ndarray  # datagram buffer
-    received: np.ndarray  # datagram buffer
-    sender: np.ndarray  # (native.ADDRESS_SIZE,), where it came from
-    step_done: np.ndarray  # views of `received`
-    actuators: np.ndarray
+    peers: np.ndarray  # (n,), dtype PEER
     record: Record
     signer: LinkSigner
+
+    @property
+    def drops(self) -> np.ndarray:
+        """Datagrams dropped, by negated `DropReason`, shape (DROPS_SIZE,)."""
+        drops: np.ndarray = self.state["drops"][0]
+        return drops
 
 
 def new_link(
@@ -116,22 +129,11 @@ def new_link(
     state["speed"] = speed or 0.0
     state["flags"] = 0 if speed else FTC_SIM_FLAGS_LOCKSTEP
     state["lost"] = -1
-    received = codec.new_buffer()
+    peers = np.zeros(n, PEER)
+    peers["system"], peers["done"] = systems, -1
     return PlantLink(
         state=state,
-        systems=np.array(systems),
-        known=np.zeros(n, np.int64),
-        addresses=np.zeros((n, native.ADDRESS_SIZE), np.uint8),
-        heard_s=np.zeros(n),
-        done=np.full(n, -1),
-        silent=np.zeros(codec.SIM_STATE["silent"].shape, np.uint8),
-        sequences=np.zeros(n, np.int64),
-        drops=np.zeros(codec.DROPS_SIZE, np.int64),
-        sent=codec.new_buffer(),
-        received=received,
-        sender=np.zeros(native.ADDRESS_SIZE, np.uint8),
-        step_done=codec.payload_view(received, codec.STEP_DONE),
-        actuators=codec.payload_view(received, codec.ACTUATORS),
+        peers=peers,
         record=Record(
             states=np.zeros((record_rows, n, 12)),
             wind=np.zeros((record_rows, n, 3)),
@@ -152,50 +154,46 @@ def send_states(fd: int, link: PlantLink, fleet: PlantState, unfinished_only: bo
         unfinished_only: Leave out those that have finished the present step.
     """
     state = link.state[0]
-    for i in range(len(link.systems)):
+    for i in range(len(link.peers)):
+        peer, message = link.peers[i], fleet.uavs[i]["message"]
         if not unfinished_only:
             observe(fleet, i, state["step"], state["step_us"])
-            for k in range(len(link.silent)):
-                fleet.messages[i]["silent"][k] = link.silent[k]
-        if link.known[i] == 0 or (unfinished_only and link.done[i] >= state["step"]):
+            copy_values(message["silent"], state["silent"])
+        if peer["known"] == 0 or (unfinished_only and peer["done"] >= state["step"]):
             continue
-        fleet.messages[i]["flags"] = state["flags"]
+        message["flags"] = state["flags"]
         if navigates(fleet):
             _send_sensors(fd, link, fleet, i)
         else:
-            _send(fd, link, i, fleet.messages[i : i + 1], codec.MessageId.SIM_STATE)
+            _send(fd, link, i, bytes_of(message), codec.MessageId.SIM_STATE)
     if not unfinished_only:
-        link.silent[:] = 0
+        state["silent"][:] = 0
     state["sent_s"] = native.monotonic_s()
 
 
 @compiled
 def _send_sensors(fd: int, link: PlantLink, fleet: PlantState, i: int) -> None:
     """Send what the sensors of an aircraft report in the present step, and the step last."""
-    sensing = fleet.sensing
-    codec.copy_step(fleet.messages[i], fleet.steps[i])
+    sensing, step = fleet.sensing, fleet.uavs[i]["step"]
+    codec.copy_step(fleet.uavs[i]["message"], step)
     for k in range(sensing.imus.shape[1]):
-        _send(fd, link, i, sensing.imus[i][k : k + 1], codec.MessageId.SENSOR)
+        _send(fd, link, i, bytes_of(sensing.imus[i, k]), codec.MessageId.SENSOR)
     if sensing.sites[i]["delivered"] == 1:
-        fleet.steps[i]["flags"] |= FTC_SIM_FLAGS_GPS
-        _send(fd, link, i, sensing.gps[i : i + 1], codec.MessageId.GPS)
-    _send(fd, link, i, fleet.steps[i : i + 1], codec.MessageId.SIM_STEP)
+        step["flags"] |= FTC_SIM_FLAGS_GPS
+        _send(fd, link, i, bytes_of(sensing.gps[i]), codec.MessageId.GPS)
+    _send(fd, link, i, bytes_of(step), codec.MessageId.SIM_STEP)
 
 
 @inlined
 def _send(fd: int, link: PlantLink, i: int, payload: np.ndarray, message_id: int) -> None:
     """Send a message to the autopilot of an aircraft."""
-    length = codec.pack(
-        link.sent,
-        payload,
-        message_id,
-        link.systems[i],
-        SIMULATOR_COMPONENT,
-        link.sequences[i],
+    peer, datagram = link.peers[i], bytes_of(link.state[0]["sent"])
+    length = codec.pack_bytes(
+        datagram, payload, message_id, peer["system"], SIMULATOR_COMPONENT, peer["sequence"]
     )
-    link.sequences[i] += 1
-    length = sign_frame(link.signer, link.sent, length)
-    native.send_to(fd, link.sent, length, link.addresses[i])
+    peer["sequence"] += 1
+    length = sign_frame(link.signer, datagram, length)
+    native.send_to(fd, datagram, length, peer["address"])
 
 
 @compiled
@@ -217,7 +215,7 @@ def run(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> Outcome:
     while True:
         step, row = state["step"], state["recorded"]
         recording = row < len(record.states)
-        if fleet.outside[0]["advanced"] == 0:
+        if fleet.uavs[0]["outside"]["advanced"] == 0:
             running = state["flags"] & FTC_SIM_FLAGS_RUNNING
             if running and state["waiting"] == 0:
                 send_states(fd, link, fleet, False)
@@ -226,15 +224,15 @@ def run(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> Outcome:
             if outcome != Outcome.NONE:
                 return outcome
             if recording:
-                for i in range(len(fleet.states)):
-                    copy_values(record.states[row, i], fleet.states[i])
-                    copy_values(record.wind[row, i], fleet.air[i])
+                for i in range(len(fleet.uavs)):
+                    copy_values(record.states[row, i], fleet.uavs[i]["state"])
+                    copy_values(record.wind[row, i], fleet.uavs[i]["air"])
         lost = fly(fleet, step, state["step_us"])
         if lost == ADVANCE:
             return Outcome.ADVANCE
         if recording:
-            for i in range(len(fleet.states)):
-                copy_values(record.applied[row, i], fleet.applied[i])
+            for i in range(len(fleet.uavs)):
+                copy_values(record.applied[row, i], fleet.uavs[i]["applied"])
             state["recorded"] = row + 1
         state["step"] = step + 1
         state["waiting"] = 0
@@ -251,22 +249,23 @@ def run(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> Outcome:
 def _wait(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> Outcome:
     """Receive until the step is ready (NONE), or Python is needed (SERVICE, TICK)."""
     state = link.state[0]
+    datagram, sender = bytes_of(state["datagram"]), state["sender"]
     running = state["flags"] & FTC_SIM_FLAGS_RUNNING
     real_time = running and state["speed"] > 0.0
     while True:
         if real_time:
             due_s = due_time_s(link)
             native.sleep_until(min(due_s, until_s))
-            length = native.receive_from_now(fd, link.received, link.sender)
+            length = native.receive_from_now(fd, datagram, sender)
             if length < 0 and native.monotonic_s() >= due_s:
                 return Outcome.NONE
         else:
             if running and _all_done(link):
                 return Outcome.NONE
             if running:
-                length = native.receive_from_soon(fd, link.received, link.sender)
+                length = native.receive_from_soon(fd, datagram, sender)
             else:
-                length = native.receive_from(fd, link.received, link.sender)
+                length = native.receive_from(fd, datagram, sender)
         if length >= 0 and _receive(link, fleet, length) == NOT_HOT:
             state["received"] = length
             return Outcome.SERVICE
@@ -296,8 +295,8 @@ def due_time_s(link: PlantLink) -> float:
 @inlined
 def _all_done(link: PlantLink) -> bool:
     step = link.state[0]["step"]
-    for i in range(len(link.done)):
-        if link.done[i] < step:
+    for i in range(len(link.peers)):
+        if link.peers[i]["done"] < step:
             return False
     return True
 
@@ -305,11 +304,12 @@ def _all_done(link: PlantLink) -> bool:
 @inlined
 def _receive(link: PlantLink, fleet: PlantState, length: int) -> int:
     """Handle a received datagram if it is hot; return the result of `take`."""
-    message_id = take(link.signer, link.received, length, link.drops)
+    drops = link.state[0]["drops"]
+    message_id = take(link.signer, bytes_of(link.state[0]["datagram"]), length, drops)
     if message_id not in (NOT_HOT, DROPPED):
         problem = _follow(link, fleet, message_id)
         if problem != 0:
-            link.drops[-problem] += 1
+            drops[-problem] += 1
     return message_id
 
 
@@ -319,27 +319,30 @@ def _follow(link: PlantLink, fleet: PlantState, message_id: int) -> int:
     i = _index_of_sender(link)
     if i < 0:
         return DropReason.STRANGER
-    link.heard_s[i] = native.monotonic_s()
+    state, peer = link.state[0], link.peers[i]
+    datagram = bytes_of(state["datagram"])
+    peer["heard_s"] = native.monotonic_s()
     if message_id == codec.MessageId.STEP_DONE:
-        codec.expand(link.received, codec.STEP_DONE_SIZE)
-        step = link.step_done[0]["step"]
-        if step > link.state[0]["step"]:
+        done = state["step_done"]
+        codec.unpack(datagram, bytes_of(done))
+        if done["step"] > state["step"]:
             return DropReason.OUT_OF_RANGE
-        if step > link.done[i] and link.step_done[0]["silent"] != 0:
-            link.silent[link.systems[i] >> 3] |= 1 << (link.systems[i] & 7)
-        link.done[i] = max(link.done[i], step)
+        if done["step"] > peer["done"] and done["silent"] != 0:
+            state["silent"][peer["system"] >> 3] |= 1 << (peer["system"] & 7)
+        peer["done"] = max(peer["done"], done["step"])
         return 0
     if message_id == codec.MessageId.ACTUATORS:
-        codec.expand(link.received, codec.ACTUATORS_SIZE)
-        return receive_controls(fleet, i, link.actuators[0])
+        codec.unpack(datagram, bytes_of(state["actuators"]))
+        return receive_controls(fleet, i, state["actuators"])
     return DropReason.UNEXPECTED
 
 
 @inlined
 def _index_of_sender(link: PlantLink) -> int:
     """Return the index of the aircraft whose registered autopilot sent the datagram, or -1."""
-    system = codec.system_of(link.received)
-    for i in range(len(link.systems)):
-        if link.systems[i] == system and link.known[i] == 1:
-            return i if native.same_address(link.addresses[i], link.sender) else -1
+    system = codec.system_of(bytes_of(link.state[0]["datagram"]))
+    for i in range(len(link.peers)):
+        peer = link.peers[i]
+        if peer["system"] == system and peer["known"] == 1:
+            return i if native.same_address(peer["address"], link.state[0]["sender"]) else -1
     return -1

@@ -47,34 +47,34 @@ class Outside:
         }
         for i, simulator in self._simulators.items():
             with ForeignCode(_failure):
-                simulator.reset(_motion(fleet.states[i]))
-                fleet.outside["specific_force"][i] = simulator.read().specific_force
+                simulator.reset(_motion(fleet.uavs[i]["state"]))
+                fleet.uavs["outside"]["specific_force"][i] = simulator.read().specific_force
 
     def advance(self) -> None:
         """Advance every simulator by one period, for which the fleet has begun."""
-        outside = self._fleet.outside
+        outside = self._fleet.uavs["outside"]
         for i, simulator in self._simulators.items():
             try:  # whatever another package raises ends this flight alone
                 with ForeignCode(_failure):
                     motion = self._advanced(i, simulator)
             except SimulatorError as problem:
                 self.failures[i] = str(problem)
-                self._fleet.states[i] = math.nan
+                self._fleet.uavs[i]["state"] = math.nan
                 continue
             position, velocity, attitude, rates, force = motion
-            self._fleet.states[i] = (*position, *velocity, *attitude, *rates)
+            self._fleet.uavs[i]["state"] = (*position, *velocity, *attitude, *rates)
             outside["specific_force"][i] = force
         outside["advanced"] = 1
         self._begun = True
 
     def _advanced(self, i: int, simulator: Simulator) -> Motion:
-        outside = self._fleet.outside[i]
+        outside = self._fleet.uavs[i]["outside"]
         if self._windy:
             simulator.set_wind(_vector(outside["wind"]))
         if not self._begun:  # the servos have come to rest at their first commands
-            *delta, thrust = self._fleet.applied[i].tolist()
+            *delta, thrust = self._fleet.uavs[i]["applied"].tolist()
             simulator.control((delta[0], delta[1], delta[2]), thrust)
-            simulator.reset(_motion(self._fleet.states[i]))
+            simulator.reset(_motion(self._fleet.uavs[i]["state"]))
         *delta, thrust = outside["controls"].tolist()
         simulator.control((delta[0], delta[1], delta[2]), thrust)
         simulator.advance(self._dt)

@@ -73,7 +73,7 @@ class Plant:
         systems = [uav.id for uav in config.uavs]
         self._fleet = new_plant_state(config)
         self._outside = Outside(config, self._fleet)
-        self._fleet.messages["run"] = 2**31 + secrets.randbits(31)  # all states of one size
+        self._fleet.uavs["message"]["run"] = 2**31 + secrets.randbits(31)  # all states of one size
         rows = 0 if record is None else RECORD_ROWS
         self._key_file = key_file
         signer = load_link_signer(key_file, PLANT_LINK)
@@ -87,8 +87,8 @@ class Plant:
             AircraftService(
                 uav.id,
                 SIMULATOR_COMPONENT,
-                self._fleet.faults[i],
-                self._fleet.applied[i],
+                self._fleet.uavs[i]["faults"],
+                self._fleet.uavs[i]["applied"],
                 uav.aircraft.fault_limits,
                 sensor_commands(self._fleet.sensing.faults, i),
             )
@@ -122,7 +122,7 @@ class Plant:
             elif outcome == Outcome.LOST:
                 i = int(self._state["lost"])
                 why = self._outside.failures.get(i) or loss_of(self._fleet, i)
-                loss = f"UAV {self._link.systems[i]} was lost at {self.time_s:.3f} s: {why}"
+                loss = f"UAV {self._link.peers[i]['system']} was lost at {self.time_s:.3f} s: {why}"
                 break
             if now >= turn_s:  # also when messages come without a pause
                 turn_s = now + _TICK_S
@@ -174,15 +174,15 @@ class Plant:
 
     def _counter(self, i: int) -> Callable[[], int]:
         def next_sequence() -> int:
-            self._link.sequences[i] += 1
-            return int(self._link.sequences[i]) - 1
+            self._link.peers["sequence"][i] += 1
+            return int(self._link.peers["sequence"][i]) - 1
 
         return next_sequence
 
     def _serve(self) -> None:
-        datagram = self._link.received[: int(self._state["received"])].tobytes()
+        datagram = self._state["datagram"]["bytes"][: int(self._state["received"])].tobytes()
         message = parse(datagram)
-        systems = list(self._link.systems)
+        systems = self._link.peers["system"].tolist()
         if message is None:
             self._link.drops[-drop_reason(datagram)] += 1
             return
@@ -204,11 +204,15 @@ class Plant:
         service.receive(message, self.time_s, now)
         for answer in service.messages_to_send():
             self._send(i, answer)
-        if not self._running and self._link.known.all() and all(s.armed for s in self._services):
+        if (
+            not self._running
+            and self._link.peers["known"].all()
+            and all(s.armed for s in self._services)
+        ):
             self._start()
 
     def _send(self, i: int, message: dialect.MAVLink_message) -> None:
-        host = address_of(self._link.addresses[i])
+        host = address_of(self._link.peers["address"][i])
         frame = sign_bytes(self._link.signer, self._packers[i].pack(message))
         with contextlib.suppress(OSError):  # the microservices repeat what is lost
             self._sock.sendto(frame, (host.host, host.port))
@@ -222,7 +226,7 @@ class Plant:
         counts, none = drop_counts(self._link.drops), [0] * len(DropReason)
         time_ms = round(self.time_s * 1e3) & 0xFFFFFFFF
         message = dialect.MAVLink_ftc_drops_message(time_ms, none, none, none, counts)
-        for i in np.flatnonzero(self._link.known):
+        for i in np.flatnonzero(self._link.peers["known"]):
             self._send(int(i), message)
 
     def _start(self) -> None:
@@ -264,7 +268,7 @@ class Plant:
 
     def _unfinished(self) -> bool:
         link = self._link
-        return bool(((link.done < self._state["step"]) & (link.known == 1)).any())
+        return bool(((link.peers["done"] < self._state["step"]) & (link.peers["known"] == 1)).any())
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -63,7 +63,7 @@ class Registration:
         """
         slept_s, self._turn_s = now - self._turn_s, now
         if slept_s > _ASLEEP_S:
-            heard_s = self._link.heard_s
+            heard_s = self._link.peers["heard_s"]
             heard_s[:] = np.minimum(heard_s + slept_s, now)
 
     def claim(self, i: int, now: float) -> Claim:
@@ -76,15 +76,15 @@ class Registration:
             i: Index of the aircraft.
             now: Wall-clock time [s].
         """
-        link = self._link
-        same = np.array_equal(link.addresses[i], link.sender)
+        peer, sender = self._link.peers[i], self._link.state["sender"][0]
+        same = np.array_equal(peer["address"], sender)
         takeover_s = TAKEOVER_S if self._running else FROZEN_TAKEOVER_S
-        if not same and link.known[i] and now - link.heard_s[i] < takeover_s:
+        if not same and peer["known"] and now - peer["heard_s"] < takeover_s:
             return Claim.REFUSED
-        known = bool(same and link.known[i])
-        link.addresses[i], link.known[i], link.heard_s[i] = link.sender, 1, now
+        known = bool(same and peer["known"])
+        peer["address"], peer["known"], peer["heard_s"] = sender, 1, now
         if not known and self._running:
-            self._notify(f"the autopilot of UAV {link.systems[i]} is back at {self._time_s:.3f} s")
+            self._notify(f"the autopilot of UAV {peer['system']} is back at {self._time_s:.3f} s")
         return Claim.KNOWN if known else Claim.NEW
 
     def check_silence(self, now: float) -> str | None:
@@ -99,19 +99,19 @@ class Registration:
         Returns:
             Why the flight must end; None if it continues.
         """
-        link = self._link
-        silent = np.flatnonzero(link.known & (now - link.heard_s > self._silence_timeout_s))
+        peers = self._link.peers
+        silent = np.flatnonzero(peers["known"] & (now - peers["heard_s"] > self._silence_timeout_s))
         if not self._running:
-            link.known[silent] = 0
+            peers["known"][silent] = 0
             return None
         for i in silent:
             text = (
-                f"the autopilot of UAV {link.systems[i]} has been silent for "
+                f"the autopilot of UAV {peers[i]['system']} has been silent for "
                 f"{self._silence_timeout_s:g} s at {self._time_s:.3f} s of simulated time"
             )
             if not self._wait_for_restart:
                 return text
-            link.known[i] = 0
+            peers["known"][i] = 0
             self._notify(f"{text}; holding its last command and waiting for it to come back")
         return None
 

@@ -219,8 +219,7 @@ class Inputs(NamedTuple):
     motion: Motion  # own motion
     seen: Seen
     command: np.ndarray  # unfiltered reference: airspeed [m/s], roll, pitch, yaw [rad], shape (4,)
-    neighbours: np.ndarray  # last FTC_NEIGHBOUR payload of each neighbour, shape (degree,)
-    weights: np.ndarray  # a_ij of each neighbour, 0 while it is silent, shape (degree,)
+    edges: np.ndarray  # what is known of each neighbour, dtype EDGE, shape (degree,)
 
 
 class Records(NamedTuple):
@@ -277,7 +276,7 @@ def _step(
     state: ControllerRecord,
 ) -> Step:
     """Return the step as the law sees it; the roll command is the heading's if bank holds that."""
-    t, dt, motion, seen, asked, neighbours, weights = inputs
+    t, dt, motion, seen, asked, edges = inputs
     command = state["command"]
     for i in range(4):
         command[i] = asked[i]
@@ -307,7 +306,7 @@ def _step(
         reference,
         state["reference"],
         bandwidth,
-        formation_errors(motion, reference, neighbours, weights, common),
+        formation_errors(motion, reference, edges, common),
         state["held"],
         Thresholds(a, b),
         due,

@@ -5,7 +5,7 @@ An autopilot process holds the controller of one UAV, a flight in one process al
 
 from collections.abc import Sequence
 from enum import IntEnum
-from typing import Annotated, NamedTuple, get_type_hints
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from ftc_autopilot.control.controller import (
     new_controller,
     parameter_record,
 )
+from ftc_autopilot.control.edges import EDGE
 from ftc_autopilot.control.laws import own_parameters
 from ftc_autopilot.control.plugin_functions import bind
 from ftc_autopilot.control.reference import PROFILE
@@ -27,7 +28,6 @@ from ftc_autopilot.guidance.formation import LAYOUT, layout_record
 from ftc_autopilot.guidance.laws import GUIDANCE_STATE
 from ftc_autopilot.guidance.path import PATH
 from ftc_autopilot.plugins.loading import calling
-from ftc_autopilot.plugins.models import PLUGIN
 from mavlink_defs.framing.codec import ACTUATORS, NEIGHBOUR
 from sitl_plant.aircraft import AIRCRAFT, aircraft_record
 
@@ -59,29 +59,40 @@ GUIDANCE = np.dtype(
 )
 
 
-class Controllers(NamedTuple):
-    """Arrays over n UAVs, each with its dtype, and how many more columns than neighbours it has."""
+UAV = np.dtype(
+    [
+        ("aircraft", AIRCRAFT),  # nominal
+        ("layout", LAYOUT),  # the formation, as this member sees it
+        ("own_state", NEIGHBOUR),  # what a message to the neighbours would say
+        ("extrapolated", NEIGHBOUR),  # what the neighbours make of the last one now
+        ("signals", SIGNALS),
+        ("delay", DELAY),
+        # from here on a checkpoint saves it
+        ("profile", PROFILE),
+        ("guidance", GUIDANCE),
+        ("formation", FORMATION),
+        ("actuators", ACTUATORS),  # the actuator message in force
+        ("last_broadcast", NEIGHBOUR),  # the last message to the neighbours
+        ("parameters", PARAMETERS),
+        ("controller", CONTROLLER),
+    ]
+)
+"""The controller of one UAV, but for its path and its neighbours."""
 
-    aircraft: Annotated[np.ndarray, AIRCRAFT]  # nominal
-    parameters: Annotated[np.ndarray, PARAMETERS]
-    states: Annotated[np.ndarray, CONTROLLER]
-    guidance: Annotated[np.ndarray, GUIDANCE]
-    profiles: Annotated[np.ndarray, PROFILE]
-    paths: Annotated[np.ndarray, PATH]
-    layouts: Annotated[np.ndarray, LAYOUT]  # the formation, as each of its members sees it
-    formations: Annotated[np.ndarray, FORMATION]
-    neighbour_states: Annotated[np.ndarray, NEIGHBOUR, 0]  # last messages, by neighbour
-    extrapolated: Annotated[np.ndarray, NEIGHBOUR, 1]  # the same now; last, of the own broadcast
-    weights: Annotated[np.ndarray, np.float64, 0]  # a_ij; 0 while a neighbour is silent
-    actuators: Annotated[np.ndarray, ACTUATORS]  # the actuator message in force
-    own_states: Annotated[np.ndarray, NEIGHBOUR]  # what a message to the neighbours would say
-    last_broadcast: Annotated[np.ndarray, NEIGHBOUR]  # the last message to the neighbours
-    signals: Annotated[np.ndarray, SIGNALS]
-    delays: Annotated[np.ndarray, DELAY]
-
-
-_LASTING = {"aircraft", "parameters", "profiles", "paths", "layouts"}
+_LASTING = {"aircraft", "parameters", "profile", "layout"}
 """What a reset leaves alone."""
+
+
+class Controllers(NamedTuple):
+    """The controllers of n UAVs, and their neighbours."""
+
+    uavs: np.ndarray  # (n,), dtype UAV
+    edges: np.ndarray  # (n, degree), dtype EDGE
+    paths: np.ndarray  # (n,), dtype PATH: large, and seldom changed
+
+    def of(self, i: int) -> tuple[np.void, np.ndarray, np.void]:
+        """Return record, edges and path of a UAV, as `stepping.controller_step` takes them."""
+        return self.uavs[i], self.edges[i], self.paths[i]
 
 
 def new_controllers(configs: Sequence[ControllerConfig]) -> Controllers:
@@ -99,14 +110,10 @@ def unbound_controllers(configs: Sequence[ControllerConfig]) -> Controllers:
     """Return the same to read their parameters: plug-ins have no functions, and cannot fly."""
     n = len(configs)
     degree = max((len(config.neighbours) for config in configs), default=0)
-    arrays = []
-    for hint in get_type_hints(Controllers, include_extras=True).values():
-        dtype, *more = hint.__metadata__
-        arrays.append(np.zeros((n, *(degree + columns for columns in more)), dtype))
-    controllers = Controllers(*arrays)
-    for i, config in enumerate(configs):
-        controllers.aircraft[i] = aircraft_record(config.aircraft)
-        controllers.parameters[i] = parameter_record(
+    controllers = Controllers(np.zeros(n, UAV), np.zeros((n, degree), EDGE), np.zeros(n, PATH))
+    for uav, config in zip(controllers.uavs, configs, strict=True):
+        uav["aircraft"] = aircraft_record(config.aircraft)
+        uav["parameters"] = parameter_record(
             config.controller,
             config.trigger,
             config.formation_trigger,
@@ -114,23 +121,15 @@ def unbound_controllers(configs: Sequence[ControllerConfig]) -> Controllers:
             config.formation,
         )
         if config.formation is not None:
-            edges = {neighbour.id: neighbour.weight for neighbour in config.neighbours}
-            controllers.layouts[i] = layout_record(
-                config.formation, config.id, config.leader_access, edges
+            weights = {neighbour.id: neighbour.weight for neighbour in config.neighbours}
+            uav["layout"] = layout_record(
+                config.formation, config.id, config.leader_access, weights
             )
-        law = own_parameters(
-            controllers.parameters[i], type(config.controller), config.controller.kind
-        )
+        law = own_parameters(uav["parameters"], type(config.controller), config.controller.kind)
         with calling(type(config.controller), "derive"):
             config.controller.derive(config.aircraft, law)
     reset_controllers(controllers)
     return controllers
-
-
-def without_plugin(records: np.ndarray) -> np.ndarray:
-    """Return the memory of one record of PARAMETERS or CONTROLLER, but for a plug-in's, uint8."""
-    end = dict(records.dtype.fields or {})[PLUGIN][1]
-    return records.reshape(1).view(np.uint8)[:end]
 
 
 def bind_plugins(controllers: Controllers, configs: Sequence[ControllerConfig]) -> None:
@@ -143,18 +142,21 @@ def bind_plugins(controllers: Controllers, configs: Sequence[ControllerConfig]) 
     Raises:
         PluginError: One cannot be used.
     """
-    for record, config in zip(controllers.parameters, configs, strict=True):
-        bind(record, config)
+    for uav, config in zip(controllers.uavs, configs, strict=True):
+        bind(uav["parameters"], config)
 
 
 def reset_controllers(controllers: Controllers) -> None:
     """Return to before the first step, not active; parameters, profiles and paths stay."""
-    for name, array in controllers._asdict().items():
+    for name in UAV.names or ():
         if name not in _LASTING:
-            array[:] = np.zeros((), array.dtype)
-    controllers.states[:] = new_controller()
-    controllers.formations[:] = new_formation()
-    controllers.guidance["start_step"] = controllers.guidance["guided_step"] = NOT_STARTED
+            controllers.uavs[name] = np.zeros((), UAV[name])
+    for name in ("weight", "known", "message"):
+        controllers.edges[name] = np.zeros((), EDGE[name])
+    controllers.uavs["controller"] = new_controller()
+    controllers.uavs["formation"] = new_formation()
+    guidance = controllers.uavs["guidance"]
+    guidance["start_step"] = guidance["guided_step"] = NOT_STARTED
 
 
 def begin_path(guidance: np.void, near: float = 0.0, *, in_slot: bool = True) -> None:

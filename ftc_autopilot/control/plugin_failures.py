@@ -1,21 +1,21 @@
 """Plug-ins that have failed in flight: which, and why."""
 
-from ftc_autopilot.control.controllers import Controllers
+import numpy as np
+
 from ftc_autopilot.control.plugin_functions import Chosen
 from ftc_autopilot.plugins.functions import failure_text
 from ftc_autopilot.plugins.models import PLUGIN
 
 
-def failure_of(controllers: Controllers, i: int, chosen: Chosen, time_s: float) -> str | None:
-    """Return which plug-in of UAV i has failed and why; None if none has.
+def failure_of(uav: np.void, chosen: Chosen, time_s: float) -> str | None:
+    """Return which plug-in of a UAV has failed and why; None if none has.
 
     Args:
-        controllers: The controllers.
-        i: Index of the UAV.
+        uav: Record of dtype `ftc_autopilot.control.controllers.UAV`.
         chosen: What it flies by.
         time_s: When they were called last [s].
     """
-    state, guidance = controllers.states[i], controllers.guidance[i]["law"]
+    state, guidance = uav["controller"], uav["guidance"]["law"]
     for what, model, status in (
         ("law", chosen.controller, state["law_failure"]),
         ("trigger", chosen.trigger, state["trigger"][PLUGIN]["failure"]),
@@ -26,8 +26,8 @@ def failure_of(controllers: Controllers, i: int, chosen: Chosen, time_s: float) 
     return None
 
 
-def clear_failures(controllers: Controllers, i: int) -> None:
-    """Forget that a plug-in of UAV i has failed."""
-    state = controllers.states[i]
+def clear_failures(uav: np.void) -> None:
+    """Forget that a plug-in of a UAV has failed."""
+    state = uav["controller"]
     state["law_failure"] = state["trigger"][PLUGIN]["failure"] = 0
-    controllers.guidance[i]["law"][PLUGIN]["failure"] = 0
+    uav["guidance"]["law"][PLUGIN]["failure"] = 0

@@ -16,7 +16,7 @@ from ftc_autopilot.control.controller import (
     count_events,
     no_signals,
 )
-from ftc_autopilot.control.controllers import NOT_STARTED, Controllers, Source
+from ftc_autopilot.control.controllers import NOT_STARTED, Source
 from ftc_autopilot.control.neighbour_messages import (
     extrapolate,
     is_message_due,
@@ -43,39 +43,39 @@ _LONGEST_UPDATE_S = 0.1
 
 
 @compiled
-def publish_own_state(controllers: Controllers, i: int, measured: np.void) -> None:
-    """Set the message that UAV i sends to its neighbours before the first step.
+def publish_own_state(uav: np.void, measured: np.void) -> None:
+    """Set the message that a UAV sends to its neighbours before the first step.
 
     Args:
-        controllers: The controllers.
-        i: Index of the UAV.
+        uav: Record of dtype `ftc_autopilot.control.controllers.UAV`, updated in place.
         measured: FTC_SIM_STATE payload.
     """
-    fill_neighbour_state(
-        motion_of(measured, controllers.aircraft[i]), measured["step"], controllers.own_states[i]
-    )
-    copy_record(controllers.last_broadcast[i], controllers.own_states[i])
+    fill_neighbour_state(motion_of(measured, uav["aircraft"]), measured["step"], uav["own_state"])
+    copy_record(uav["last_broadcast"], uav["own_state"])
 
 
 @inlined
-def controller_step(controllers: Controllers, i: int, measured: np.void, step_us: int) -> int:
+def controller_step(
+    uav: np.void, edges: np.ndarray, path: np.void, measured: np.void, step_us: int
+) -> int:
     """Make one step from a measured state: own state, guidance, control, actuator message.
 
     Of states lost before it the law makes the steps, too, but sends nothing. If there were many,
     these and the step after them count as after a gap; so does the first of a new process.
 
     Args:
-        controllers: Arrays over UAVs; own state, controller state, actuator message and signals of
-            UAV i are updated.
-        i: Index of the UAV.
+        uav: Record of dtype `UAV`; own state, controller state, actuator message and signals are
+            updated.
+        edges: Of its neighbours, dtype `EDGE`, shape (degree,); what is known of each is updated.
+        path: Record of dtype `PATH`.
         measured: FTC_SIM_STATE payload.
         step_us: Control period [µs].
 
     Returns:
         Bit mask of the channels that had an event; the actuator message is due unless it is 0.
     """
-    delay, aircraft, state = controllers.delays[i], controllers.aircraft[i], controllers.states[i]
-    common = controllers.parameters[i]["common"]
+    delay, aircraft, state = uav["delay"], uav["aircraft"], uav["controller"]
+    common = uav["parameters"]["common"]
     mask = lost = 0
     gap = False
     if state["started"] != 0:
@@ -93,13 +93,13 @@ def controller_step(controllers: Controllers, i: int, measured: np.void, step_us
             aircraft,
             state_predictor.thrust_believed(delay, step, 0, held),
         )
-        fill_neighbour_state(motion, now["step"], controllers.own_states[i])
-        if controllers.guidance[i]["active"] != 0:
-            seen = _seen(controllers, i, now, motion, step_us, gap, may_send)
-            mask = _control(controllers, i, now, motion, seen, step_us, may_send)
-            delay["found"] = controllers.signals[i]["dead_steps"]
+        fill_neighbour_state(motion, now["step"], uav["own_state"])
+        if uav["guidance"]["active"] != 0:
+            seen = _seen(uav, now, motion, step_us, gap, may_send)
+            mask = _control(uav, edges, path, now, motion, seen, step_us, may_send)
+            delay["found"] = uav["signals"]["dead_steps"]
         elif may_send:
-            mask = _cut_thrust(controllers, i, motion)
+            mask = _cut_thrust(uav, motion)
         state_predictor.note_commands(
             delay, step, held, common["predicted_lag_s"], step_us, aircraft["thrust_lag"]
         )
@@ -107,14 +107,13 @@ def controller_step(controllers: Controllers, i: int, measured: np.void, step_us
     if mask != 0:
         state_predictor.note_event(delay, int(measured["step"]))
         count_events(mask, int(measured["step"]), state)
-        controllers.actuators[i]["time_usec"] = measured["time_usec"]
+        uav["actuators"]["time_usec"] = measured["time_usec"]
     return mask
 
 
 @inlined
 def _seen(
-    controllers: Controllers,
-    i: int,
+    uav: np.void,
     measured: np.void,
     motion: Motion,
     step_us: int,
@@ -125,8 +124,8 @@ def _seen(
 
     Over states that were not received, but interpolated, a command stayed in force.
     """
-    known_s = controllers.parameters[i]["common"]["delay_s"]
-    delay = controllers.delays[i]
+    known_s = uav["parameters"]["common"]["delay_s"]
+    delay = uav["delay"]
     ahead = state_predictor.periods_known(delay, known_s, step_us)
     links = state_predictor.periods_known(delay, 0.0, step_us)
     named = measured if received else delay["measured"]
@@ -136,80 +135,80 @@ def _seen(
     if not gap:
         ahead, links = ahead + age - links, age
     if ahead + delay["found"] > 0:
-        step, held = int(np.int64(measured["step"])), controllers.states[i]["held"]
+        step, held = int(np.int64(measured["step"])), uav["controller"]["held"]
         thrust = state_predictor.thrust_believed(delay, step, links, held)
-        motion = motion_of(measured, controllers.aircraft[i], thrust)
+        motion = motion_of(measured, uav["aircraft"], thrust)
     return Seen(motion, ahead, links, gap)
 
 
 @inlined
-def broadcast_if_triggered(controllers: Controllers, i: int, step: int, step_us: int) -> bool:
-    """Return whether UAV i sends `own_states` to its neighbours after a step; it is noted then.
+def broadcast_if_triggered(uav: np.void, step: int, step_us: int) -> bool:
+    """Return whether a UAV sends `own_state` to its neighbours after a step; it is noted then.
 
     After step 0 it sends nothing: the neighbours know that state from before the start, and one
     that is slower than this UAV would take the message for that one.
 
     Args:
-        controllers: Arrays over UAVs; last broadcast, counter and signals of UAV i are updated.
-        i: Index of the UAV.
+        uav: Record of dtype `UAV`; last broadcast, counter and signals are updated.
         step: The step, which `controller_step` has made.
         step_us: Control period [µs].
     """
-    parameters, own = controllers.parameters[i], controllers.own_states[i]
-    last = controllers.last_broadcast[i]
-    formation = controllers.formations[i]
+    parameters, own = uav["parameters"], uav["own_state"]
+    last = uav["last_broadcast"]
+    formation = uav["formation"]
     if step == 0:
-        controllers.signals[i]["neighbour_message"] = 0
+        uav["signals"]["neighbour_message"] = 0
         return False
     if parameters["formation_triggered"] != 0:
-        dt, extrapolated = step_us / 1e6, controllers.extrapolated[i, -1]
+        dt, extrapolated = step_us / 1e6, uav["extrapolated"]
         extrapolate(last, step, dt, extrapolated)
         trigger = parameters["formation_trigger"]
         relays = own["relayed"][0] != 0 and formation["relay_error"] > trigger["position_m"]
         if not relays and not is_message_due(own, last, extrapolated, dt, trigger):
-            controllers.signals[i]["neighbour_message"] = 0
+            uav["signals"]["neighbour_message"] = 0
             return False
     copy_record(last, own)
     if own["relayed"][0] != 0:
-        note_relayed(own, controllers.layouts[i], formation)
-    controllers.signals[i]["neighbour_message"] = 1
-    controllers.states[i]["neighbour_messages"] += 1
+        note_relayed(own, uav["layout"], formation)
+    uav["signals"]["neighbour_message"] = 1
+    uav["controller"]["neighbour_messages"] += 1
     return True
 
 
 @inlined
-def hear(controllers: Controllers, i: int, d: int, message: np.void) -> None:
-    """Let UAV i use the message of its neighbour d from now on.
+def hear(uav: np.void, edges: np.ndarray, d: int, message: np.void) -> None:
+    """Let a UAV use the message of its neighbour d from now on.
 
     Args:
-        controllers: Arrays over UAVs; what UAV i knows of others is updated.
-        i: Index of the UAV.
+        uav: Record of dtype `UAV`; what it knows of the formation is updated.
+        edges: Of its neighbours, dtype `EDGE`; the message in use is updated.
         d: Index of the neighbour.
         message: Payload of dtype NEIGHBOUR, newer than the one in use.
     """
-    copy_record(controllers.neighbour_states[i, d], message)
-    layout = controllers.layouts[i]
+    copy_record(edges[d]["message"], message)
+    layout = uav["layout"]
     if layout["count"] > 0 and layout["neighbours"][d] >= 0:
-        places = controllers.formations[i]["places"]
+        places = uav["formation"]["places"]
         take_in(message, layout["neighbours"][d], layout, places)
 
 
 @inlined
-def _neighbours_now(controllers: Controllers, i: int, step: int, dt: float) -> np.ndarray:
-    """Return what UAV i knows of its neighbours in a step, dtype NEIGHBOUR, shape (degree,)."""
-    known: np.ndarray = controllers.neighbour_states[i]
-    if controllers.parameters[i]["formation_triggered"] != 0:
-        messages, known = known, controllers.extrapolated[i, : len(known)]
-        for d in range(len(messages)):  # a step uses neighbour states of the step before
-            sent = int(np.int64(messages[d]["step"]))
-            extrapolate(messages[d], max(step - 1, sent), dt, known[d])
-    return known
+def _note_known(uav: np.void, edges: np.ndarray, step: int, dt: float) -> None:
+    """Bring what a UAV knows of its neighbours up to a step."""
+    triggered = uav["parameters"]["formation_triggered"] != 0
+    for d in range(len(edges)):
+        message, known = edges[d]["message"], edges[d]["known"]
+        if triggered:  # a step uses neighbour states of the step before
+            extrapolate(message, max(step - 1, int(np.int64(message["step"]))), dt, known)
+        else:
+            copy_record(known, message)
 
 
 @inlined
 def _control(
-    controllers: Controllers,
-    i: int,
+    uav: np.void,
+    edges: np.ndarray,
+    path: np.void,
     measured: np.void,
     motion: Motion,
     seen: Seen,
@@ -217,49 +216,48 @@ def _control(
     may_send: bool,
 ) -> int:
     """Follow profile, path or command; the UAV is armed."""
-    guidance = controllers.guidance[i]
+    guidance = uav["guidance"]
     clock = 0.0  # schedules belong to the profile, so they run on the mission's clock
     if guidance["start_step"] != NOT_STARTED:
         clock = (measured["step"] - guidance["start_step"]) * step_us / 1e6
     dt = step_us / 1e6
     on_path = guidance["follows"] == Source.PATH
-    neighbours = _neighbours_now(controllers, i, int(np.int64(measured["step"])), dt)
+    _note_known(uav, edges, int(np.int64(measured["step"])), dt)
     if guidance["follows"] == Source.PROFILE:
-        profile_value(controllers.profiles[i], clock, guidance["command"])
+        profile_value(uav["profile"], clock, guidance["command"])
     elif on_path:
-        _guide(controllers, i, measured, motion, neighbours, clock, dt)
-    weights = controllers.weights[i]
-    inputs = Inputs(clock, dt, motion, seen, guidance["command"], neighbours, weights)
+        _guide(uav, edges, path, measured, motion, clock, dt)
+    inputs = Inputs(clock, dt, motion, seen, guidance["command"], edges)
     records = Records(
-        controllers.aircraft[i],
-        controllers.parameters[i],
-        controllers.states[i],
-        controllers.actuators[i]["controls"],
-        controllers.signals[i],
+        uav["aircraft"],
+        uav["parameters"],
+        uav["controller"],
+        uav["actuators"]["controls"],
+        uav["signals"],
     )
     mask = control_step(inputs, records, may_send)
-    if on_path and controllers.layouts[i]["count"] > 0:
-        own, path, layout = controllers.own_states[i], controllers.paths[i], controllers.layouts[i]
-        tell_place(own, path["id"], measured, motion, dt, layout, controllers.formations[i])
-    _record_guidance(controllers, i, on_path)
-    if on_path or controllers.parameters[i]["formation_triggered"] != 0:
+    if on_path and uav["layout"]["count"] > 0:
+        own, layout = uav["own_state"], uav["layout"]
+        tell_place(own, path["id"], measured, motion, dt, layout, uav["formation"])
+    _record_guidance(uav, on_path)
+    if on_path or uav["parameters"]["formation_triggered"] != 0:
         # on a path each UAV has a reference of its own
-        refer_to_reference(controllers.own_states[i], controllers.signals[i])
+        refer_to_reference(uav["own_state"], uav["signals"])
     return mask
 
 
 @compiled
 def _guide(
-    controllers: Controllers,
-    i: int,
+    uav: np.void,
+    edges: np.ndarray,
+    path: np.void,
     measured: np.void,
     motion: Motion,
-    neighbours: np.ndarray,
     clock: float,
     dt: float,
 ) -> None:
     """Update the command by the guidance law, if its period is over."""
-    guidance, parameters = controllers.guidance[i], controllers.parameters[i]
+    guidance, parameters = uav["guidance"], uav["parameters"]
     step, since = int(np.int64(measured["step"])), 0.0
     if guidance["guided_step"] != NOT_STARTED:
         period = parameters["guidance"]["common"]["period_s"]
@@ -273,33 +271,32 @@ def _guide(
         mul(to_ned, vec3(measured["velocity"])),
         mul(to_ned, motion.v),
         motion,
-        controllers.states[i]["reference"],
+        uav["controller"]["reference"],
         parameters["common"]["reference_bandwidth_rad_s"],
     )
     coordination = no_coordination()
-    if controllers.layouts[i]["count"] > 0:
+    if uav["layout"]["count"] > 0:
         coordination = fly_in_formation(
             situation,
             step,
             dt,
             clock,
             guidance["in_slot"] != 0,
-            controllers.paths[i],
+            path,
             guidance["path_position"],
-            neighbours,
-            controllers.weights[i],
-            controllers.signals[i],
-            controllers.layouts[i],
+            edges,
+            uav["signals"],
+            uav["layout"],
             parameters,
             guidance["law"],
-            controllers.formations[i],
+            uav["formation"],
         )
     guidance["path_position"] = guide(
         situation,
-        controllers.paths[i],
+        path,
         guidance["path_position"],
         coordination,
-        controllers.aircraft[i],
+        uav["aircraft"],
         parameters["guidance"],
         guidance["law"],
         guidance["command"],
@@ -308,9 +305,9 @@ def _guide(
 
 
 @inlined
-def has_failed(controllers: Controllers, i: int) -> bool:
-    """Return whether a plug-in of UAV i has failed, and so is not called any more."""
-    state, guidance = controllers.states[i], controllers.guidance[i]["law"]
+def has_failed(uav: np.void) -> bool:
+    """Return whether a plug-in of a UAV has failed, and so is not called any more."""
+    state, guidance = uav["controller"], uav["guidance"]["law"]
     return bool(
         state["law_failure"] != 0
         or state["trigger"][PLUGIN]["failure"] != 0
@@ -319,15 +316,15 @@ def has_failed(controllers: Controllers, i: int) -> bool:
 
 
 @inlined
-def _record_guidance(controllers: Controllers, i: int, on_path: bool) -> None:
-    """Write where on the path UAV i is, and its slot; NaN off a path."""
-    signals, formation = controllers.signals[i], controllers.formations[i]
-    signals["path_position"] = controllers.guidance[i]["path_position"] if on_path else math.nan
+def _record_guidance(uav: np.void, on_path: bool) -> None:
+    """Write where on the path a UAV is, and its slot; NaN off a path."""
+    signals, formation = uav["signals"], uav["formation"]
+    signals["path_position"] = uav["guidance"]["path_position"] if on_path else math.nan
     for k in range(3):
         signals["slot"][k] = formation["slot"]["place"][k] if on_path else math.nan
-    size, relayed = 0, controllers.own_states[i]["relayed"]
+    size, relayed = 0, uav["own_state"]["relayed"]
     if on_path:
-        size = controllers.layouts[i]["count"]
+        size = uav["layout"]["count"]
         while size > 0 and formation["table"][size - 1] == 0:
             size -= 1
         for r in range(len(relayed)):
@@ -337,15 +334,15 @@ def _record_guidance(controllers: Controllers, i: int, on_path: bool) -> None:
 
 
 @compiled
-def _cut_thrust(controllers: Controllers, i: int, motion: Motion) -> int:
+def _cut_thrust(uav: np.void, motion: Motion) -> int:
     """Set the thrust to zero, an event of the throttle; the surfaces stay. The UAV is disarmed.
 
     Only measured and held signals are recorded; no law is evaluated.
     """
-    held, signals = controllers.states[i]["held"], controllers.signals[i]
+    held, signals = uav["controller"]["held"], uav["signals"]
     mask = 0
     if held[THROTTLE] != 0.0:
-        controllers.actuators[i]["controls"][THROTTLE] = 0.0
+        uav["actuators"]["controls"][THROTTLE] = 0.0
         held[THROTTLE] = 0.0
         mask = 1 << THROTTLE
     copy_record(signals, _NO_SIGNALS[0])

@@ -29,8 +29,7 @@ class FormationErrors(NamedTuple):
 def formation_errors(
     motion: Motion,
     reference: Reference,
-    neighbours: np.ndarray,
-    weights: np.ndarray,
+    edges: np.ndarray,
     weighting: np.void,
 ) -> FormationErrors:
     """Evaluate eqs. (31) and (32) and the neighbours' sums that r_v and (57) need.
@@ -43,9 +42,8 @@ def formation_errors(
     Args:
         motion: Own motion.
         reference: Filtered reference.
-        neighbours: Last report of each neighbour, dtype `mavlink_defs.framing.codec.NEIGHBOUR`,
-            shape (degree,).
-        weights: a_ij of each neighbour, shape (degree,); 0 while it is silent.
+        edges: What is known of each neighbour, dtype `ftc_autopilot.control.edges.EDGE`, shape
+            (degree,).
         weighting: Record made of `ftc_autopilot.control.laws.base.LawParameters`.
     """
     V_tilde = motion.V - reference.V
@@ -55,11 +53,11 @@ def formation_errors(
     speed, angle = weighting["neighbour_speed_limit_m_s"], weighting["neighbour_angle_limit_rad"]
     acceleration = weighting["neighbour_acceleration_limit_m_s2"]
     rate = weighting["neighbour_rate_limit_rad_s"]
-    for j in range(len(weights)):
-        a = weights[j]
+    for j in range(len(edges)):
+        a = edges[j]["weight"]
         if a == 0.0:
             continue
-        other = neighbours[j]
+        other = edges[j]["known"]
         V_j, V_dot_j = other["airspeed"], other["airspeed_rate"]
         e_j, e_dot_j = vec3(other["attitude"]), vec3(other["attitude_rate"])
         if other["frame"] != FTC_NEIGHBOUR_FRAME_REFERENCE:

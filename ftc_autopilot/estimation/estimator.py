@@ -6,9 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ftc_autopilot.estimation.alignment import align
-from ftc_autopilot.estimation.config import EstimatorConfig, parameters_of
+from ftc_autopilot.estimation.config import PARAMETERS, EstimatorConfig, parameters_of
 from ftc_autopilot.estimation.health import (
     INCONSISTENT,
+    SENSOR,
     exclude,
     is_used,
     new_sensor_health,
@@ -36,6 +37,7 @@ from ftc_autopilot.estimation.state import (
     GYRO_BIAS,
     HISTORY_S,
     MAG,
+    N_SENSORS,
     PITOT,
     POS,
     SIDESLIP,
@@ -48,10 +50,11 @@ from mavlink_defs.framing.codec import copy_step
 from mavlink_defs.origin import EARTH_RADIUS_M
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.memory import copy_record
+from sitl_plant.navigation_sensors import MAX_IMUS
 from sitl_plant.sensing.standard_air import altitude_of
 from sitl_plant.vec3 import Vec3
 
-__all__ = ["Estimator", "EstimatorConfig", "estimate", "new_estimator"]
+__all__ = ["ESTIMATOR", "Estimator", "EstimatorConfig", "estimate", "new_estimator"]
 
 _NEW_FIELD = (
     dialect.HIL_SENSOR_UPDATED_XMAG
@@ -71,42 +74,42 @@ PROGRESS = np.dtype([("step", "i8"), ("run", "i8"), ("imu", "i8"), ("without_gns
 """Last step [number], its run, the IMU flown by, time since the last GNSS sample [s]."""
 
 
-class Estimator(NamedTuple):
-    """All arrays, without owners: they can be copied and saved."""
+ESTIMATOR = np.dtype(
+    [
+        ("parameters", PARAMETERS),
+        ("progress", PROGRESS),
+        ("sensors", SENSOR, (N_SENSORS,)),
+        ("icing", ICING),
+        ("report", REPORT),
+        ("past", "f8", (TRAVEL,)),
+        ("imus", IMU, (MAX_IMUS,)),  # the first `parameters["imus"]` are in use
+        ("filters", FILTER, (MAX_IMUS,)),  # one for each of them
+    ]
+)
+"""All that an estimator knows but its memory of past steps."""
 
-    parameters: np.ndarray  # (1,), dtype PARAMETERS
-    progress: np.ndarray  # (1,), dtype PROGRESS
-    filters: np.ndarray  # (imus,), dtype FILTER
-    imus: np.ndarray  # (imus,), dtype IMU
-    sensors: np.ndarray  # (5,), dtype health.SENSOR
+
+class Estimator(NamedTuple):
+    """An estimator and its memory."""
+
+    state: np.ndarray  # (1,), dtype ESTIMATOR
     history: np.ndarray  # (imus, entries, TRAVEL)
-    past: np.ndarray  # (TRAVEL,)
-    icing: np.ndarray  # (1,), dtype ICING
-    report: np.ndarray  # (1,), dtype REPORT
 
 
 def new_estimator(config: EstimatorConfig) -> Estimator:
     """Return an estimator before its first sample."""
-    n = config.sensors.imus
     entries = math.ceil((config.sensors.gnss.latency_s + _MEMORY_S) / HISTORY_S)
-    progress = np.zeros(1, PROGRESS)
-    progress["step"] = -1
-    return Estimator(
-        parameters_of(config),
-        progress,
-        np.zeros(n, FILTER),
-        np.zeros(n, IMU),
-        new_sensor_health(config.sensors, config.step_us),
-        np.zeros((n, entries, TRAVEL)),
-        np.zeros(TRAVEL),
-        np.zeros(1, ICING),
-        np.zeros(1, REPORT),
-    )
+    state = np.zeros(1, ESTIMATOR)
+    state["parameters"] = parameters_of(config)
+    state["progress"]["step"] = -1
+    state["sensors"] = new_sensor_health(config.sensors, config.step_us)
+    return Estimator(state, np.zeros((config.sensors.imus, entries, TRAVEL)))
 
 
 @compiled
 def estimate(
-    estimator: Estimator,
+    estimator: np.void,
+    history: np.ndarray,
     imus: np.ndarray,
     gps: np.void,
     has_gps: bool,
@@ -118,40 +121,41 @@ def estimate(
     A second call for the same step changes nothing.
 
     Args:
-        estimator: Updated in place; its `report` is about this step.
-        imus: Payloads of HIL_SENSOR, one for each IMU, shape (imus,).
+        estimator: Record of dtype `ESTIMATOR`, updated in place; its `report` is of this step.
+        history: Its memory, as of `Estimator`, updated in place.
+        imus: Payloads of HIL_SENSOR, one for each IMU, shape (imus,) or longer.
         gps: Payload of HIL_GPS.
         has_gps: Whether that came in this step.
         sim_step: Payload of FTC_SIM_STEP.
         measured: Payload of FTC_SIM_STATE, written.
     """
-    progress, assumed = estimator.progress[0], estimator.parameters[0]
+    progress, assumed = estimator["progress"], estimator["parameters"]
     step, run = int(sim_step["step"]), int(sim_step["run"])
     gap = step - progress["step"]
     if progress["step"] < 0 or run != progress["run"] or gap < 0 or gap > _LONGEST_GAP:
-        _begin(estimator, imus, assumed)
+        _begin(estimator, history, imus, assumed)
         gap = 1
     elif gap > 0:
-        for k in range(len(imus)):
-            note_imu(estimator.imus[k], imus[k], assumed)
+        for k in range(assumed["imus"]):
+            note_imu(estimator["imus"][k], imus[k], assumed)
         for _ in range(gap):
-            _advance(estimator, assumed)
+            _advance(estimator, history, assumed)
     if gap > 0:
-        _aid(estimator, imus[0], gps, has_gps, int(sim_step["time_usec"]), assumed, step)
-        _switch(estimator, assumed)
+        _aid(estimator, history, imus[0], gps, has_gps, int(sim_step["time_usec"]), assumed, step)
+        _switch(estimator, history, assumed)
     progress["step"], progress["run"] = step, run
-    kalman, report = estimator.filters[progress["imu"]], estimator.report[0]
+    kalman, report = estimator["filters"][progress["imu"]], estimator["report"]
     write_motion(kalman, report["quaternion"], measured)
-    write_report(kalman, estimator.imus, estimator.sensors, progress["imu"], report)
+    write_report(kalman, estimator["imus"], estimator["sensors"], progress["imu"], assumed, report)
     report["step"], report["run"] = step, run
     copy_step(sim_step, measured)
 
 
 @compiled
-def _begin(estimator: Estimator, imus: np.ndarray, assumed: np.void) -> None:
-    first, progress = imus[0], estimator.progress[0]
+def _begin(estimator: np.void, history: np.ndarray, imus: np.ndarray, assumed: np.void) -> None:
+    first, progress = imus[0], estimator["progress"]
     if progress["step"] >= 0:
-        estimator.report[0]["resets"] += 1
+        estimator["report"]["resets"] += 1
     progress["imu"], progress["without_gnss"] = 0, 0.0
     field = float(first["xmag"]), float(first["ymag"]), float(first["zmag"])
     updated = int(first["fields_updated"])
@@ -160,39 +164,40 @@ def _begin(estimator: Estimator, imus: np.ndarray, assumed: np.void) -> None:
         altitude = altitude_of(float(first["abs_pressure"]))
     if updated & _NEW_PITOT:
         pressure = _PA * float(first["diff_pressure"])
-    for k in range(len(imus)):
+    for k in range(assumed["imus"]):
         for _ in range(3):
-            note_imu(estimator.imus[k], imus[k], assumed)
-        estimator.imus[k]["noise"][:] = 1.0
-        estimator.imus[k]["same"][:] = 0
-        rates, force = sample_of(estimator.imus[k])
-        align(estimator.filters[k], rates, force, field, pressure, altitude, assumed)
-        estimator.filters[k]["trends"][:] = 0.0
-        estimator.history[k, :, :] = 0.0
+            note_imu(estimator["imus"][k], imus[k], assumed)
+        estimator["imus"][k]["noise"][:] = 1.0
+        estimator["imus"][k]["same"][:] = 0
+        rates, force = sample_of(estimator["imus"][k])
+        align(estimator["filters"][k], rates, force, field, pressure, altitude, assumed)
+        estimator["filters"][k]["trends"][:] = 0.0
+        history[k, :, :] = 0.0
 
 
 @compiled
-def _advance(estimator: Estimator, assumed: np.void) -> None:
+def _advance(estimator: np.void, history: np.ndarray, assumed: np.void) -> None:
     """Advance all filters by one step."""
     step_s = assumed["step_us"] / 1e6
-    estimator.progress[0]["without_gnss"] += step_s
-    for k in range(len(estimator.filters)):
-        if not (runs(estimator.imus[k], step_s) or k == estimator.progress[0]["imu"]):
+    estimator["progress"]["without_gnss"] += step_s
+    for k in range(assumed["imus"]):
+        if not (runs(estimator["imus"][k], step_s) or k == estimator["progress"]["imu"]):
             continue
-        kalman = estimator.filters[k]
-        rates, force = sample_of(estimator.imus[k])
+        kalman = estimator["filters"][k]
+        rates, force = sample_of(estimator["imus"][k])
         predict(kalman, rates, force, assumed)
         pay(kalman, assumed)
         if kalman["elapsed"] == 0.0:
-            history = estimator.history[k]
+            row = kalman["entry"] % history.shape[1]
             for j in range(TRAVEL):
-                history[kalman["entry"] % len(history), j] = kalman["travel"][j]
+                history[k, row, j] = kalman["travel"][j]
             kalman["entry"] += 1
 
 
 @compiled
 def _aid(
-    estimator: Estimator,
+    estimator: np.void,
+    history: np.ndarray,
     first: np.void,
     gps: np.void,
     has_gps: bool,
@@ -201,7 +206,7 @@ def _aid(
     step: int,
 ) -> None:
     """Fuse what has come from the sensors beside the IMUs."""
-    sensors, updated = estimator.sensors, int(first["fields_updated"])
+    sensors, updated = estimator["sensors"], int(first["fields_updated"])
     field = float(first["xmag"]), float(first["ymag"]), float(first["zmag"])
     note_sample(sensors[MAG], (updated & _NEW_FIELD) == _NEW_FIELD, field[0], field[1], field[2])
     barometric = float(first["abs_pressure"])
@@ -214,13 +219,13 @@ def _aid(
     age = (time_us - int(gps["time_usec"])) / 1e6 if fixed else 0.0
     step_s = assumed["step_us"] / 1e6
     slip = step * assumed["step_us"] % int(1e6 * _SIDESLIP_EVERY_S) == 0
-    primary = estimator.progress[0]["imu"]
-    if fixed and estimator.progress[0]["without_gnss"] > 2.0:
-        _loosen(estimator)
-    for k in range(len(estimator.filters)):
-        if not (runs(estimator.imus[k], step_s) or k == primary):
+    primary = estimator["progress"]["imu"]
+    if fixed and estimator["progress"]["without_gnss"] > 2.0:
+        _loosen(estimator, assumed)
+    for k in range(assumed["imus"]):
+        if not (runs(estimator["imus"][k], step_s) or k == primary):
             continue
-        kalman = estimator.filters[k]
+        kalman = estimator["filters"][k]
         ratios = kalman["ratios"]
         if sensors[MAG]["fresh"] == 1:
             ratios[MAG] = fuse_magnetometer(kalman, field, assumed, is_used(sensors[MAG]))
@@ -230,9 +235,9 @@ def _aid(
         if sensors[PITOT]["fresh"] == 1:
             ratios[PITOT] = fuse_pitot(kalman, pressure, assumed, is_used(sensors[PITOT]))
         if fixed:
-            past_travel(estimator.history[k], kalman["travel"], age, estimator.past)
+            past_travel(history[k], kalman["travel"], age, estimator["past"])
             ratios[GNSS] = fuse_gnss(
-                kalman, position, velocity, estimator.past, assumed, is_used(sensors[GNSS])
+                kalman, position, velocity, estimator["past"], assumed, is_used(sensors[GNSS])
             )
             if kalman["placed"] == 0 and ratios[GNSS] < GATE:
                 kalman["placed"] = 1
@@ -240,25 +245,26 @@ def _aid(
         if slip:
             ratios[SIDESLIP] = fuse_sideslip(kalman, _SIDESLIP_EVERY_S, assumed)
     if fixed:
-        estimator.progress[0]["without_gnss"] = 0.0
+        estimator["progress"]["without_gnss"] = 0.0
     if slip and is_used(sensors[PITOT]) and is_used(sensors[GNSS]):
-        icing = estimator.icing[0]
-        if is_icing(estimator.filters[primary], icing, _SIDESLIP_EVERY_S, assumed):
+        icing = estimator["icing"]
+        if is_icing(estimator["filters"][primary], icing, _SIDESLIP_EVERY_S, assumed):
             exclude(sensors[PITOT], INCONSISTENT)
-            for kalman in estimator.filters:
+            for k in range(assumed["imus"]):
+                kalman = estimator["filters"][k]
                 restore_wind(kalman, icing)
             icing["age"], icing["suspicious"] = 0.0, 0.0
-    for s in range(1, len(sensors)):
+    for s in range(1, N_SENSORS):
         if sensors[s]["fresh"] == 1:
-            note_test(sensors[s], estimator.filters[primary]["ratios"][s])
+            note_test(sensors[s], estimator["filters"][primary]["ratios"][s])
 
 
 @compiled
-def _loosen(estimator: Estimator) -> None:
+def _loosen(estimator: np.void, assumed: np.void) -> None:
     """Widen the covariance after dead reckoning: the wind may have turned."""
-    gap = estimator.progress[0]["without_gnss"]
-    for kalman in estimator.filters:
-        P = kalman["P"]
+    gap = estimator["progress"]["without_gnss"]
+    for k in range(assumed["imus"]):
+        P = estimator["filters"][k]["P"]
         for i in range(2):
             P[POS + i, POS + i] += (_POSITION_GROWTH * gap) ** 2
             P[VEL + i, VEL + i] += _VELOCITY_ERROR**2
@@ -275,23 +281,25 @@ def _place(gps: np.void, assumed: np.void) -> tuple[Vec3, Vec3]:
 
 
 @compiled
-def _switch(estimator: Estimator, assumed: np.void) -> None:
+def _switch(estimator: np.void, history: np.ndarray, assumed: np.void) -> None:
     """Fly by another IMU if this one is not well, and give one that is well again its filter."""
-    progress, filters, imus = estimator.progress[0], estimator.filters, estimator.imus
+    progress, filters, imus = estimator["progress"], estimator["filters"], estimator["imus"]
     before = int(progress["imu"])
     primary = judge_imus(imus, filters, before, assumed)
     if primary != before:
         hand_over(filters[before], filters[primary])
         progress["imu"] = primary
-    for k in range(len(imus)):
+    for k in range(assumed["imus"]):
         if k != primary and not runs(imus[k], assumed["step_us"] / 1e6):
-            _follow(estimator, k, primary, assumed)
+            _follow(estimator, history, k, primary, assumed)
 
 
 @compiled
-def _follow(estimator: Estimator, k: int, primary: int, assumed: np.void) -> None:
+def _follow(
+    estimator: np.void, history: np.ndarray, k: int, primary: int, assumed: np.void
+) -> None:
     """Keep the filter of an excluded IMU like the one flown by, but for its biases."""
-    kalman, other = estimator.filters[k], estimator.filters[primary]
+    kalman, other = estimator["filters"][k], estimator["filters"][primary]
     if other["elapsed"] != 0.0:
         return
     biases = (
@@ -307,6 +315,6 @@ def _follow(estimator: Estimator, k: int, primary: int, assumed: np.void) -> Non
             P[FORCE_BIAS + j, c] = P[c, FORCE_BIAS + j] = 0.0
         P[GYRO_BIAS + j, GYRO_BIAS + j] = assumed["gyro_bias"]
         P[FORCE_BIAS + j, FORCE_BIAS + j] = assumed["force_bias"]
-    for row in range(estimator.history.shape[1]):
+    for row in range(history.shape[1]):
         for j in range(TRAVEL):
-            estimator.history[k, row, j] = estimator.history[primary, row, j]
+            history[k, row, j] = history[primary, row, j]

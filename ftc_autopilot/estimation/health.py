@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from ftc_autopilot.estimation.measurements import GATE
+from ftc_autopilot.estimation.state import N_SENSORS
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.navigation_sensors import NavigationSensors
 from sitl_plant.sensing.units import periods_between
@@ -48,7 +49,7 @@ _TAKE_BACK_GATE = 9.0  # squared normalised innovation of an excluded one that i
 
 def new_sensor_health(sensors: NavigationSensors, step_us: int) -> np.ndarray:
     """Return the state of the sensors beside the IMUs, in the order of `state.SENSORS`, (5,)."""
-    health = np.zeros(5, SENSOR)
+    health = np.zeros(N_SENSORS, SENSOR)
     models = (None, sensors.magnetometer, sensors.barometer, sensors.pitot, sensors.gnss)
     noises = (
         0.0,

@@ -99,16 +99,16 @@ def judge_imus(imus: np.ndarray, filters: np.ndarray, primary: int, assumed: np.
     """Test all IMUs; return the one to fly by.
 
     Args:
-        imus: Records of dtype `IMU`, shape (n,).
+        imus: Records of dtype `IMU`, shape (imus,) or longer.
         filters: Their filters, dtype `FILTER`, shape (n,).
         primary: The one flown by so far.
         assumed: Record of dtype `PARAMETERS`.
     """
     step_s = assumed["step_us"] / 1e6
     all_noisy = True
-    for k in range(len(imus)):
+    for k in range(assumed["imus"]):
         all_noisy = all_noisy and _is_noisy(imus[k])
-    for k in range(len(imus)):
+    for k in range(assumed["imus"]):
         imu = imus[k]
         reason = WELL
         if imu["silent"] * step_s > _MOST_SILENT_S:
@@ -119,7 +119,7 @@ def judge_imus(imus: np.ndarray, filters: np.ndarray, primary: int, assumed: np.
             reason = NOISY
         _conclude(imu, reason, step_s)
     if imus[primary]["reason"] != WELL:
-        for k in range(len(imus)):
+        for k in range(assumed["imus"]):
             if imus[k]["reason"] == WELL:
                 primary = k
                 break
@@ -151,7 +151,7 @@ def _compare(imus: np.ndarray, filters: np.ndarray, primary: int, assumed: np.vo
     step_s = assumed["step_us"] / 1e6
     one, bias = imus[primary]["samples"][0], filters[primary]["x"]
     chosen = primary
-    for k in range(len(imus)):
+    for k in range(assumed["imus"]):
         if k == primary:
             imus[k]["differs"] = 0
             continue

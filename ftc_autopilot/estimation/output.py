@@ -11,7 +11,12 @@ import numpy as np
 
 from ftc_autopilot.estimation.health import WELL
 from ftc_autopilot.estimation.state import (
+    FORCE_BIAS,
+    GNSS,
+    GYRO_BIAS,
+    N_SENSORS,
     PHI,
+    PITOT,
     POS,
     SENSORS,
     VEL,
@@ -22,6 +27,7 @@ from ftc_autopilot.estimation.state import (
     turn_world,
 )
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.navigation_sensors import MAX_IMUS
 from sitl_plant.vec3 import mul_t, vec3
 
 REPORT = np.dtype(
@@ -33,7 +39,7 @@ REPORT = np.dtype(
         ("bad_sensors", "i8"),  # bit k: sensor k of `state.SENSORS` is excluded
         ("dead_reckoning", "i8"),  # 1: without a GNSS receiver
         ("synthetic_airspeed", "i8"),  # 1: without a pitot tube
-        ("imu_reasons", "i8", (3,)),  # of `health.REASONS`
+        ("imu_reasons", "i8", (MAX_IMUS,)),  # of `health.REASONS`
         ("reasons", "i8", (len(SENSORS),)),
         ("ratios", "f8", (len(SENSORS),)),  # squared normalised innovations, the last of each
         ("attitude_std", "f8", (3,)),  # about NED axes [rad]
@@ -115,7 +121,12 @@ def write_motion(kalman: np.void, quaternion: np.ndarray, measured: np.void) -> 
 
 @compiled
 def write_report(
-    kalman: np.void, imus: np.ndarray, sensors: np.ndarray, primary: int, report: np.void
+    kalman: np.void,
+    imus: np.ndarray,
+    sensors: np.ndarray,
+    primary: int,
+    assumed: np.void,
+    report: np.void,
 ) -> None:
     """Write the report.
 
@@ -124,24 +135,25 @@ def write_report(
         imus: Records of dtype `imus.IMU`, shape (n,).
         sensors: Records of dtype `health.SENSOR`, in the order of `state.SENSORS`.
         primary: The IMU flown by.
+        assumed: Record of dtype `config.PARAMETERS`.
         report: Record of dtype `REPORT`, written.
     """
     x, P = kalman["x"], kalman["P"]
     report["imu"], report["aligned"] = primary, kalman["aligned"]
     bad = 0
-    for k in range(len(imus)):
+    for k in range(assumed["imus"]):
         report["imu_reasons"][k] = imus[k]["reason"]
         if imus[k]["reason"] != WELL:
             bad |= 1 << k
     report["bad_imus"] = bad
     bad = 0
-    for k in range(1, len(sensors)):
+    for k in range(1, N_SENSORS):
         report["reasons"][k] = sensors[k]["reason"]
         if sensors[k]["reason"] != WELL:
             bad |= 1 << k
     report["bad_sensors"] = bad
-    report["synthetic_airspeed"] = int(sensors[3]["reason"] != WELL)
-    report["dead_reckoning"] = int(sensors[4]["reason"] != WELL)
+    report["synthetic_airspeed"] = int(sensors[PITOT]["reason"] != WELL)
+    report["dead_reckoning"] = int(sensors[GNSS]["reason"] != WELL)
     for k in range(len(SENSORS)):
         report["ratios"][k] = kalman["ratios"][k]
     for k in range(3):
@@ -150,8 +162,8 @@ def write_report(
         report["position_std"][k] = math.sqrt(P[POS + k, POS + k])
         report["wind_std"][k] = math.sqrt(P[WIND + k, WIND + k])
         report["wind"][k] = x[WIND + k]
-        report["gyro_bias"][k] = x[9 + k]
-        report["force_bias"][k] = x[12 + k]
+        report["gyro_bias"][k] = x[GYRO_BIAS + k]
+        report["force_bias"][k] = x[FORCE_BIAS + k]
     a = vec3(x[VEL:])
     total = 0.0
     for k in range(3):

@@ -23,6 +23,8 @@ BARO_ERROR, PITOT_SCALE = 24, 25
 SENSORS = ("imu", "magnetometer", "barometer", "pitot", "gnss", "sideslip")
 """What innovations belong to, in the order of the test ratios."""
 MAG, BARO, PITOT, GNSS, SIDESLIP = 1, 2, 3, 4, 5
+N_SENSORS = 5
+"""Those that can fail: all but the sideslip, which is an assumption."""
 
 FILTER = np.dtype(
     [

@@ -124,8 +124,7 @@ def new_formation() -> np.void:
 @compiled
 def coordinate(
     now: Progress,
-    known: np.ndarray,
-    weights: np.ndarray,
+    edges: np.ndarray,
     signals: np.void,
     layout: np.void,
     gains: np.void,
@@ -135,15 +134,14 @@ def coordinate(
 
     Args:
         now: Progress of the own UAV.
-        known: Last message of each neighbour, dtype `mavlink_defs.framing.codec.NEIGHBOUR`, shape
+        edges: What is known of each neighbour, dtype `ftc_autopilot.control.edges.EDGE`, shape
             (degree,).
-        weights: a_ij of each neighbour, 0 while it is silent, shape (degree,).
         signals: Of the step before, dtype `ftc_autopilot.control.controller.SIGNALS`.
         layout: Record of dtype `ftc_autopilot.guidance.formation.LAYOUT`.
         gains: Record made of `ftc_autopilot.guidance.formation.FormationParameters`.
         state: Record of dtype `FORMATION`, updated in place.
     """
-    if _note_members(now, known, weights, signals, layout, gains, state):
+    if _note_members(now, edges, signals, layout, gains, state):
         state["plan"] = -1
     plan = 0
     while plan + 1 < layout["plans"] and now.clock >= layout["at"][plan + 1]:
@@ -169,7 +167,7 @@ def coordinate(
     for m in range(layout["count"]):
         if policy_of(state["table"][m]) == SLOW:
             speed = (1.0 - gains["slow_share"]) * now.speed
-    correction = _consensus(now, speed, known, weights, layout, gains, state)
+    correction = _consensus(now, speed, edges, layout, gains, state)
     return Coordination(slot, rate, speed - now.speed + correction + rate[0], 0.0, 0.0)
 
 
@@ -177,8 +175,7 @@ def coordinate(
 def _consensus(
     now: Progress,
     speed: float,
-    known: np.ndarray,
-    weights: np.ndarray,
+    edges: np.ndarray,
     layout: np.void,
     gains: np.void,
     state: np.void,
@@ -187,18 +184,18 @@ def _consensus(
     ks, limit, access = gains["ks"], gains["speed_limit_m_s"], layout["access"]
     xi = state["xi"]
     total, sum_of_weights, behind = 0.0, 0.0, 0.0
-    for d in range(len(weights)):
-        m, message = layout["neighbours"][d], known[d]
-        if m < 0 or weights[d] <= 0.0 or np.int64(message["path_id"]) != now.path_id:
+    for d in range(len(edges)):
+        m, message, weight = layout["neighbours"][d], edges[d]["known"], edges[d]["weight"]
+        if m < 0 or weight <= 0.0 or np.int64(message["path_id"]) != now.path_id:
             continue
         if policy_of(state["table"][m]) == LEAVE:
             continue
         age = (now.step - np.int64(message["step"])) * now.dt
         ahead = message["path_position"] + age * message["path_rate"] - xi
         excess = message["path_rate"] - speed
-        total += weights[d] * (ks * ahead + gains["rate_share"] * excess)
-        sum_of_weights += weights[d]
-        behind += weights[d] * ahead
+        total += weight * (ks * ahead + gains["rate_share"] * excess)
+        sum_of_weights += weight
+        behind += weight * ahead
     state["error"][0] = -behind / sum_of_weights if sum_of_weights > 0.0 else math.nan
     if gains["kind"] == LEADER_FOLLOWER and access > 0.0:
         return 0.0
@@ -212,8 +209,7 @@ def _consensus(
 @compiled
 def _note_members(
     now: Progress,
-    known: np.ndarray,
-    weights: np.ndarray,
+    edges: np.ndarray,
     signals: np.void,
     layout: np.void,
     gains: np.void,
@@ -222,26 +218,27 @@ def _note_members(
     """Bring the table up to date; return whether it has changed."""
     table, own, changed = state["table"], layout["own"], False
     links, heard, lost = 0, 0, 0
-    for d in range(len(weights)):
+    for d in range(len(edges)):
         m = layout["neighbours"][d]
         if m < 0:
             continue
         links += 1
-        hears = weights[d] > 0.0
+        hears = edges[d]["weight"] > 0.0
         heard += 1 if hears else 0
         lost += 1 if state["heard"][d] != 0 else 0
         state["member_heard"][m] = 1 if hears else 0
-    for d in range(len(weights)):
+    for d in range(len(edges)):
         m = layout["neighbours"][d]
         if m < 0:
             continue
-        hears = weights[d] > 0.0
+        hears = edges[d]["weight"] > 0.0
         # a member that hears none is cut off itself, and reports nothing of the others
         if not hears and state["heard"][d] != 0 and heard > 0 and cause_of(table[m]) == NOMINAL:
             changed |= enter(table, m, 4 * SILENT + gains["on_silent"])
         state["heard"][d] = 1 if hears else 0
-        if hears and np.int64(known[d]["path_id"]) != 0:
-            changed |= merge(table, known[d]["report"], own, state["member_heard"], layout["count"])
+        known = edges[d]["known"]
+        if hears and np.int64(known["path_id"]) != 0:
+            changed |= merge(table, known["report"], own, state["member_heard"], layout["count"])
     cut_off = links > 0 and heard == 0
     cause = _cause(now.since, cut_off, signals, gains, state)
     policy = 0

@@ -27,8 +27,7 @@ def fly_in_formation(
     in_slot: bool,
     path: np.void,
     near: float,
-    neighbours: np.ndarray,
-    weights: np.ndarray,
+    edges: np.ndarray,
     signals: np.void,
     layout: np.void,
     parameters: np.void,
@@ -45,9 +44,8 @@ def fly_in_formation(
         in_slot: Whether it flies in its slot, not on the path itself.
         path: Record of dtype `ftc_autopilot.guidance.path.PATH`.
         near: Path parameter at the update before [m].
-        neighbours: Last message of each neighbour, dtype `mavlink_defs.framing.codec.NEIGHBOUR`,
-            shape (degree,).
-        weights: a_ij of each neighbour, 0 while it is silent, shape (degree,).
+        edges: What is known of each neighbour, dtype `ftc_autopilot.control.edges.EDGE`, shape
+            (degree,).
         signals: Of the step before, dtype `ftc_autopilot.control.controller.SIGNALS`.
         layout: Record of dtype `ftc_autopilot.guidance.formation.LAYOUT`.
         parameters: Record of dtype `ftc_autopilot.control.controller.PARAMETERS`.
@@ -59,7 +57,7 @@ def fly_in_formation(
     progress = Progress(
         step, dt, now.dt, clock, in_slot, path["id"], pace.s, pace.s_dot, pace.speed
     )
-    plain = coordinate(progress, neighbours, weights, signals, layout, gains, state)
+    plain = coordinate(progress, edges, signals, layout, gains, state)
     intention = intention_of(now, path, near, plain, parameters["guidance"], law)
     state["error"][1], state["error"][2] = intention.off_right, intention.off_up
     asked = _in_ned(intention)

@@ -8,7 +8,6 @@ periods it acted: the delay of the link there and back.
 
 import numpy as np
 
-from ftc_autopilot.control.controllers import Controllers
 from ftc_autopilot.control.state_predictor import LONGEST_S
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.runtime.jit import compiled, inlined
@@ -56,9 +55,7 @@ def note_delay(state: np.void, sim_state: np.void) -> int:
 
 
 @inlined
-def note_events(
-    state: np.void, sim_state: np.void, controllers: Controllers, mask: int, lockstep: bool
-) -> bool:
+def note_events(state: np.void, sim_state: np.void, mask: int, lockstep: bool) -> bool:
     """Note the events to be sent; return whether an actuator message is due.
 
     One is due if there was an event, or again if one was not acknowledged: in lockstep by the next
@@ -67,7 +64,6 @@ def note_events(
     Args:
         state: Record with the fields `ACKNOWLEDGEMENT`, updated in place.
         sim_state: FTC_SIM_STATE payload.
-        controllers: The controllers of one UAV; the time of its actuator message is updated.
         mask: Channels that had an event.
         lockstep: Whether simulated time waits for the message.
     """
@@ -91,7 +87,6 @@ def note_events(
             state["pending_usec"][c] = time_usec
         elif overdue & (1 << c):
             state["repeated"][c] += 1
-    controllers.actuators[0]["time_usec"] = time_usec
     return True
 
 

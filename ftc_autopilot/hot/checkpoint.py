@@ -11,100 +11,112 @@ that was being written when the process died is not taken for a whole one.
 import hashlib
 import mmap
 import os
-from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from ftc_autopilot.estimation.estimator import Estimator
 from mavlink_defs.config.output_files import naming
 from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.memory import bytes_of, copy_bytes
 
 VEHICLE = np.dtype([("mode", "i8"), ("item", "i8")])
 """Of a vehicle, besides its compiled records: custom_mode, current mission item."""
 
-N_PARTS = 14 + len(Estimator._fields)
-_HEAD = 16  # bytes of a slot before its parts: count, checksum
+_HEAD = 16  # bytes of a slot before its content: count, checksum
 _DIGEST = 64  # bytes of the file before the slots
 _FNV_START, _FNV_PRIME = 0x811C9DC5, 0x01000193
 
 
 class Checkpoint(NamedTuple):
-    """The file of an autopilot and the records saved in it; without slots nothing is saved."""
+    """The file of an autopilot; without slots nothing is saved."""
 
     slots: np.ndarray  # (2, size), bytes in the file
     as_u64: np.ndarray  # (2, size / 8), the same: count, checksum, the rest
     as_u32: np.ndarray  # (2, size / 4), the same
     written: np.ndarray  # (1,), how often a slot was written
-    parts: tuple[np.ndarray, ...]  # the bytes of each record, N_PARTS of them
+    saved: np.ndarray  # (parts, 2), first byte and end of what is saved of the record
 
 
 def no_checkpoint() -> Checkpoint:
     """Return a checkpoint that saves nothing."""
-    none = np.zeros(0, np.uint8)
     return Checkpoint(
         np.zeros((0, 0), np.uint8),
         np.zeros((0, 0), np.uint64),
         np.zeros((0, 0), np.uint32),
         np.zeros(1, np.uint64),
-        (none,) * N_PARTS,
+        np.zeros((0, 2), np.int64),
     )
 
 
-def open_checkpoint(path: Path, records: Sequence[np.ndarray], configuration: str) -> Checkpoint:
+def open_checkpoint(path: Path, saved: np.ndarray, edges: np.ndarray, described: str) -> Checkpoint:
     """Open the file of an autopilot, or make it; its space on the disk is taken at once.
 
     Args:
         path: The file.
-        records: What is saved, `N_PARTS` arrays.
-        configuration: A text that identifies the configuration; a file of another one, or of
-            records of other types, is cleared.
+        saved: First byte and end of each part of the autopilot's record that is saved.
+        edges: Its edges, which are saved as well.
+        described: A text that identifies configuration and record; a file of another one is
+            cleared.
 
     Raises:
         OSError: The file cannot be made; it is named.
     """
-    parts = tuple(record.reshape(-1).view(np.uint8) for record in records)
-    assert len(parts) == N_PARTS
-    size = -(-(_HEAD + sum(map(len, parts))) // 8) * 8
-    described = [configuration, *(str(record.dtype.descr) for record in records)]
-    digest = hashlib.sha512("\n".join(described).encode()).digest()
+    content_size = int((saved[:, 1] - saved[:, 0]).sum()) + edges.nbytes
+    size = -(-(_HEAD + content_size) // 8) * 8
+    digest = hashlib.sha512(f"{described}\n{saved.tolist()}\n{edges.dtype.descr}".encode()).digest()
     content = map_array(path, np.dtype(np.uint8), _DIGEST + 2 * size)
     if content[:_DIGEST].tobytes() != digest:
         content[:] = 0
         content[:_DIGEST] = np.frombuffer(digest, np.uint8)
     slots = content[_DIGEST:].reshape(2, size)
     as_u64 = slots.view(np.uint64)
-    written = as_u64[:, 0].max(keepdims=True)
-    return Checkpoint(slots, as_u64, slots.view(np.uint32), written, parts)
+    return Checkpoint(slots, as_u64, slots.view(np.uint32), as_u64[:, 0].max(keepdims=True), saved)
 
 
-def restore(saved: Checkpoint) -> bool:
-    """Restore the records that a checkpoint was opened with; False if it holds none."""
-    for slot in np.argsort(saved.as_u64[:, 0])[::-1]:
-        if saved.as_u64[slot, 0] == 0 or saved.as_u64[slot, 1] != checksum(saved.as_u32[slot]):
+def restore(checkpoint: Checkpoint, own: np.ndarray, edges: np.ndarray) -> bool:
+    """Restore what was saved of an autopilot; False if there is none.
+
+    Args:
+        checkpoint: Of `open_checkpoint`.
+        own: Its record, shape (1,), written.
+        edges: Its edges, shape (degree,), written.
+    """
+    for slot in np.argsort(checkpoint.as_u64[:, 0])[::-1]:
+        count, hashed = checkpoint.as_u64[slot, :2]
+        if count == 0 or hashed != checksum(checkpoint.as_u32[slot]):
             continue
-        begin = _HEAD
-        for part in saved.parts:
-            part[:] = saved.slots[slot, begin : begin + len(part)]
-            begin += len(part)
+        memory, begin = own.view(np.uint8), _HEAD
+        for first, end in checkpoint.saved:
+            memory[first:end] = checkpoint.slots[slot, begin : begin + end - first]
+            begin += end - first
+        edges.view(np.uint8)[:] = checkpoint.slots[slot, begin : begin + edges.nbytes]
         return True
     return False
 
 
 @compiled
-def save(to: Checkpoint) -> None:
-    """Write the records into the slot whose turn it is; do nothing without a file."""
+def save(to: Checkpoint, own: np.ndarray, edges: np.ndarray) -> None:
+    """Write an autopilot into the slot whose turn it is; do nothing without a file.
+
+    Args:
+        to: The checkpoint.
+        own: Its record, dtype `ftc_autopilot.hot.state.AUTOPILOT`, shape (1,).
+        edges: Its edges, dtype `EDGE`, shape (1, degree).
+    """
     if len(to.slots) == 0:
         return
     to.written[0] += np.uint64(1)
     slot = int(to.written[0] % np.uint64(2))
-    row = to.slots[slot]
-    begin = _HEAD
-    for part in to.parts:
-        for k in range(len(part)):
-            row[begin + k] = part[k]
-        begin += len(part)
+    row, memory, begin = to.slots[slot], bytes_of(own[0]), _HEAD
+    for part in range(len(to.saved)):
+        first, end = to.saved[part, 0], to.saved[part, 1]
+        copy_bytes(row, begin, memory, first, end - first)
+        begin += end - first
+    for d in range(edges.shape[1]):
+        memory = bytes_of(edges[0, d])
+        copy_bytes(row, begin, memory, 0, len(memory))
+        begin += len(memory)
     to.as_u64[slot, 0] = to.written[0]
     to.as_u64[slot, 1] = checksum(to.as_u32[slot])
 

@@ -9,30 +9,26 @@ this autopilot is late, not the neighbour wrong, as long as the plant can be the
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from ftc_autopilot.control.config import Neighbour
-from ftc_autopilot.control.controllers import Controllers
 from ftc_autopilot.control.stepping import hear
+from ftc_autopilot.hot.drops import FORMATION
 from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE, MAV_COMP_ID_AUTOPILOT1
 from mavlink_defs.endpoint import parse_address
-from mavlink_defs.framing import codec
 from mavlink_defs.framing.codec import (
-    NEIGHBOUR_SIZE,
     MessageId,
-    expand,
-    pack,
+    pack_bytes,
     system_of,
+    unpack,
 )
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.hot_link import DROPPED, take
 from mavlink_defs.framing.hot_signing import LinkSigner, sign_frame
 from mavlink_defs.runtime.jit import compiled, inlined
-from mavlink_defs.runtime.memory import copy_record
+from mavlink_defs.runtime.memory import bytes_of, copy_record
 from mavlink_defs.runtime.native import (
-    ADDRESS_SIZE,
     monotonic_s,
     receive_from_now,
     receive_from_soon,
@@ -48,7 +44,7 @@ _START_WAIT_S = 2.0
 _NEIGHBOUR_MISSES = 5
 """Messages of a neighbour missed in a row before later steps stop waiting for them."""
 _NEVER_HEARD = -1
-_FASTEST = 100.0
+FASTEST = 100.0
 """Real time: simulated time does not pass faster than this, by the clock."""
 
 FORMATION_STATE = np.dtype(
@@ -66,143 +62,81 @@ FORMATION_STATE = np.dtype(
 )
 
 
-class FormationLink(NamedTuple):
-    """Neighbours, their states that are not in use yet, counters and buffers."""
-
-    state: np.ndarray  # (1,), dtype FORMATION_STATE
-    system: int
-    neighbours: np.ndarray  # (degree,), system ids
-    addresses: np.ndarray  # (degree, ADDRESS_SIZE), their sockaddr
-    weights: np.ndarray  # (degree,), a_ij as configured
-    edges: np.ndarray  # (degree,), 1: the neighbour is heard, 0: it is dropped
-    heard_step: np.ndarray  # (degree,), step of each neighbour's state in use
-    arrived_step: np.ndarray  # (degree,), that step and how long the state waited to be taken
-    pending: np.ndarray  # (degree,), dtype NEIGHBOUR: its state of a step that is not over here
-    pending_step: np.ndarray  # (degree,), the step of that state
-    silent: np.ndarray  # (degree,), 1: it sent no message in the step before
-    misses: np.ndarray  # (degree,), messages in a row that were waited for in vain
-    drops: np.ndarray  # (DROPS_SIZE,), datagrams dropped, by negated `DropReason`
-    sent: np.ndarray  # datagram buffer
-    received: np.ndarray  # datagram buffer
-    neighbour_state: np.ndarray  # view of `received`
-    sender: np.ndarray  # (ADDRESS_SIZE,), where it came from
-    signer: LinkSigner
-
-
-def new_formation_link(
-    system: int,
-    neighbours: Sequence[Neighbour],
-    timeout_steps: int,
-    fade_steps: int,
-    steps_per_s: float,
-    drops: np.ndarray,
-    signer: LinkSigner,
-) -> FormationLink:
-    """Return a formation link that has received nothing from any neighbour.
+def join_neighbours(edges: np.ndarray, neighbours: Sequence[Neighbour]) -> None:
+    """Write who the neighbours are; nothing was received from any of them.
 
     Args:
-        system: Own system id.
+        edges: Of one UAV, dtype `EDGE`, shape (degree,), updated in place.
         neighbours: Neighbours with addresses and weights.
-        timeout_steps: Steps of silence after which a neighbour is dropped.
-        fade_steps: Steps in which its weight then goes to 0, and back when it is heard again.
-        steps_per_s: Control periods in a second.
-        drops: Counts datagrams dropped, shape (DROPS_SIZE,).
-        signer: Signs the link.
     """
-    degree = len(neighbours)
-    addresses = np.zeros((degree, ADDRESS_SIZE), np.uint8)
-    for d, neighbour in enumerate(neighbours):
-        addresses[d] = sockaddr(parse_address(neighbour.address))
-    state = np.zeros(1, FORMATION_STATE)
-    state["timeout_steps"], state["fade_steps"] = timeout_steps, fade_steps
-    state["most_steps_per_s"] = _FASTEST * steps_per_s
-    received = codec.new_buffer()
-    link = FormationLink(
-        state=state,
-        system=system,
-        neighbours=np.array([neighbour.id for neighbour in neighbours], np.int64),
-        addresses=addresses,
-        weights=np.array([neighbour.weight for neighbour in neighbours], np.float64),
-        edges=np.zeros(degree, np.int64),
-        heard_step=np.zeros(degree, np.int64),
-        arrived_step=np.zeros(degree, np.int64),
-        pending=np.zeros(degree, codec.NEIGHBOUR),
-        pending_step=np.zeros(degree, np.int64),
-        silent=np.zeros(degree, np.int64),
-        misses=np.zeros(degree, np.int64),
-        drops=drops,
-        sent=codec.new_buffer(),
-        received=received,
-        neighbour_state=codec.payload_view(received, codec.NEIGHBOUR),
-        sender=np.zeros(ADDRESS_SIZE, np.uint8),
-        signer=signer,
-    )
-    reset_formation_link(link)
-    return link
+    for edge, neighbour in zip(edges, neighbours, strict=True):
+        edge["system"], edge["configured"] = neighbour.id, neighbour.weight
+        edge["address"] = sockaddr(parse_address(neighbour.address))
+    forget_neighbours(edges)
 
 
-def reset_formation_link(link: FormationLink) -> None:
-    """Forget the neighbours' states; frames and drops are counted on."""
-    link.state["edge_changes"] = 0
-    link.heard_step[:] = link.pending_step[:] = link.arrived_step[:] = _NEVER_HEARD
-    link.edges[:] = link.silent[:] = link.misses[:] = 0
+def forget_neighbours(edges: np.ndarray) -> None:
+    """Forget the neighbours' states."""
+    for name in ("heard_step", "pending_step", "arrived_step"):
+        edges[name] = _NEVER_HEARD
+    for name in ("edge", "silent", "misses"):
+        edges[name] = 0
 
 
 @compiled
-def send_own_state(fd: int, link: FormationLink, own_states: np.ndarray) -> None:
-    """Send the own state, as `announce` or `controller_step` left it, to every neighbour.
+def send_own_state(fd: int, own: np.void, edges: np.ndarray, signer: LinkSigner) -> None:
+    """Send the own state to every neighbour.
 
     Args:
         fd: Socket bound to the own formation port.
-        link: The link.
-        own_states: `Controllers.own_states` of one UAV.
+        own: Record of dtype `ftc_autopilot.hot.state.AUTOPILOT`; its state is as
+            `publish_own_state` or `controller_step` left it.
+        edges: Of the neighbours, dtype `EDGE`.
+        signer: Of the formation link.
     """
-    if len(link.neighbours) == 0:
+    if len(edges) == 0:
         return
-    state = link.state[0]
-    length = pack(
-        link.sent,
-        own_states,
+    state, datagram = own["formation"], bytes_of(own["sent"])
+    length = pack_bytes(
+        datagram,
+        bytes_of(own["uav"]["own_state"]),
         MessageId.NEIGHBOUR,
-        link.system,
+        own["system"],
         MAV_COMP_ID_AUTOPILOT1,
         state["sequence"],
     )
     state["sequence"] += 1
-    length = sign_frame(link.signer, link.sent, length)
-    for d in range(len(link.neighbours)):
-        send_to(fd, link.sent, length, link.addresses[d])
+    length = sign_frame(signer, datagram, length)
+    for d in range(len(edges)):
+        send_to(fd, datagram, length, edges[d]["address"])
 
 
 @inlined
-def note_plant(
-    link: FormationLink, lockstep: bool, passed_over: int, step: int, heard_s: float
-) -> None:
+def note_plant(state: np.void, lockstep: bool, passed_over: int, step: int, heard_s: float) -> None:
     """Note how far the plant is.
 
     Args:
-        link: The link.
+        state: Record of dtype `FORMATION_STATE`.
         lockstep: Whether it waits for this autopilot.
         passed_over: Steps that this autopilot has missed before the present one.
         step: Step that the plant is known to have reached.
         heard_s: When, as `monotonic_s` gives it [s].
     """
-    state = link.state[0]
     state["real_time"], state["passed_over"] = 0 if lockstep else 1, passed_over
     state["plant_step"], state["plant_s"] = step, heard_s
 
 
 @inlined
-def note_silent_neighbours(link: FormationLink, silent: np.ndarray) -> None:
+def note_silent_neighbours(edges: np.ndarray, silent: np.ndarray) -> None:
     """Note which neighbours sent nothing in the step before, by FTC_SIM_STATE.silent."""
-    for d in range(len(link.neighbours)):
-        system = link.neighbours[d]
-        link.silent[d] = (np.int64(silent[system >> 3]) >> (system & 7)) & 1
+    for d in range(len(edges)):
+        system = edges[d]["system"]
+        edges[d]["silent"] = (np.int64(silent[system >> 3]) >> (system & 7)) & 1
 
 
 @inlined
 def collect_neighbour_states(
-    fd: int, link: FormationLink, controllers: Controllers, step: int, lockstep: bool
+    fd: int, own: np.void, edges: np.ndarray, signer: LinkSigner, step: int, lockstep: bool
 ) -> None:
     """Update the neighbour states in use before a step, and drop or restore edges.
 
@@ -210,141 +144,146 @@ def collect_neighbour_states(
 
     Args:
         fd: Socket bound to the own formation port, with a short receive timeout.
-        link: The link.
-        controllers: The controllers of one UAV; neighbour states and weights are updated.
+        own: Record of dtype `AUTOPILOT`.
+        edges: Of its neighbours; messages and weights are updated.
+        signer: Of the formation link.
         step: Step that is about to be made.
         lockstep: Whether simulated time waits for this step.
     """
+    datagram = bytes_of(own["heard"])
     newest = max(step - 1, 0)  # the first step uses the states before the start
-    for d in range(len(link.neighbours)):
-        if link.heard_step[d] < link.pending_step[d] <= newest:
-            hear(controllers, 0, d, link.pending[d])
-            link.heard_step[d] = link.arrived_step[d] = link.pending_step[d]
-    if not lockstep or _some_given_up(link):
-        receive_neighbour_states(fd, link, controllers, newest)
-    if lockstep and _some_missing(link, newest):
+    for d in range(len(edges)):
+        edge = edges[d]
+        if edge["heard_step"] < edge["pending_step"] <= newest:
+            hear(own["uav"], edges, d, edge["pending"])
+            edge["heard_step"] = edge["arrived_step"] = edge["pending_step"]
+    if not lockstep or _some_given_up(edges):
+        receive_neighbour_states(fd, own, edges, signer, newest)
+    if lockstep and _some_missing(edges, newest):
         end_s = monotonic_s() + (_NEIGHBOUR_WAIT_S if step > 0 else _START_WAIT_S)
-        while _some_missing(link, newest):
-            length = receive_from_soon(fd, link.received, link.sender)
+        while _some_missing(edges, newest):
+            length = receive_from_soon(fd, datagram, own["sender"])
             if length >= 0:
-                _take_neighbour_state(link, controllers, length, newest)
+                _take_neighbour_state(own, edges, signer, length, newest)
             elif monotonic_s() >= end_s:
                 break
-        for d in range(len(link.neighbours)):
-            if _is_missing(link, d, newest):
-                link.misses[d] += 1
-    _update_edges(link, controllers, step)
+        for d in range(len(edges)):
+            if _is_missing(edges[d], newest):
+                edges[d]["misses"] += 1
+    _update_edges(own["formation"], edges, step, own["uav"]["controller"]["steps"] > 0)
 
 
 @compiled
 def receive_neighbour_states(
-    fd: int, link: FormationLink, controllers: Controllers, newest: int
+    fd: int, own: np.void, edges: np.ndarray, signer: LinkSigner, newest: int
 ) -> None:
     """Take all datagrams that wait in the socket.
 
     Args:
         fd: Socket bound to the own formation port.
-        link: The link.
-        controllers: The controllers of one UAV; neighbour states are updated.
+        own: Record of dtype `AUTOPILOT`.
+        edges: Of its neighbours; messages are updated.
+        signer: Of the formation link.
         newest: Last step whose states are for use; in lockstep later ones become pending.
     """
+    datagram = bytes_of(own["heard"])
     while True:
-        length = receive_from_now(fd, link.received, link.sender)
+        length = receive_from_now(fd, datagram, own["sender"])
         if length < 0:
             return
-        _take_neighbour_state(link, controllers, length, newest)
+        _take_neighbour_state(own, edges, signer, length, newest)
 
 
 @inlined
-def _update_edges(link: FormationLink, controllers: Controllers, step: int) -> None:
+def _update_edges(state: np.void, edges: np.ndarray, step: int, flying: bool) -> None:
     """Drop a neighbour after `timeout_steps` of silence, and restore one that is heard again.
 
     In flight its weight fades to 0 and back to the configured one: a step of it would be a step of
     the commands. Before the law's first step it is set at once.
     """
-    state = link.state[0]
-    flying = controllers.states[0]["steps"] > 0
-    for d in range(len(link.neighbours)):
-        heard = link.arrived_step[d] != _NEVER_HEARD
-        fresh = heard and step - link.arrived_step[d] <= state["timeout_steps"]
-        edge = 1 if fresh else 0
-        if edge != link.edges[d]:
-            link.edges[d] = edge
+    for d in range(len(edges)):
+        edge = edges[d]
+        heard = edge["arrived_step"] != _NEVER_HEARD
+        fresh = 1 if heard and step - edge["arrived_step"] <= state["timeout_steps"] else 0
+        if fresh != edge["edge"]:
+            edge["edge"] = fresh
             if step > 0:  # the first states are no change
                 state["edge_changes"] += 1
-        weight, before = edge * link.weights[d], controllers.weights[0, d]
+        weight, before = fresh * edge["configured"], edge["weight"]
         if flying:
-            change = link.weights[d] / state["fade_steps"]
+            change = edge["configured"] / state["fade_steps"]
             weight = min(max(weight, before - change), before + change)
-        controllers.weights[0, d] = weight
+        edge["weight"] = weight
 
 
 @inlined
-def _some_missing(link: FormationLink, newest: int) -> bool:
-    for d in range(len(link.neighbours)):
-        if link.misses[d] < _NEIGHBOUR_MISSES and _is_missing(link, d, newest):
+def _some_missing(edges: np.ndarray, newest: int) -> bool:
+    for d in range(len(edges)):
+        if edges[d]["misses"] < _NEIGHBOUR_MISSES and _is_missing(edges[d], newest):
             return True
     return False
 
 
 @inlined
-def _is_missing(link: FormationLink, d: int, newest: int) -> bool:
-    """Return whether neighbour d has sent a state that has not arrived."""
-    return bool(link.heard_step[d] < newest and link.silent[d] == 0)
+def _is_missing(edge: np.void, newest: int) -> bool:
+    """Return whether a neighbour has sent a state that has not arrived."""
+    return bool(edge["heard_step"] < newest and edge["silent"] == 0)
 
 
 @inlined
-def _some_given_up(link: FormationLink) -> bool:
-    for d in range(len(link.neighbours)):
-        if link.misses[d] >= _NEIGHBOUR_MISSES:
+def _some_given_up(edges: np.ndarray) -> bool:
+    for d in range(len(edges)):
+        if edges[d]["misses"] >= _NEIGHBOUR_MISSES:
             return True
     return False
 
 
 @inlined
 def _take_neighbour_state(
-    link: FormationLink, controllers: Controllers, length: int, newest: int
+    own: np.void, edges: np.ndarray, signer: LinkSigner, length: int, newest: int
 ) -> None:
-    message_id = take(link.signer, link.received, length, link.drops)
+    datagram, drops = bytes_of(own["heard"]), own["drops"][FORMATION]
+    message_id = take(signer, datagram, length, drops)
     if message_id == DROPPED:
         return
     problem: int = DropReason.UNEXPECTED
     if message_id == MessageId.NEIGHBOUR:
-        expand(link.received, NEIGHBOUR_SIZE)
-        problem = _store_neighbour_state(link, controllers, newest)
+        unpack(datagram, bytes_of(own["neighbour"]))
+        problem = _store_neighbour_state(own, edges, newest)
     if problem != 0:
-        link.drops[-problem] += 1
+        drops[-problem] += 1
 
 
 @inlined
-def _store_neighbour_state(link: FormationLink, controllers: Controllers, newest: int) -> int:
+def _store_neighbour_state(own: np.void, edges: np.ndarray, newest: int) -> int:
     """Store the received state: in use, or in lockstep pending if its step is not over here.
 
     Returns:
         0, or the `DropReason` for which the state was dropped.
     """
-    d = _index_of_sender(link)
+    d = _index_of_sender(own, edges)
     if d < 0:
         return DropReason.STRANGER
-    received = link.neighbour_state[0]
+    received, state = own["neighbour"], own["formation"]
     step = int(received["step"])
-    real_time = link.state[0]["real_time"] != 0
-    if not _is_finite(received) or not _is_plausible(link.state[0], step, newest, real_time):
+    real_time = state["real_time"] != 0
+    if not _is_finite(received) or not _is_plausible(state, step, newest, real_time):
         return DropReason.OUT_OF_RANGE
     if received["frame"] > FTC_NEIGHBOUR_FRAME_REFERENCE:  # of a newer dialect
         return DropReason.OUT_OF_RANGE
-    link.misses[d] = 0
+    edge = edges[d]
+    edge["misses"] = 0
     if step > newest and not real_time:
-        copy_record(link.pending[d], received)
-        link.pending_step[d] = step
+        copy_record(edge["pending"], received)
+        edge["pending_step"] = step
         return 0
-    if step < link.heard_step[d]:
+    if step < edge["heard_step"]:
         return DropReason.NOT_NEWER
-    hear(controllers, 0, d, received)
-    link.heard_step[d] = link.arrived_step[d] = step
+    hear(own["uav"], edges, d, received)
+    edge["heard_step"] = edge["arrived_step"] = step
     if real_time:  # the time of one that is ahead is not believed when the next comes
-        link.heard_step[d] = min(step, newest)
-        link.arrived_step[d] = min(step + link.state[0]["passed_over"], newest)
+        edge["heard_step"] = min(step, newest)
+        edge["arrived_step"] = min(step + state["passed_over"], newest)
     return 0
 
 
@@ -364,11 +303,11 @@ def _is_plausible(state: np.void, step: int, newest: int, real_time: bool) -> bo
 
 
 @inlined
-def _index_of_sender(link: FormationLink) -> int:
+def _index_of_sender(own: np.void, edges: np.ndarray) -> int:
     """Return the index of the neighbour that sent the datagram from its own address, or -1."""
-    system = system_of(link.received)
-    for d in range(len(link.neighbours)):
-        if link.neighbours[d] == system and same_address(link.addresses[d], link.sender):
+    system = system_of(bytes_of(own["heard"]))
+    for d in range(len(edges)):
+        if edges[d]["system"] == system and same_address(edges[d]["address"], own["sender"]):
             return d
     return -1
 

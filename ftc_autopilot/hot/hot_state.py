@@ -4,7 +4,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from ftc_autopilot.hot.link import AutopilotLink, reset_link
+from ftc_autopilot.hot.state import Autopilots, reset_links
 from mavlink_defs.dialect import FTC_SIM_FLAGS_RUNNING
 
 T = TypeVar("T")
@@ -33,7 +33,7 @@ def _numbers(records: np.ndarray) -> dict[str, np.ndarray]:
 
 
 class HotState:
-    """A typed view of an `AutopilotLink`; between two steps it may be read and written.
+    """A typed view of one of `Autopilots`; between two steps it may be read and written.
 
     Attributes:
         step: Last running step handled, -1 if none.
@@ -44,11 +44,11 @@ class HotState:
         sequence: Frames sent to the plant.
         edge_changes: Neighbours dropped or restored.
         measured: Last state, received or estimated, dtype `mavlink_defs.framing.codec.SIM_STATE`.
-        navigation: Sensors and estimator.
+        navigation: Sensors and estimator, record of dtype `NAVIGATION`.
         neighbours: System ids of the neighbours.
         edges: 1 for each neighbour that is heard, 0 for a dropped one, shape (degree,).
         drops: Datagrams dropped, by link (GCS, FORMATION, SIMULATOR, PLANT of
-            `ftc_autopilot.hot.link`) and negated `DropReason`.
+            `ftc_autopilot.hot.drops`) and negated `DropReason`.
     """
 
     step = _Field[int]("_link")
@@ -59,15 +59,16 @@ class HotState:
     sequence = _Field[int]("_link")
     edge_changes = _Field[int]("_formation")
 
-    def __init__(self, link: AutopilotLink) -> None:
-        self._both = link
-        self._link, self._formation = _numbers(link.state), _numbers(link.formation.state)
-        self.measured: np.void = link.simulator.measured[0]
-        self.navigation = link.navigation
-        self._time_us = link.simulator.measured["time_usec"]
-        self.neighbours: list[int] = link.formation.neighbours.tolist()
-        self.edges = link.formation.edges
-        self.drops = link.drops
+    def __init__(self, autopilot: Autopilots) -> None:
+        self._autopilot, self._own = autopilot, autopilot.own[0]
+        self._link = _numbers(autopilot.own["link"])
+        self._formation = _numbers(autopilot.own["formation"])
+        self.measured: np.void = self._own["measured"]
+        self.navigation: np.void = self._own["navigation"]
+        self._time_us = autopilot.own["measured"]["time_usec"]
+        self.neighbours: list[int] = autopilot.edges[0]["system"].tolist()
+        self.edges = autopilot.edges[0]["edge"]
+        self.drops: np.ndarray = self._own["drops"]
 
     @property
     def time_us(self) -> int:
@@ -88,10 +89,10 @@ class HotState:
         return bool(self.flags & FTC_SIM_FLAGS_RUNNING)
 
     def reset(self) -> None:
-        """Forget the flight, as `reset_link` does."""
-        reset_link(self._both)
+        """Forget the flight, as `reset_links` does."""
+        reset_links(self._autopilot)
 
     def received(self) -> bytes:
         """Return the datagram for which the loop returned `Outcome.SERVICE`."""
-        buffer = self._both.simulator.received
+        buffer = self._own["received"]["bytes"]
         return bytes(buffer[: self._link["received"].item()])

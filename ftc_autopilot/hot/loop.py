@@ -9,19 +9,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ftc_autopilot.control.controllers import Controllers
 from ftc_autopilot.control.stepping import broadcast_if_triggered, controller_step, has_failed
-from ftc_autopilot.hot.link import (
-    AutopilotLink,
-    prepare_step,
-    report_done,
-    send_step,
-)
+from ftc_autopilot.hot.checkpoint import save
+from ftc_autopilot.hot.link import note_step, prepare_step, report_done, send_step
 from ftc_autopilot.hot.receiving import is_due, receive_states
+from ftc_autopilot.hot.state import FORMATION_SIGNER, PLANT_SIGNER, Autopilots
 from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP, FTC_SIM_FLAGS_RUNNING
 from mavlink_defs.framing.hot_link import Outcome
+from mavlink_defs.framing.hot_signing import LinkSigner
 from mavlink_defs.runtime.jit import compiled, inlined
-from mavlink_defs.runtime.memory import borrowed, load_tuple, new_table, store_tuple
+from mavlink_defs.runtime.memory import borrowed, bytes_of
 from mavlink_defs.runtime.native import (
     POLLED,
     READABLE,
@@ -38,6 +35,7 @@ _GCS_POLL_S = 0.002
 
 LOOP_STATE = np.dtype(
     [
+        ("row", "i4"),  # of the autopilot in `Autopilots`
         ("plant_fd", "i4"),  # socket connected to the plant
         ("formation_fd", "i4"),  # bound to the own formation port, with a short receive timeout
         ("gcs_fd", "i4"),  # of the ground stations
@@ -49,36 +47,30 @@ LOOP_STATE = np.dtype(
 )
 
 
-class Loop(NamedTuple):
-    """What the compiled loop needs of an autopilot."""
-
-    link: AutopilotLink
-    controllers: Controllers  # of one UAV
-
-
 class Loops(NamedTuple):
-    """The loops of the autopilots of a process."""
+    """The loop over the autopilots of a process, or over one of them."""
 
     state: np.ndarray  # (n,), dtype LOOP_STATE
-    table: np.ndarray  # the loops, as of `new_table`
-    first: Loop  # the first of them, of the type of all
     polled: np.ndarray  # (2n,), dtype POLLED
+    autopilots: Autopilots
 
 
-def new_loops(loops: Sequence[Loop], fds: Sequence[tuple[int, int, int]]) -> Loops:
-    """Return the loops for `run`; the caller keeps their arrays alive.
+def new_loops(
+    autopilots: Autopilots, fds: Sequence[tuple[int, int, int]], rows: Sequence[int] = (0,)
+) -> Loops:
+    """Return the loops for `run`.
 
     Args:
-        loops: At least one.
-        fds: Sockets of each: connected to the plant, on its formation port, of ground stations.
+        autopilots: At least one.
+        fds: Sockets of each of them that flies: connected to the plant, on its formation port, of
+            ground stations.
+        rows: Which ones of the autopilots these are.
     """
-    state = np.zeros(len(loops), LOOP_STATE)
-    for name, column in zip(LOOP_STATE.names or (), zip(*fds, strict=True), strict=False):
-        state[name] = column
-    table = new_table(len(loops), loops[0])
-    for i, loop in enumerate(loops):
-        store_tuple(table, i, loop)
-    return Loops(state, table, loops[0], np.zeros(2 * len(loops), POLLED))
+    state = np.zeros(len(fds), LOOP_STATE)
+    state["row"] = rows
+    for one, sockets in zip(state, fds, strict=True):
+        one["plant_fd"], one["formation_fd"], one["gcs_fd"] = sockets
+    return Loops(state, np.zeros(2 * len(fds), POLLED), autopilots)
 
 
 @compiled
@@ -90,10 +82,9 @@ def run(loops: Loops) -> None:
 
     Args:
         loops: Of the autopilots. `outcome` is written: NONE, SERVICE, TICK (also when the
-            record is full), OVER or RESTARTED; after the last, `reset_link` before the next call.
+            record is full), OVER or RESTARTED; after the last, `reset_links` before the next call.
     """
-    loops = borrowed(loops)
-    state = loops.state
+    state, polled, autopilots = borrowed(loops)
     for i in range(len(state)):
         state[i]["outcome"] = Outcome.NONE
     now_s = monotonic_s()
@@ -104,51 +95,61 @@ def run(loops: Loops) -> None:
         if polls:
             poll_s = now_s + _GCS_POLL_S
         for i in range(len(state)):
-            loop = load_tuple(loops.table, i, loops.first)
-            link, now = loop.link, state[i]
-            plant_fd, formation_fd = now["plant_fd"], now["formation_fd"]
-            length = receive_now(plant_fd, link.simulator.received)
+            now, own = state[i], autopilots.own[state[i]["row"]]
+            length = receive_now(now["plant_fd"], bytes_of(own["received"]))
             if length >= 0:
                 heard = True
-                outcome = receive_states(length, plant_fd, link)
-                if is_due(outcome, plant_fd, link):
-                    if prepare_step(formation_fd, plant_fd, link, loop.controllers):
-                        measured, step_us = link.simulator.measured[0], link.state[0]["step_us"]
-                        mask = controller_step(loop.controllers, 0, measured, step_us)
-                        broadcasts = broadcast_if_triggered(
-                            loop.controllers, 0, measured["step"], step_us
-                        )
-                        send_step(formation_fd, plant_fd, mask, broadcasts, link, loop.controllers)
-                    if report_done(plant_fd, link):
-                        outcome = Outcome.OVER
-                now["outcome"] = outcome
+                now["outcome"] = _handle(length, now, autopilots)
             now_s = monotonic_s()
-            lockstep = _is_lockstep(link)
+            lockstep = _is_lockstep(own["link"])
             spins |= lockstep
             if now["outcome"] == Outcome.NONE and (
                 now_s >= now["until_s"]
-                or link.state[0]["step"] >= now["until_step"]
-                or 0 < len(link.record) == link.state[0]["recorded"]
-                or has_failed(loop.controllers, 0)
-                or (polls and lockstep and waits(now["gcs_fd"], link.simulator.received))
+                or own["link"]["step"] >= now["until_step"]
+                or 0 < autopilots.record.shape[1] == own["link"]["recorded"]
+                or has_failed(own["uav"])
+                or (polls and lockstep and waits(now["gcs_fd"], bytes_of(own["received"])))
             ):
                 now["outcome"] = Outcome.TICK
-            now["at_once"] = _answers_at_once(link)
+            now["at_once"] = _answers_at_once(own["link"])
         if _some_need_python(state):
             return
         if heard:
             spin_until_s = now_s + SPIN_S
         elif spins and now_s < spin_until_s:
             let_others_run()
-        elif _sleep(state, loops.polled):
+        elif _sleep(state, polled):
             return
         now_s = monotonic_s()
 
 
 @inlined
-def _is_lockstep(link: AutopilotLink) -> bool:
+def _handle(length: int, now: np.void, autopilots: Autopilots) -> Outcome:
+    """Handle a datagram of the plant, and make the step if one is due; return the `Outcome`."""
+    i = now["row"]
+    own, path, history = autopilots.own[i], autopilots.paths[i], autopilots.histories[i]
+    edges = autopilots.edges[i][: own["degree"]]
+    plant_fd, formation_fd = now["plant_fd"], now["formation_fd"]
+    signers, newest = own["signers"], autopilots.newest[i]
+    plant = LinkSigner(signers[PLANT_SIGNER], autopilots.shared, newest[PLANT_SIGNER])
+    formation = LinkSigner(signers[FORMATION_SIGNER], autopilots.shared, newest[FORMATION_SIGNER])
+    outcome = receive_states(length, plant_fd, own, history, plant)
+    if not is_due(outcome, plant_fd, own):
+        return outcome
+    if prepare_step(formation_fd, plant_fd, own, edges, formation):
+        uav, measured, step_us = own["uav"], own["measured"], own["link"]["step_us"]
+        mask = controller_step(uav, edges, path, measured, step_us)
+        broadcasts = broadcast_if_triggered(uav, measured["step"], step_us)
+        due = note_step(own, autopilots.record[i], autopilots.estimates[i], mask)
+        save(autopilots.checkpoint, autopilots.own, autopilots.edges)
+        send_step(plant_fd, formation_fd, due, broadcasts, own, edges, plant, formation)
+    return Outcome.OVER if report_done(plant_fd, own, plant) else outcome
+
+
+@inlined
+def _is_lockstep(link: np.void) -> bool:
     """Return whether simulated time waits for this autopilot."""
-    return bool(link.state[0]["flags"] == FTC_SIM_FLAGS_RUNNING | FTC_SIM_FLAGS_LOCKSTEP)
+    return bool(link["flags"] == FTC_SIM_FLAGS_RUNNING | FTC_SIM_FLAGS_LOCKSTEP)
 
 
 @inlined
@@ -177,8 +178,7 @@ def _sleep(state: np.ndarray, polled: np.ndarray) -> bool:
 
 
 @inlined
-def _answers_at_once(link: AutopilotLink) -> bool:
+def _answers_at_once(link: np.void) -> bool:
     """Return whether the plant was heard and no control step can be late."""
-    state = link.state[0]
     both = FTC_SIM_FLAGS_RUNNING | FTC_SIM_FLAGS_LOCKSTEP
-    return bool(state["run"] >= 0 and state["flags"] & both != FTC_SIM_FLAGS_RUNNING)
+    return bool(link["run"] >= 0 and link["flags"] & both != FTC_SIM_FLAGS_RUNNING)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ftc_autopilot.hot.link import AutopilotLink, SimulatorLink
+from ftc_autopilot.hot.drops import SIMULATOR
 from ftc_autopilot.hot.navigation import (
     check_step,
     is_complete,
@@ -13,25 +13,24 @@ from ftc_autopilot.hot.navigation import (
 )
 from mavlink_defs.dialect import FTC_SIM_FLAGS_ENDED, FTC_SIM_FLAGS_LOCKSTEP
 from mavlink_defs.framing.codec import (
-    HIL_GPS_SIZE,
-    HIL_SENSOR_SIZE,
-    SIM_STATE_SIZE,
-    SIM_STEP_SIZE,
     MessageId,
     copy_step,
-    expand,
     system_of,
+    unpack,
 )
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.hot_link import DROPPED, NOT_HOT, Outcome, take
+from mavlink_defs.framing.hot_signing import LinkSigner
 from mavlink_defs.runtime.jit import inlined
-from mavlink_defs.runtime.memory import copy_record
+from mavlink_defs.runtime.memory import bytes_of, copy_record
 from mavlink_defs.runtime.native import monotonic_s, receive_now, waits
 
 
 @inlined
-def receive_states(length: int, plant_fd: int, link: AutopilotLink) -> Outcome:
-    """Take a datagram of the plant, which lies in `SimulatorLink.received`; a state is due then.
+def receive_states(
+    length: int, plant_fd: int, own: np.void, history: np.ndarray, signer: LinkSigner
+) -> Outcome:
+    """Take a datagram of the plant, which lies in `AUTOPILOT.received`; a state is due then.
 
     In real time the newest state of all datagrams that wait in the socket; of sensors, until the
     step that is sent last.
@@ -39,33 +38,35 @@ def receive_states(length: int, plant_fd: int, link: AutopilotLink) -> Outcome:
     Args:
         length: Its length [bytes].
         plant_fd: Socket connected to the plant.
-        link: The link.
+        own: Record of dtype `ftc_autopilot.hot.state.AUTOPILOT`.
+        history: The estimator's memory.
+        signer: Of the simulator link.
 
     Returns:
         NONE; SERVICE or RESTARTED if Python is needed.
     """
-    outcome = _receive(length, link)
-    while outcome == Outcome.NONE and _more_may_wait(link):
-        length = receive_now(plant_fd, link.simulator.received)
+    outcome = _receive(length, own, history, signer)
+    while outcome == Outcome.NONE and _more_may_wait(own):
+        length = receive_now(plant_fd, bytes_of(own["received"]))
         if length < 0:
             break
-        outcome = _receive(length, link)
+        outcome = _receive(length, own, history, signer)
     return outcome
 
 
 @inlined
-def is_due(outcome: Outcome, plant_fd: int, link: AutopilotLink) -> bool:
+def is_due(outcome: Outcome, plant_fd: int, own: np.void) -> bool:
     """Return whether a state is due to be answered after `receive_states`."""
-    if outcome == Outcome.RESTARTED or link.state[0]["due"] == 0:
+    if outcome == Outcome.RESTARTED or own["link"]["due"] == 0:
         return False  # else there may be a newer state behind what Python is needed for
-    return not (outcome == Outcome.SERVICE and waits(plant_fd, link.simulator.sent))
+    return not (outcome == Outcome.SERVICE and waits(plant_fd, bytes_of(own["sent"])))
 
 
 @inlined
-def _more_may_wait(link: AutopilotLink) -> bool:
+def _more_may_wait(own: np.void) -> bool:
     """Return whether the next datagram belongs to what was received last, or replaces it."""
-    state = link.state[0]
-    return _is_real_time(state) or (is_estimated(link.navigation) and state["due"] == 0)
+    state = own["link"]
+    return _is_real_time(state) or (is_estimated(own["navigation"]) and state["due"] == 0)
 
 
 @inlined
@@ -76,67 +77,70 @@ def _is_real_time(state: np.void) -> bool:
 
 
 @inlined
-def _receive(length: int, link: AutopilotLink) -> Outcome:
-    """Take the state that lies in `SimulatorLink.received`, if it is one; it is due then.
+def _receive(length: int, own: np.void, history: np.ndarray, signer: LinkSigner) -> Outcome:
+    """Take the state that lies in `AUTOPILOT.received`, if it is one; it is due then.
 
     Args:
         length: Length of the datagram [bytes].
-        link: The link.
+        own: Record of dtype `AUTOPILOT`.
+        history: The estimator's memory.
+        signer: Of the simulator link.
 
     Returns:
         NONE, SERVICE or RESTARTED.
     """
-    state, simulator = link.state[0], link.simulator
-    message_id = take(simulator.signer, simulator.received, length, simulator.drops)
+    state, datagram, drops = own["link"], bytes_of(own["received"]), own["drops"][SIMULATOR]
+    message_id = take(signer, datagram, length, drops)
     if message_id == DROPPED:
         return Outcome.NONE
     if message_id == NOT_HOT:
         state["received"] = length
         return Outcome.SERVICE
-    if is_estimated(link.navigation):
-        return _receive_sensors(message_id, link)
+    if is_estimated(own["navigation"]):
+        return _receive_sensors(message_id, own, history)
     problem: int = DropReason.UNEXPECTED
     if message_id == MessageId.SIM_STATE:
-        problem = _check_state(simulator)
+        problem = _check_state(own)
     if problem != 0:
-        simulator.drops[-problem] += 1
+        drops[-problem] += 1
         return Outcome.NONE
-    before, sim_state = state["run"], simulator.sim_state[0]
-    if _is_news(state, simulator.measured[0], sim_state):
-        copy_record(simulator.measured[0], sim_state)
+    before, sim_state = state["run"], own["sim_state"]
+    if _is_news(state, own["measured"], sim_state):
+        copy_record(own["measured"], sim_state)
     return Outcome.RESTARTED if before >= 0 and before != state["run"] else Outcome.NONE
 
 
 @inlined
-def _receive_sensors(message_id: int, link: AutopilotLink) -> Outcome:
+def _receive_sensors(message_id: int, own: np.void, history: np.ndarray) -> Outcome:
     """Note sensors, and with their step bring the estimate up to it; it is due then.
 
     Args:
-        message_id: Of the message in `SimulatorLink.received`, which is intact.
-        link: The link.
+        message_id: Of the message in `AUTOPILOT.received`, which is intact.
+        own: Record of dtype `AUTOPILOT`.
+        history: The estimator's memory.
 
     Returns:
         NONE or RESTARTED.
     """
-    state, simulator, navigation = link.state[0], link.simulator, link.navigation
-    received = simulator.received
+    state, navigation, measured = own["link"], own["navigation"], own["measured"]
+    received, sim_step = bytes_of(own["received"]), own["sim_step"]
     problem: int = DropReason.UNEXPECTED
     is_step = message_id == MessageId.SIM_STEP
-    if system_of(received) != simulator.system:
+    if system_of(received) != own["system"]:
         problem = DropReason.STRANGER
     elif message_id == MessageId.SENSOR:
-        expand(received, HIL_SENSOR_SIZE)
-        problem = note_sensor(navigation, simulator.sensor[0], simulator.measured[0])
+        unpack(received, bytes_of(own["sensor"]))
+        problem = note_sensor(navigation, history, own["sensor"], measured)
     elif message_id == MessageId.GPS:
-        expand(received, HIL_GPS_SIZE)
-        problem = note_gps(navigation, simulator.gps[0])
+        unpack(received, bytes_of(own["gps"]))
+        problem = note_gps(navigation, own["gps"])
     elif is_step:
-        expand(received, SIM_STEP_SIZE)
-        problem = check_step(navigation, simulator.sim_step[0])
+        unpack(received, bytes_of(sim_step))
+        problem = check_step(navigation, sim_step)
     if problem != 0:
-        simulator.drops[-problem] += 1
+        own["drops"][SIMULATOR][-problem] += 1
         return Outcome.NONE
-    before, sim_step, measured = state["run"], simulator.sim_step[0], simulator.measured[0]
+    before = state["run"]
     if not is_step:
         return Outcome.NONE
     restarted = before >= 0 and before != np.int64(sim_step["run"])
@@ -147,22 +151,22 @@ def _receive_sensors(message_id: int, link: AutopilotLink) -> Outcome:
         if restarted:
             copy_step(sim_step, measured)
             return Outcome.RESTARTED
-        navigate(navigation, sim_step, measured)
+        navigate(navigation, history, sim_step, measured)
         state["flags"] = int(measured["flags"])
     return Outcome.NONE
 
 
 @inlined
-def _check_state(link: SimulatorLink) -> int:
+def _check_state(own: np.void) -> int:
     """Return 0 if the received state is valid, otherwise a `DropReason`.
 
     One NaN would spread through controller and formation. A number whose square is too large for
     a float is refused, too.
     """
-    expand(link.received, SIM_STATE_SIZE)
-    if system_of(link.received) != link.system:
+    received, sim_state = bytes_of(own["received"]), own["sim_state"]
+    unpack(received, bytes_of(sim_state))
+    if system_of(received) != own["system"]:
         return DropReason.STRANGER
-    sim_state = link.sim_state[0]
     total = 0.0
     for i in range(3):
         total += sim_state["position"][i] ** 2 + sim_state["velocity"][i] ** 2

@@ -4,8 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ftc_autopilot.hot.link import RECORD, AutopilotLink
+from ftc_autopilot.hot.link import RECORD
 from ftc_autopilot.hot.navigation import ESTIMATED
+from ftc_autopilot.hot.state import Autopilots
 from mavlink_defs.runtime.spool import Spool
 
 RECORD_ROWS = 1000
@@ -18,11 +19,12 @@ ESTIMATED_RECORD = np.dtype(
 
 
 class Recorder:
-    """Empties the record of a link into a folder."""
+    """Empties the record of an autopilot into a folder."""
 
-    def __init__(self, link: AutopilotLink, folder: Path, resume: bool) -> None:
+    def __init__(self, autopilot: Autopilots, folder: Path, resume: bool) -> None:
         """Make the folder, or continue in it; OSError if it cannot be made, which it names."""
-        self._link = link
+        self._state = autopilot.own["link"]
+        self._record, self._estimates = autopilot.record[0], autopilot.estimates[0]
         self._spool = Spool(folder, resume)
         self._given_up = False
 
@@ -36,21 +38,21 @@ class Recorder:
         An autopilot that acts on few of the states has few rows, which are waited for.
         """
         if self._given_up:
-            self._link.state["recorded"] = 0
-        count = int(self._link.state[0]["recorded"])
-        steps = self._link.record["step"]
+            self._state["recorded"] = 0
+        count = int(self._state["recorded"][0])
+        steps = self._record["step"]
         if count and (count >= at_least or steps[count - 1] - steps[0] + 1 >= at_least):
             rows = self._rows(count)
             self._spool.write(int(rows["step"][0]), rows)
-            self._link.state["recorded"] = 0  # not if it failed: nothing may be left out
+            self._state["recorded"] = 0  # not if it failed: nothing may be left out
 
     def _rows(self, count: int) -> np.ndarray:
-        rows = self._link.record[:count]
-        if not len(self._link.estimates):
+        rows: np.ndarray = self._record[:count]
+        if not len(self._estimates):
             return rows
         both = np.empty(count, ESTIMATED_RECORD)
         both["step"], both["signals"] = rows["step"], rows["signals"]
-        both["estimate"] = self._link.estimates[:count]
+        both["estimate"] = self._estimates[:count]
         return both
 
     def restart(self) -> None:

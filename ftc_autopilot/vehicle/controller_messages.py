@@ -31,7 +31,7 @@ class ControllerMessages:
         """Yield that the law gave no finite command, once for each channel."""
         before, self._failed = (
             self._failed,
-            (self._controllers.states[0]["not_finite"] > 0).tolist(),
+            (self._controllers.uavs[0]["controller"]["not_finite"] > 0).tolist(),
         )
         new = [
             name
@@ -46,7 +46,7 @@ class ControllerMessages:
     @message(dialect.MAVLink_ftc_tracking_message)
     def tracking(self) -> MAVLink_message:
         """Return FTC_TRACKING."""
-        signals = self._controllers.signals[0]
+        signals = self._controllers.uavs[0]["signals"]
         return dialect.MAVLink_ftc_tracking_message(
             self._time_ms,
             _degrees(signals["reference"]),
@@ -57,7 +57,7 @@ class ControllerMessages:
     @message(dialect.MAVLink_ftc_events_message)
     def events(self) -> MAVLink_message:
         """Return FTC_EVENTS."""
-        controller = self._controllers.states[0]
+        controller = self._controllers.uavs[0]["controller"]
         intervals = [
             min(int(steps) * self._hot.step_us, NO_INTERVAL) for steps in controller["min_interval"]
         ]
@@ -69,7 +69,7 @@ class ControllerMessages:
             messages=int(controller["messages"]),
             repeats=self._hot.repeated,
             edge_changes=self._hot.edge_changes,
-            predicted_exit=float32s(self._controllers.signals[0]["predicted_exit"]),
+            predicted_exit=float32s(self._controllers.uavs[0]["signals"]["predicted_exit"]),
             neighbour_messages=int(controller["neighbour_messages"]) * len(self._hot.neighbours),
             oldest_state_us=min(self._hot.oldest_state_us, NO_INTERVAL),
         )
@@ -77,7 +77,7 @@ class ControllerMessages:
     @message(dialect.MAVLink_ftc_adaptation_message)
     def adaptation(self) -> MAVLink_message:
         """Return FTC_ADAPTATION; NaN under a law without these estimates."""
-        state = own_state(self._controllers.states[0], type(self._law), self._law.kind)
+        state = own_state(self._controllers.uavs[0]["controller"], type(self._law), self._law.kind)
         known = state.dtype.names or ()
         names = ("Phi_v", "g_v", "beta_v", "Phi_omega", "beta_omega")
         estimates = (state[name] if name in known else math.nan for name in names)

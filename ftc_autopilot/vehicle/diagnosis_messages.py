@@ -30,12 +30,12 @@ class DiagnosisMessages:
 
     def __init__(self, hot: HotState, controllers: Controllers, law: LawParameters) -> None:
         self._hot, self._controllers = hot, controllers
-        state = own_state(controllers.states[0], type(law), law.kind)
+        state = own_state(controllers.uavs[0]["controller"], type(law), law.kind)
         if law.FALLBACK is not None:
             state = state["fallback"]
         self._diagnosis = state["diagnosis"] if "diagnosis" in (state.dtype.names or ()) else None
         self._lost = [False] * len(ACTUATORS)
-        self._has_rudder = has_actuator(controllers.aircraft[0], RUDDER)
+        self._has_rudder = has_actuator(controllers.uavs[0]["aircraft"], RUDDER)
 
     @message(dialect.MAVLink_ftc_diagnosis_message)
     def diagnosis(self) -> MAVLink_message:
@@ -46,7 +46,7 @@ class DiagnosisMessages:
             return dialect.MAVLink_ftc_diagnosis_message(
                 self._time_ms, unknown, unknown, unknown, [dialect.FTC_PHASE_UNKNOWN] * n
             )
-        signals = self._controllers.signals[0]
+        signals = self._controllers.uavs[0]["signals"]
         offsets = [self._amount(c, float(signals["offset"][c])) for c in range(n)]
         return dialect.MAVLink_ftc_diagnosis_message(
             self._time_ms,
@@ -58,7 +58,7 @@ class DiagnosisMessages:
 
     def healthy(self) -> bool:
         """Return whether no actuator is lost, as far as is known."""
-        return not (self._controllers.signals[0]["phase"] == LOST).any()
+        return not (self._controllers.uavs[0]["signals"]["phase"] == LOST).any()
 
     def changes(self) -> Iterator[Change]:
         """Yield each decision since the last call."""
@@ -85,7 +85,7 @@ class DiagnosisMessages:
         if name == "aileron" and not self._has_rudder:
             return _NOTHING
         text = _TAKEN_OVER[name]
-        by_bank = heading_loop(self._controllers.parameters[0]).by_bank
+        by_bank = heading_loop(self._controllers.uavs[0]["parameters"]).by_bank
         return text.replace("heading given up", "heading by bank") if by_bank else text
 
     @staticmethod

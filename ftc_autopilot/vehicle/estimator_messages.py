@@ -60,12 +60,9 @@ class EstimatorMessages:
         self, hot: HotState, origin: Origin, home: VehicleHome, clock: VehicleClock
     ) -> None:
         self._hot, self._origin, self._home, self._clock = hot, origin, home, clock
-        estimator = hot.navigation.estimator
-        self._report: np.void | None = None
-        if len(hot.navigation.imus):
-            self._report = estimator.report[0]
-        self._filters = estimator.filters
-        self._imus = len(hot.navigation.imus)
+        estimator, self._imus = hot.navigation["estimator"], int(hot.navigation["count"])
+        self._report: np.void | None = estimator["report"] if self._imus else None
+        self._filters = estimator["filters"]
         self._said = [WELL] * len(SENSORS)
         self._said_imus = [WELL] * self._imus
         self._said_resets = 0

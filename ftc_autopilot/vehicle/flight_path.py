@@ -83,7 +83,7 @@ class FlightPath:
         self.airspeed = self.planner.limits.cruise_m_s
         self._hot, self.home = hot, home
         self._in_formation = config.formation is not None
-        self._guidance, self._paths = controllers.guidance[0], controllers.paths
+        self._guidance, self._paths = controllers.uavs[0]["guidance"], controllers.paths
         self.number = 0
 
     # state

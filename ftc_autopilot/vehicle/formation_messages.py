@@ -29,7 +29,7 @@ class FormationMessages:
         self._hot, self._controllers, self._say = hot, controllers, say
         self._formation = config.formation
         self._members = () if config.formation is None else config.formation.members
-        self._state, self._own = controllers.formations[0], config.id
+        self._state, self._own = controllers.uavs[0]["formation"], config.id
         self._known = [0] * len(self._members)
         self._slot, self._evading, self._near = self._own, False, False
 
@@ -119,7 +119,7 @@ class FormationMessages:
     @property
     def _path_id(self) -> int:
         """Number of the path that is flown in formation; 0: none."""
-        follows = int(self._controllers.guidance[0]["follows"]) == Source.PATH
+        follows = int(self._controllers.uavs[0]["guidance"]["follows"]) == Source.PATH
         return int(self._state["path_id"]) if follows else 0
 
     def _refuse(self, text: str) -> int:

@@ -53,7 +53,7 @@ class Modes:
         with calling(type(config.controller), "holds_heading_by_bank"):
             self._by_bank = config.controller.holds_heading_by_bank(config.aircraft)
         self._hot, self._controllers, self._say = hot, controllers, say
-        self._guidance = controllers.guidance[0]
+        self._guidance = controllers.uavs[0]["guidance"]
         self._autopilot = config.mav_autopilot
 
     # state
@@ -73,7 +73,7 @@ class Modes:
     @property
     def has_profile(self) -> bool:
         """Whether the mission is a profile."""
-        return bool(self._controllers.profiles[0]["count"] > 0)
+        return bool(self._controllers.uavs[0]["profile"]["count"] > 0)
 
     @property
     def has_mission(self) -> bool:
@@ -124,7 +124,7 @@ class Modes:
     def take_mission(self, items: Sequence[MissionItem]) -> None:
         """Put a mission, checked before, in force; home alone or nothing clears it."""
         flown, self._item = self.flies_mission, 1
-        self._controllers.profiles[0]["count"], self.path.items = 0, ()
+        self._controllers.uavs[0]["profile"]["count"], self.path.items = 0, ()
         if len(items) < 2:
             self._guidance["start_step"] = NOT_STARTED
             if self.mode == AUTO:
@@ -135,7 +135,7 @@ class Modes:
             text = f"mission of {len(items) - 1} items in force"
         else:
             segments = items_to_segments(items, self.airspeeds)
-            self._controllers.profiles[0] = profile_record(segments)
+            self._controllers.uavs[0]["profile"] = profile_record(segments)
             text = f"profile of {len(segments)} segments in force"
             if flown:
                 text += f", segment {self.current_item()} at {self._elapsed_s():.3f} s"
@@ -150,7 +150,7 @@ class Modes:
         """Return the number of the mission item that the next mission step flies."""
         if not self.has_profile:
             return self.path.item() if self.flies_mission else self._item
-        profile = self._controllers.profiles[0]
+        profile = self._controllers.uavs[0]["profile"]
         starts = profile["start"][1 : int(profile["count"])].tolist()
         return 1 + bisect.bisect_right(starts, self._elapsed_s())
 
@@ -158,7 +158,9 @@ class Modes:
         """Return whether the end of the mission, which is flown on, has been reached."""
         if not self.has_profile:
             return self.flies_mission and self.path.is_at_end()
-        return self.started and self.current_item() == int(self._controllers.profiles[0]["count"])
+        return self.started and self.current_item() == int(
+            self._controllers.uavs[0]["profile"]["count"]
+        )
 
     def jump_to(self, seq: int) -> bool:
         """Continue a mission with item seq; a segment counts as begun now.
@@ -317,7 +319,9 @@ class Modes:
 
     def _set_armed(self, armed: bool) -> None:
         self.armed = armed
-        self._controllers.actuators[0]["mode"] = dialect.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0
+        self._controllers.uavs[0]["actuators"]["mode"] = (
+            dialect.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0
+        )
         self._guidance["active"] = int(armed)
 
     def _elapsed_s(self) -> float:
@@ -327,7 +331,7 @@ class Modes:
 
     def _steps_to(self, seq: int) -> int:
         """Return the steps from the start of the mission to the segment of an item."""
-        start_s = float(self._controllers.profiles[0]["start"][seq - 1])
+        start_s = float(self._controllers.uavs[0]["profile"]["start"][seq - 1])
         return math.ceil(start_s * 1e6 / self._hot.step_us)
 
     def _enter(
@@ -356,7 +360,7 @@ class Modes:
             return False
         self._item, self._guidance["start_step"] = item, start_step
         if armed and not self.armed:
-            restart_law(self._controllers.states[0])
+            restart_law(self._controllers.uavs[0]["controller"])
             self._set_armed(True)
         if way is not None:
             self.path.begin(way)

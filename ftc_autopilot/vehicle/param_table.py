@@ -126,7 +126,7 @@ def parameters_of(
     config: AutopilotConfig, hot: HotState, controllers: Controllers
 ) -> list[Parameter]:
     """Return all parameters of a vehicle: of trigger, law, guidance, formation, identity."""
-    records, kind = controllers.parameters, config.controller.kind
+    records, kind = controllers.uavs["parameters"], config.controller.kind
     law = type(config.controller)
     found = [
         *trigger_tunables(records),
@@ -143,13 +143,13 @@ def parameters_of(
         found += tunables(FormationParameters, records["formation"], "FORM_")
 
     def clock_s() -> float:
-        start = int(controllers.guidance[0]["start_step"])
+        start = int(controllers.uavs[0]["guidance"]["start_step"])
         if start == NOT_STARTED:
             return 0.0
         return max(hot.step - start, 0) * hot.step_us / 1e6
 
     def put_at_the_start(tunable: Tunable, value: float) -> None:
-        if controllers.states[0]["steps"] > 0:
+        if controllers.uavs[0]["controller"]["steps"] > 0:
             raise ParamValueError("acts at the start only", dialect.MAV_PARAM_ERROR_READ_ONLY)
         tunable.put(value)
 
@@ -158,7 +158,9 @@ def parameters_of(
         if mode and not config.controller.goes_with(mode):
             raise ParamValueError(f"is {value:g}, which does not go with the law {kind}")
         tunable.put(value)
-        controllers.states["trigger"] = np.zeros((), controllers.states.dtype["trigger"])
+        controllers.uavs["controller"]["trigger"] = np.zeros(
+            (), controllers.uavs["controller"].dtype["trigger"]
+        )
 
     read_only = {
         "SYSID_THISMAV": config.id,

@@ -51,14 +51,14 @@ class PathMessages:
     )
     def nav_controller_output(self) -> MAVLink_message:
         """Return NAV_CONTROLLER_OUTPUT."""
-        _, roll, pitch, _ = map(float, self._controllers.guidance[0]["command"])
+        _, roll, pitch, _ = map(float, self._controllers.uavs[0]["guidance"]["command"])
         if not self._path.flown:
             bank, climb = float32s((math.degrees(roll), math.degrees(pitch)))
             nothing = (0, 0, 0, 0.0, 0.0, 0.0)
             return dialect.MAVLink_nav_controller_output_message(bank, climb, *nothing)
         point, (north, east, height) = self._path.point(), self._path.here()
         to_north, to_east, _ = self._path.target()
-        airspeed = float(self._controllers.signals[0]["V"])
+        airspeed = float(self._controllers.uavs[0]["signals"]["V"])
         numbers = float32s(
             (
                 math.degrees(roll),

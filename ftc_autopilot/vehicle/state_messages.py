@@ -48,8 +48,8 @@ class StateMessages:
         self._origin, self._home, self._clock = origin, home, clock
         # views, which always show the last state
         self._vectors: dict[str, np.ndarray] = {name: hot.measured[name] for name in _VECTORS}
-        self._signals = controllers.signals[0]
-        self._controls = controllers.actuators[0]["controls"]
+        self._signals = controllers.uavs[0]["signals"]
+        self._controls = controllers.uavs[0]["actuators"]["controls"]
 
     # time and place
 

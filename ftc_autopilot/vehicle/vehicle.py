@@ -14,8 +14,8 @@ import numpy as np
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import Controllers, reset_controllers
 from ftc_autopilot.control.reference import profile_segments
+from ftc_autopilot.hot.drops import GCS, PLANT
 from ftc_autopilot.hot.hot_state import HotState
-from ftc_autopilot.hot.link import GCS, PLANT
 from ftc_autopilot.vehicle.changes import Changes
 from ftc_autopilot.vehicle.clock import VehicleClock
 from ftc_autopilot.vehicle.commands import Commands, Handler, PlaceHandler
@@ -238,7 +238,7 @@ class Vehicle:
             saved: Record of dtype `ftc_autopilot.hot.checkpoint.VEHICLE`.
             mission: Its mission; None: a profile that the records hold, if there is any.
         """
-        segments = profile_segments(self._controllers.profiles[0])
+        segments = profile_segments(self._controllers.uavs[0]["profile"])
         items = segments_to_items(segments, *self._own) if segments else []
         if mission is not None:
             self._home.at, self.modes.path.airspeed = mission.home, mission.airspeed

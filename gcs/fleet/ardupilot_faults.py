@@ -39,8 +39,8 @@ class FaultStation:
             AircraftService(
                 system,
                 _COMPONENT,
-                self._fleet.faults[i],
-                self._fleet.applied[i],
+                self._fleet.uavs[i]["faults"],
+                self._fleet.uavs[i]["applied"],
                 self._scenario.aircraft_of(system).fault_limits,
                 sensor_commands(self._fleet.sensing.faults, i),
             )

@@ -18,7 +18,7 @@ from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.framing.codec import ACTUATORS
 from mavlink_defs.runtime.jit import compiled
-from mavlink_defs.runtime.memory import borrowed, copy_values
+from mavlink_defs.runtime.memory import copy_values
 from sitl_plant.ardupilot.launch import Launch, new_launch, out_of_body
 from sitl_plant.ardupilot.outputs import Outputs
 from sitl_plant.ardupilot.peer import Address, Frame, Peer
@@ -101,7 +101,7 @@ class ArduPilotFlight:
         add_faults(scenario, self.fleet)
         for i in range(n):
             observe_at(self.fleet, i, 0, scenario.step_us)
-        self._outputs = [Outputs(scenario.ardupilot, one) for one in self.fleet.aircraft]
+        self._outputs = [Outputs(scenario.ardupilot, one) for one in self.fleet.uavs["aircraft"]]
         self.events = np.zeros((n, N_CHANNELS), np.int64)
         self.messages = np.zeros(n, np.int64)
         self._changed = np.zeros(n, np.uint8)  # actuators whose command is new, a mask of each
@@ -110,13 +110,15 @@ class ArduPilotFlight:
     def _prepared(self) -> list[Launch]:
         """Return the launches of all aircraft, which take the same time."""
         fleet, config = self.fleet, self._scenario.ardupilot
-        fastest = max(norm(vec3(x[3:6])) for x in fleet.states)
+        fastest = max(norm(vec3(x[3:6])) for x in fleet.uavs["state"])
         step_us = self._scenario.step_us
         self._launch_steps = math.ceil(fastest / config.launch_acceleration_m_s2 * 1e6 / step_us)
         duration_s = time_s(self._launch_steps, step_us)
         return [
             new_launch(x, air[:3], float(aircraft["g"]), duration_s)
-            for x, air, aircraft in zip(fleet.states, fleet.air, fleet.aircraft, strict=True)
+            for x, air, aircraft in zip(
+                fleet.uavs["state"], fleet.uavs["air"], fleet.uavs["aircraft"], strict=True
+            )
         ]
 
     @property
@@ -312,7 +314,7 @@ class ArduPilotFlight:
             since = -1 if self._launched is None else self._tick - self._launched
             return self._launches[i].at(time_s(since, self._scenario.step_us), at_s)
         fleet = self.fleet
-        message, attitude = fleet.messages[i], vec3(fleet.states[i, 6:9])
+        message, attitude = fleet.uavs[i]["message"], vec3(fleet.uavs[i]["state"][6:9])
         through_air = sub(vec3(message["velocity"]), vec3(message["wind"]))
         return Measured(
             time_s=at_s,
@@ -322,7 +324,7 @@ class ArduPilotFlight:
             attitude=_floats(message["attitude"]),
             velocity=out_of_body(vec3(message["velocity"]), attitude),
             airspeed=norm(through_air),
-            wind=out_of_body(vec3(fleet.air[i, :3]), attitude),
+            wind=out_of_body(vec3(fleet.uavs[i]["air"][:3]), attitude),
         )
 
 
@@ -369,20 +371,19 @@ def fly_steps(
     Returns:
         Steps flown, and the index of the lost aircraft, -1, or `ADVANCE` as of `fly`.
     """
-    fleet = borrowed(fleet)
     k, lost = 0, -1
     while k < len(states) and lost < 0:
-        if fleet.outside[0]["advanced"] == 0:
-            for i in range(len(fleet.states)):
-                copy_values(states[k, i], fleet.states[i])
-                copy_values(wind[k, i], fleet.air[i])
+        if fleet.uavs[0]["outside"]["advanced"] == 0:
+            for i in range(len(fleet.uavs["state"])):
+                copy_values(states[k, i], fleet.uavs[i]["state"])
+                copy_values(wind[k, i], fleet.uavs[i]["air"])
                 _note(fleet, i, signals[k, i])
                 signals[k, i]["events"] = changed[i] if k == 0 else 0
         lost = fly(fleet, first + k, step_us)
         if lost == ADVANCE:
             break
-        for i in range(len(fleet.states)):
-            copy_values(applied[k, i], fleet.applied[i])
+        for i in range(len(fleet.uavs["state"])):
+            copy_values(applied[k, i], fleet.uavs[i]["applied"])
             observe(fleet, i, first + k + 1, step_us)
         k += 1
     return k, lost
@@ -391,9 +392,9 @@ def fly_steps(
 @compiled
 def _note(fleet: PlantState, i: int, signal: np.void) -> None:
     """Write what aircraft i measures, and what is commanded."""
-    message = fleet.messages[i]
+    message = fleet.uavs[i]["message"]
     signal["V"] = norm(sub(vec3(message["velocity"]), vec3(message["wind"])))
     for axis in range(3):
         signal["attitude"][axis] = message["attitude"][axis]
     for c in range(N_CHANNELS):
-        signal["held"][c] = fleet.controls[i, c]
+        signal["held"][c] = fleet.uavs[i]["controls"][c]

@@ -6,7 +6,7 @@ links, so its events are bit for bit the same as in a lockstep flight over UDP.
 
 import time
 from collections.abc import Callable
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from ftc_autopilot.control.stepping import (
     hear,
     publish_own_state,
 )
-from ftc_autopilot.estimation.estimator import Estimator, estimate
+from ftc_autopilot.estimation.estimator import estimate
 from ftc_autopilot.hot.navigation import estimator_of, write_estimate
 from gcs.errors import BadInput
 from gcs.results.figures import FlightSummary
@@ -35,14 +35,7 @@ from mavlink_defs.framing.codec import SIM_STATE, copy_step
 from mavlink_defs.profile import items_to_segments
 from mavlink_defs.runtime.foreign import PluginError
 from mavlink_defs.runtime.jit import compiled, inlined
-from mavlink_defs.runtime.memory import (
-    borrowed,
-    copy_record,
-    copy_values,
-    load_tuple,
-    new_table,
-    store_tuple,
-)
+from mavlink_defs.runtime.memory import borrowed, copy_record, copy_values
 from mavlink_defs.sensor_faults import SensorFault
 from sitl_plant.actuators import add_fault
 from sitl_plant.fleet import (
@@ -113,20 +106,12 @@ def room_of(scenario: Scenario, steps: int) -> Steps:
     return Steps.room(steps, len(scenario.uavs), estimated=scenario.navigation == "estimated")
 
 
-class Estimators(NamedTuple):
-    """The estimators of n aircraft, as compiled code sees them; of none by true states."""
+class Estimates(NamedTuple):
+    """The estimators of n aircraft, and what they have estimated; of none by true states."""
 
-    table: np.ndarray  # as of `new_table`
-    first: Estimator  # of the type of all
-    measured: np.ndarray  # (n,), dtype SIM_STATE: what each has estimated
-
-    @classmethod
-    def of(cls, estimators: tuple[Estimator, ...], measured: np.ndarray) -> Self:
-        """Return estimators for compiled code; the caller keeps their arrays alive."""
-        table = new_table(len(measured), estimators[0])
-        for i in range(len(measured)):
-            store_tuple(table, i, estimators[i])
-        return cls(table, estimators[0], measured)
+    estimators: np.ndarray  # (n,), dtype ESTIMATOR
+    histories: np.ndarray  # (n, imus, entries, TRAVEL), their memory
+    measured: np.ndarray  # (n,), dtype SIM_STATE
 
 
 class Flight(NamedTuple):
@@ -134,9 +119,7 @@ class Flight(NamedTuple):
 
     ids: tuple[int, ...]
     fleet: PlantState
-    estimators: tuple[Estimator, ...]
-    estimates: np.ndarray
-    """What each has estimated, shape (n,), dtype SIM_STATE; (0,) by true states."""
+    estimates: Estimates
     controllers: Controllers
     outside: Outside
     sources: np.ndarray
@@ -155,24 +138,27 @@ def begin(scenario: Scenario) -> Flight:
         controllers = new_controllers(configs)
     except PluginError as problem:
         raise BadInput(str(problem)) from problem
-    sources = np.full(controllers.weights.shape, -1)
+    sources = np.full(controllers.edges.shape, -1)
     for i, config in enumerate(configs):
         for d, neighbour in enumerate(config.neighbours):
             sources[i, d] = ids.index(neighbour.id)
-            controllers.weights[i, d] = neighbour.weight
+            controllers.edges[i, d]["weight"] = neighbour.weight
     plant = scenario.plant_config(speed=None)
     fleet = new_plant_state(plant)
     try:
         outside = Outside(plant, fleet)
     except SimulatorError as problem:
         raise BadInput(str(problem), problem.hint) from problem
-    estimators = tuple(map(estimator_of, configs))
-    estimates = np.zeros(len(ids) if scenario.navigation == "estimated" else 0, SIM_STATE)
-    flight = Flight(ids, fleet, estimators, estimates, controllers, outside, sources)
+    estimators = [estimator_of(config) for config in configs]
+    estimates = Estimates(
+        np.concatenate([estimator.state for estimator in estimators]),
+        np.stack([estimator.history for estimator in estimators]),
+        np.zeros(len(ids), SIM_STATE),
+    )
+    flight = Flight(ids, fleet, estimates, controllers, outside, sources)
     _brief(scenario, controllers)
     add_faults(scenario, fleet)
-    table = Estimators.of(estimators, estimates)
-    exchange_initial_states(fleet, table, controllers, sources, scenario.step_us)
+    exchange_initial_states(fleet, estimates, controllers, sources, scenario.step_us)
     return flight
 
 
@@ -196,13 +182,13 @@ def fly_on(
         on_progress: As of `fly_in_process`.
     """
     ids, fleet, controllers, outside = flight.ids, flight.fleet, flight.controllers, flight.outside
-    estimators = Estimators.of(flight.estimators, flight.estimates)
+    estimates = flight.estimates
 
     def run(step: int, chunk: Steps) -> tuple[int, int]:
         def from_step(flown: int) -> tuple[int, int]:
             rest = chunk.part(flown, chunk.length)[1:]
             at, step_us = step + flown, scenario.step_us
-            return run_steps(fleet, estimators, controllers, flight.sources, at, step_us, *rest)
+            return run_steps(fleet, estimates, controllers, flight.sources, at, step_us, *rest)
 
         return flown_by(outside, from_step)
 
@@ -216,14 +202,14 @@ def fly_on(
         if lost >= 0:
             t = step * scenario.step_us / 1e6
             last_s = (step - 1) * scenario.step_us / 1e6
-            failure = failure_of(controllers, lost, scenario, last_s)
+            failure = failure_of(controllers.uavs[lost], scenario, last_s)
             why = outside.failures.get(lost) or loss_of(fleet, lost)
             loss = f"UAV {ids[lost]} was lost at {t:.3f} s: {why}"
             loss = loss if failure is None else f"UAV {ids[lost]}: {failure}"
         if on_steps is not None:
             on_steps(chunk.part(0, flown))
         if on_progress is not None:
-            on_progress(step * scenario.step_us / 1e6, controllers.states["events"])
+            on_progress(step * scenario.step_us / 1e6, controllers.uavs["controller"]["events"])
     return Ending(
         mode="in_process",
         steps=step,
@@ -236,17 +222,17 @@ def fly_on(
 
 def _brief(scenario: Scenario, controllers: Controllers) -> None:
     """Set profile or path, rounded as by transmission."""
-    controllers.guidance["active"] = 1
-    controllers.guidance["start_step"] = 0
+    controllers.uavs["guidance"]["active"] = 1
+    controllers.uavs["guidance"]["start_step"] = 0
     if scenario.mission is None:
         items = scenario.mission_items()
         for i, uav in enumerate(scenario.uavs):
             limits = scenario.aircraft_of(uav.id).airspeed_limits
-            controllers.profiles[i] = profile_record(items_to_segments(items, limits))
-        controllers.guidance["follows"] = Source.PROFILE
+            controllers.uavs[i]["profile"] = profile_record(items_to_segments(items, limits))
+        controllers.uavs["guidance"]["follows"] = Source.PROFILE
     else:
         controllers.paths[:] = paths_of(scenario)
-        for guidance in controllers.guidance:
+        for guidance in controllers.uavs["guidance"]:
             begin_path(guidance)
 
 
@@ -259,13 +245,13 @@ def add_faults(scenario: Scenario, fleet: PlantState) -> None:
             sensor_commands(fleet.sensing.faults, i).set(fault, time_s=0.0)
             continue
         received = fault_from_params(fault, scenario.aircraft_of(uav_id).fault_limits)
-        add_fault(fleet.faults[i], received, now_s=0.0)
+        add_fault(fleet.uavs[i]["faults"], received, now_s=0.0)
 
 
 @compiled
 def exchange_initial_states(
     fleet: PlantState,
-    estimators: Estimators,
+    estimates: Estimates,
     controllers: Controllers,
     sources: np.ndarray,
     step_us: int,
@@ -274,31 +260,32 @@ def exchange_initial_states(
     for i in range(len(sources)):
         observe(fleet, i, 0, step_us)
         if navigates(fleet):
-            _estimate(fleet, estimators, i)
-            publish_own_state(controllers, i, estimators.measured[i])
+            _estimate(fleet, estimates, i)
+            publish_own_state(controllers.uavs[i], estimates.measured[i])
         else:
-            publish_own_state(controllers, i, fleet.messages[i])
+            publish_own_state(controllers.uavs[i], fleet.uavs[i]["message"])
     _deliver(controllers, sources, 0)
 
 
 @compiled
-def _estimate(fleet: PlantState, estimators: Estimators, i: int) -> None:
+def _estimate(fleet: PlantState, estimates: Estimates, i: int) -> None:
     """Let UAV i estimate its state from what its sensors report now."""
-    copy_step(fleet.messages[i], fleet.steps[i])
+    copy_step(fleet.uavs[i]["message"], fleet.uavs[i]["step"])
     estimate(
-        load_tuple(estimators.table, i, estimators.first),
+        estimates.estimators[i],
+        estimates.histories[i],
         fleet.sensing.imus[i],
         fleet.sensing.gps[i],
         fleet.sensing.sites[i]["delivered"] == 1,
-        fleet.steps[i],
-        estimators.measured[i],
+        fleet.uavs[i]["step"],
+        estimates.measured[i],
     )
 
 
 @compiled
 def run_steps(
     fleet: PlantState,
-    estimators: Estimators,
+    estimating: Estimates,
     controllers: Controllers,
     sources: np.ndarray,
     first: int,
@@ -314,35 +301,36 @@ def run_steps(
     Or `ADVANCE`: simulators are to be advanced before the step that comes next can end.
     """
     fleet, controllers, sources = borrowed(fleet), borrowed(controllers), borrowed(sources)
-    estimators, estimated = borrowed(estimators), navigates(fleet)
-    measured = estimators.measured if estimated else fleet.messages
+    estimating, estimated = borrowed(estimating), navigates(fleet)
+    measured = estimating.measured if estimated else fleet.uavs["message"]
     n = len(sources)
     k, lost = 0, -1
     while k < len(states) and lost < 0:
-        if fleet.outside[0]["advanced"] == 0:
+        if fleet.uavs[0]["outside"]["advanced"] == 0:
             for i in range(n):
                 observe(fleet, i, first + k, step_us)
                 if estimated:
                     if first + k > 0:  # else it has done so before the neighbours' first messages
-                        _estimate(fleet, estimators, i)
+                        _estimate(fleet, estimating, i)
                     write_estimate(measured[i], estimates[k, i])
-                mask = controller_step(controllers, i, measured[i], step_us)
+                uav, path = controllers.uavs[i], controllers.paths[i]
+                mask = controller_step(uav, controllers.edges[i], path, measured[i], step_us)
                 if mask != 0:
-                    receive_controls(fleet, i, controllers.actuators[i])
-                broadcast_if_triggered(controllers, i, first + k, step_us)
-                copy_values(states[k, i], fleet.states[i])
-                copy_values(wind[k, i], fleet.air[i])
-                copy_record(signals[k, i], controllers.signals[i])
+                    receive_controls(fleet, i, uav["actuators"])
+                broadcast_if_triggered(uav, first + k, step_us)
+                copy_values(states[k, i], fleet.uavs[i]["state"])
+                copy_values(wind[k, i], fleet.uavs[i]["air"])
+                copy_record(signals[k, i], uav["signals"])
             if first + k > 0:  # before the second step none polls for a second message of the first
                 _deliver(controllers, sources, first + k)
         lost = fly(fleet, first + k, step_us)
         if lost == ADVANCE:
             break
         for i in range(n - 1, -1, -1):
-            if has_failed(controllers, i):
+            if has_failed(controllers.uavs[i]):
                 lost = i
         for i in range(n):
-            copy_values(applied[k, i], fleet.applied[i])
+            copy_values(applied[k, i], fleet.uavs[i]["applied"])
         k += 1
     return k, lost
 
@@ -353,5 +341,10 @@ def _deliver(controllers: Controllers, sources: np.ndarray, step: int) -> None:
     for i in range(sources.shape[0]):
         for d in range(sources.shape[1]):
             j = sources[i, d]
-            if j >= 0 and controllers.last_broadcast[j]["step"] == step:
-                hear(controllers, i, d, controllers.last_broadcast[j])
+            if j >= 0 and controllers.uavs[j]["last_broadcast"]["step"] == step:
+                hear(
+                    controllers.uavs[i],
+                    controllers.edges[i],
+                    d,
+                    controllers.uavs[j]["last_broadcast"],
+                )

@@ -287,7 +287,7 @@ def paths_of(scenario: Scenario) -> np.ndarray | None:
     paths = np.zeros(len(scenario.uavs), PATH)
     for i, uav in enumerate(scenario.uavs):
         observe(fleet, i, 0, scenario.step_us)
-        here = fleet.messages[i]
+        here = fleet.uavs[i]["message"]
         if navigates(fleet):
             here = _first_estimate(scenario, uav.id, fleet, i)
         paths[i] = scenario.planner(uav.id).first_path(items, here)
@@ -297,10 +297,11 @@ def paths_of(scenario: Scenario) -> np.ndarray | None:
 def _first_estimate(scenario: Scenario, system: int, fleet: PlantState, i: int) -> np.void:
     """Return what a UAV estimates before the first step, a record of dtype SIM_STATE."""
     navigation = new_navigation(scenario.autopilot_config(system))
-    navigation.imus[:] = fleet.sensing.imus[i]
-    copy_step(fleet.messages[i], fleet.steps[i])
+    state, samples = navigation.state[0], fleet.sensing.imus[i]
+    state["imus"][: len(samples)] = samples
+    copy_step(fleet.uavs[i]["message"], fleet.uavs[i]["step"])
     measured = np.zeros(1, SIM_STATE)
-    navigate(navigation, fleet.steps[i], measured[0])
+    navigate(state, navigation.history, fleet.uavs[i]["step"], measured[0])
     own: np.void = measured[0]
     return own
 

@@ -188,18 +188,14 @@ def _parameters(scenario: Scenario | None, system: int) -> dict[str, int | float
     """Return the parameters of a UAV at its start, as it has them over MAVLink."""
     if scenario is None:
         return {}
-    from ftc_autopilot.control.controllers import unbound_controllers
     from ftc_autopilot.hot.hot_state import HotState
-    from ftc_autopilot.hot.link import new_link
-    from ftc_autopilot.hot.navigation import new_navigation
+    from ftc_autopilot.hot.state import new_autopilots
     from ftc_autopilot.vehicle.param_table import parameters_of
     from mavlink_defs.services.param_server import INT32
 
     config = scenario.autopilot_config(system)
-    hot = HotState(
-        new_link(system, config.neighbours, config.step_us, 0.25, 0, new_navigation(config))
-    )
-    found = parameters_of(config, hot, unbound_controllers([config]))
+    autopilots = new_autopilots([config], binds=False)
+    found = parameters_of(config, HotState(autopilots), autopilots.controllers)
     return {one.name: int(one.get()) if one.type == INT32 else float(one.get()) for one in found}
 
 

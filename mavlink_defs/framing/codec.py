@@ -49,6 +49,8 @@ from mavlink_defs.framing.header import (
 from mavlink_defs.runtime.jit import compiled
 
 BUFFER_SIZE = MAX_FRAME_SIZE
+BUFFER = np.dtype([("bytes", "u1", (BUFFER_SIZE,))])
+"""A datagram buffer in a record."""
 
 # results of `check` in place of a message id, for valid frames that pymavlink has to decode
 FOREIGN = -1
@@ -180,6 +182,19 @@ def pack(
     if _crc_extra(message_id) < 0:
         raise ValueError("not a hot message")
     source = payload.view(np.uint8)
+    return pack_bytes(datagram, source, message_id, system_id, component_id, sequence)
+
+
+@compiled
+def pack_bytes(
+    datagram: np.ndarray,
+    source: np.ndarray,
+    message_id: int,
+    system_id: int,
+    component_id: int,
+    sequence: int,
+) -> int:
+    """Write one hot message, as `pack` does, from the bytes of its payload, uint8."""
     size = source.size
     while size > 1 and source[size - 1] == 0:  # MAVLink 2: trailing zeros are not sent
         size -= 1
@@ -293,6 +308,21 @@ def expand(datagram: np.ndarray, payload_size: int) -> None:
     """
     for i in range(HEADER_SIZE + _byte(datagram, PAYLOAD_SIZE), HEADER_SIZE + payload_size):
         datagram[i] = 0
+
+
+@compiled
+def unpack(datagram: np.ndarray, payload: np.ndarray) -> None:
+    """Write the payload of a checked frame, whose trailing zeros were not sent, to a record.
+
+    Args:
+        datagram: Buffer whose frame `check` has accepted.
+        payload: Bytes of the record, uint8, as of `memory.bytes_of`; written.
+    """
+    size = min(_byte(datagram, PAYLOAD_SIZE), payload.size)
+    for k in range(size):
+        payload[k] = datagram[HEADER_SIZE + k]
+    for k in range(size, payload.size):
+        payload[k] = 0
 
 
 @compiled

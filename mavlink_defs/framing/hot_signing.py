@@ -37,16 +37,25 @@ _HASH = 6  # bytes, after link id (1) and timestamp (6)
 _STAMP = 6
 
 
-class LinkSigner(NamedTuple):
-    """Key and timestamps with which the frames of one link are signed and verified."""
+SIGNER = np.dtype(
+    [
+        ("signs", "i8"),  # 1: there is a key
+        ("key", "u1", (32,)),  # that frames are signed with
+        ("replaced", "i8"),  # 1: `other` is a key
+        ("other", "u1", (32,)),  # accepted, too
+        ("link", "i8"),  # link id, in both directions
+        ("time", "i8"),  # timestamp used or seen last
+        ("start", "i8"),  # the same when it was made: what is not newer is from before
+    ]
+)
+"""Keys and time of one link."""
 
-    key: np.ndarray  # (32,) uint8, that frames are signed with; (0,): no key
-    other: np.ndarray  # (32,) uint8, accepted, too
-    replaced: np.ndarray  # (1,) 1: `other` is a key
-    link: int  # link id, in both directions
-    time: np.ndarray  # (1,) timestamp used or seen last
-    shared: np.ndarray  # (1,) the same, shared by all processes
-    start: int  # the same when it was made: what is not newer is from before
+
+class LinkSigner(NamedTuple):
+    """What the frames of one link are signed and verified with."""
+
+    state: np.void  # record of dtype SIGNER
+    shared: np.ndarray  # (1,) timestamp used or seen last by all processes
     newest: np.ndarray  # (65536,) last timestamp by 256 * system + component, 0: none yet
 
 
@@ -63,25 +72,25 @@ def new_link_signer(
     if isinstance(keys, bytes):
         keys = Keys(keys, b"")
     signer = LinkSigner(
-        np.zeros(len(keys.signing), np.uint8),
-        np.zeros(len(keys.signing), np.uint8),
-        np.zeros(1, np.int64),
-        link,
-        np.zeros(1, np.int64),
+        np.zeros(1, SIGNER)[0],
         np.frombuffer(new_time() if shared is None else shared, np.int64),
-        0 if shared is None else shared[0],
         np.zeros(65536 if keys.signing else 0, np.int64),
     )
+    signer.state["link"] = link
+    signer.state["signs"] = bool(keys.signing)
+    signer.state["start"] = 0 if shared is None else shared[0]
     use_keys(signer, keys)
     return signer
 
 
 def use_keys(link_signer: LinkSigner, keys: Keys) -> None:
     """Replace the keys of a signer; timestamps stay."""
-    link_signer.key[:] = np.frombuffer(keys.signing, np.uint8)
-    link_signer.replaced[0] = bool(keys.other)
+    state = link_signer.state
+    if keys.signing:
+        state["key"] = np.frombuffer(keys.signing, np.uint8)
+    state["replaced"] = bool(keys.other)
     if keys.other:
-        link_signer.other[:] = np.frombuffer(keys.other, np.uint8)
+        state["other"] = np.frombuffer(keys.other, np.uint8)
 
 
 def load_link_signer(key_file: KeyFile | None, link: int) -> LinkSigner:
@@ -93,7 +102,8 @@ def load_link_signer(key_file: KeyFile | None, link: int) -> LinkSigner:
     if key_file is None:
         return new_link_signer(b"", link)
     signer = new_link_signer(key_file.at(time.time()), link, open_time(key_file.path))
-    return signer._replace(start=key_file.begin)
+    signer.state["start"] = key_file.begin
+    return signer
 
 
 def refresh(key_file: KeyFile, *link_signers: LinkSigner) -> None:
@@ -114,7 +124,7 @@ def sign_frame(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> in
     Returns:
         The new length [bytes].
     """
-    if link_signer.key.size == 0:
+    if link_signer.state["signs"] == 0:
         return length
     datagram[FLAGS] |= SIGNED_FLAG
     add_checksum(datagram)
@@ -123,7 +133,7 @@ def sign_frame(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> in
 
 def sign_bytes(link_signer: LinkSigner, frame: bytes) -> bytes:
     """Sign any unsigned frame that the dialect knows, if there is a key."""
-    if link_signer.key.size == 0:
+    if link_signer.state["signs"] == 0:
         return frame
     datagram = new_buffer()
     datagram[: len(frame)] = np.frombuffer(flagged(frame), np.uint8)
@@ -137,7 +147,7 @@ def verify_frame(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> 
     With a key, FOREIGN means that the signature is valid; SIGNED is never returned.
     """
     code = check(datagram, length)
-    if link_signer.key.size == 0:
+    if link_signer.state["signs"] == 0:
         return code
     if code == SIGNED:
         return _verify(link_signer, datagram, length)
@@ -160,9 +170,9 @@ def _verify(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> int:
     given = 0
     for k in range(_HASH):
         given = (given << 8) | int(np.int64(datagram[length - _HASH + k]))
-    if given != signature(link_signer.key, datagram, length - _HASH) and (
-        link_signer.replaced[0] == 0
-        or given != signature(link_signer.other, datagram, length - _HASH)
+    if given != signature(link_signer.state["key"], datagram, length - _HASH) and (
+        link_signer.state["replaced"] == 0
+        or given != signature(link_signer.state["other"], datagram, length - _HASH)
     ):
         return DropReason.WRONG_SIGNATURE
     stamp = 0
@@ -171,19 +181,19 @@ def _verify(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> int:
     stream = 256 * np.int64(datagram[SYSTEM]) + np.int64(datagram[COMPONENT])
     newest, now = link_signer.newest[stream], _now(link_signer, 0)
     if newest == 0:
-        newest = max(now - WINDOW - 1, link_signer.start)
-    if datagram[length - _HASH - _STAMP - 1] != link_signer.link or stamp <= newest:
+        newest = max(now - WINDOW - 1, link_signer.state["start"])
+    if datagram[length - _HASH - _STAMP - 1] != link_signer.state["link"] or stamp <= newest:
         return DropReason.REPLAYED
     if stamp > now + WINDOW:
         return DropReason.OUT_OF_RANGE
     link_signer.newest[stream] = stamp
-    _note(link_signer, max(link_signer.time[0], stamp))
+    _note(link_signer, max(link_signer.state["time"], stamp))
     return code
 
 
 @compiled
 def _note(link_signer: LinkSigner, stamp: int) -> None:
-    link_signer.time[0] = stamp
+    link_signer.state["time"] = stamp
     link_signer.shared[0] = max(link_signer.shared[0], stamp)
 
 
@@ -192,11 +202,11 @@ def append_signature(link_signer: LinkSigner, datagram: np.ndarray, length: int)
     """Append the signature to the frame of so many bytes; the length with it."""
     stamp = _now(link_signer, 1)
     _note(link_signer, stamp)
-    datagram[length] = link_signer.link
+    datagram[length] = link_signer.state["link"]
     for k in range(_STAMP):
         datagram[length + 1 + k] = (stamp >> (8 * k)) & 0xFF
     end = length + 1 + _STAMP
-    given = signature(link_signer.key, datagram, end)
+    given = signature(link_signer.state["key"], datagram, end)
     for k in range(_HASH):
         datagram[end + k] = (given >> (8 * (_HASH - 1 - k))) & 0xFF
     return end + _HASH
@@ -206,4 +216,4 @@ def append_signature(link_signer: LinkSigner, datagram: np.ndarray, length: int)
 def _now(link_signer: LinkSigner, more: int) -> int:
     """Return the timestamp to use now, after `more` than the last."""
     clock = int((unix_s() - EPOCH_S) * 1e5)
-    return int(max(clock, max(link_signer.time[0], link_signer.shared[0]) + more))
+    return int(max(clock, max(link_signer.state["time"], link_signer.shared[0]) + more))

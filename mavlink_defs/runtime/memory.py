@@ -1,18 +1,20 @@
-"""Memory in compiled loops: uncounted arrays, tables of them, copies of blocks, hash tables."""
+"""Memory in compiled loops: uncounted arrays, bytes of records, copies of blocks, hash tables."""
 
+import ctypes
 from typing import Any, TypeVar, cast
 
 import numba
 import numpy as np
-from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import compiled, inlined
 
 _T = TypeVar("_T")
 _HASH_FACTOR = 0x9E3779B1
 _tools = cast("Any", cgutils)  # without annotations
+_carray = cast("Any", numba).carray
+_POINTER = cast("Any", types).CPointer(types.uint8)
 
 
 def _without_owner(context: Any, builder: Any, kind: Any, value: Any) -> Any:
@@ -40,55 +42,6 @@ def _borrowed(_context: Any, kind: Any) -> Any:
 
 
 @intrinsic
-def _size(_context: Any, kind: Any) -> Any:
-    def build(context: Any, _builder: Any, _signature: Any, _arguments: Any) -> Any:
-        size = context.get_abi_sizeof(context.get_value_type(kind))
-        return context.get_constant(types.intp, size)
-
-    return types.intp(kind), build
-
-
-@intrinsic
-def _store(_context: Any, table: Any, at: Any, kind: Any) -> Any:
-    def build(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        array, index, value = arguments
-        entry = _entry(context, builder, table, array, index, kind)
-        builder.store(value, entry)
-        return context.get_dummy_value()
-
-    return types.void(table, at, kind), build
-
-
-@intrinsic
-def _load(_context: Any, table: Any, at: Any, kind: Any) -> Any:
-    def build(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        array, index, _ = arguments
-        value = _parts(builder, _entry(context, builder, table, array, index, kind))
-        return _without_owner(context, builder, kind, value)  # which the compiler then knows
-
-    return kind(table, at, kind), build
-
-
-def _entry(context: Any, builder: Any, table: Any, array: Any, index: Any, kind: Any) -> Any:
-    """Return a pointer to an entry of a table."""
-    data = context.make_array(table)(context, builder, array).data
-    pointer = builder.bitcast(data, context.get_value_type(kind).as_pointer())
-    return builder.gep(pointer, [index])
-
-
-def _parts(builder: Any, pointer: Any) -> Any:
-    """Load a value part by part, so that the compiler leaves out what is not used."""
-    kind = pointer.type.pointee
-    if not isinstance(kind, ir.Aggregate):
-        return builder.load(pointer)
-    value = ir.Constant(kind, ir.Undefined)
-    for k in range(len(kind)):
-        part = _parts(builder, _tools.gep_inbounds(builder, pointer, 0, k))
-        value = builder.insert_value(value, part, k)
-    return value
-
-
-@intrinsic
 def _copy_record(_context: Any, target: Any, source: Any) -> Any:
     if not isinstance(target, types.Record) or target != source:
         return None
@@ -101,6 +54,41 @@ def _copy_record(_context: Any, target: Any, source: Any) -> Any:
     return types.void(target, source), build
 
 
+@intrinsic
+def _address(_context: Any, record: Any) -> Any:
+    if not isinstance(record, types.Record):
+        return None
+
+    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.bitcast(arguments[0], _tools.voidptr_t)
+
+    return _POINTER(record), build
+
+
+@intrinsic
+def _size(_context: Any, record: Any) -> Any:
+    def build(context: Any, _builder: Any, signature: Any, _arguments: Any) -> Any:
+        return context.get_constant(types.intp, signature.args[0].size)
+
+    return types.intp(record), build
+
+
+_address_of, _size_of = cast("Any", _address), cast("Any", _size)
+
+
+@inlined
+def _compiled_bytes_of(record: np.void) -> np.ndarray:
+    memory: np.ndarray = _carray(_address_of(record), (_size_of(record),))
+    return memory
+
+
+def plain_bytes_of(record: np.void) -> np.ndarray:
+    """Do what `bytes_of` does in plain Python; the record's owner must outlive the result."""
+    memory = np.frombuffer(record.data, np.uint8)  # numpy hands out a read-only one
+    writable = (ctypes.c_uint8 * memory.size).from_address(memory.ctypes.data)
+    return np.ctypeslib.as_array(writable)
+
+
 def _same(value: _T) -> _T:
     return value
 
@@ -108,36 +96,6 @@ def _same(value: _T) -> _T:
 def _assign(target: np.void, source: np.void) -> None:
     for name in target.dtype.names or ():
         target[name] = source[name]
-
-
-_size_compiled, _store_compiled = cast("Any", _size), cast("Any", _store)
-
-
-@compiled
-def _size_of(value: object) -> int:
-    size: int = _size_compiled(value)
-    return size
-
-
-@compiled
-def _store_in(table: np.ndarray, at: int, value: object) -> None:
-    _store_compiled(table, at, value)
-
-
-def _new_table(count: int, like: object) -> np.ndarray:
-    return np.zeros((count, _size_of(like) // 8), np.int64)
-
-
-def _new_list(count: int, _like: object) -> list[object]:
-    return [None] * count
-
-
-def _set(table: list[object], at: int, value: object) -> None:
-    table[at] = value
-
-
-def _get(table: list[object], at: int, _like: object) -> object:
-    return table[at]
 
 
 _plain = vars(numba.config)["DISABLE_JIT"]
@@ -150,21 +108,8 @@ tuple: hundreds of times per step. A compiled entry point whose caller keeps the
 borrows them in its first line; nothing that it returns may hold one of them.
 """
 
-new_table: Any = _new_list if _plain else _new_table
-"""Return a table with a number of entries for tuples of one type (count, like).
-
-Compiled code cannot index tuples of tuples by a variable; a table it can. It holds no references:
-its caller keeps the arrays alive.
-"""
-
-store_tuple: Any = _set if _plain else _store_in
-"""Write a tuple of arrays and tuples to an entry of a table (table, at, tuple); for Python."""
-
-load_tuple: Any = _get if _plain else _load
-"""Return the tuple of an entry, borrowed (table, at, like); for compiled code.
-
-`like` is a tuple of the same type.
-"""
+bytes_of: Any = plain_bytes_of if _plain else _compiled_bytes_of
+"""Return the bytes of a record, uint8, which share its memory (record); for compiled code."""
 
 copy_record = _assign if _plain else cast("Any", _copy_record)
 """Copy a record to another one of the same dtype (target, source).

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from edges import edges_of
 
 from ftc_autopilot.common.motion import Motion, fill_neighbour_state, motion_of
 from ftc_autopilot.control.controller import (
@@ -47,7 +48,7 @@ class Pilot:
         self.state = new_controller()
         self.signals: np.void = np.zeros(1, SIGNALS)[0]
         self.guidance: np.void = np.zeros(1, GUIDANCE)[0]
-        self.neighbours, self.weights = np.zeros(2, NEIGHBOUR), np.array([1.0, 0.5])
+        self.edges = edges_of(np.zeros(2, NEIGHBOUR), np.array([1.0, 0.5]))
         self.actuators: np.void = np.zeros(1, ACTUATORS)[0]
         self.step_number = 0
 
@@ -66,8 +67,7 @@ class Pilot:
             *seen,
             (t, self.dt),
             self.guidance,
-            self.neighbours,
-            self.weights,
+            self.edges,
             self.nominal,
             self.parameters,
             self.state,
@@ -85,8 +85,7 @@ def _step(
     after_gap: bool,
     time: tuple[float, float],
     guidance: np.void,
-    neighbours: np.ndarray,
-    weights: np.ndarray,
+    edges: np.ndarray,
     aircraft: np.void,
     parameters: np.void,
     state: np.void,
@@ -95,7 +94,7 @@ def _step(
 ) -> None:
     """Call `control_step` with the types that a flight has: its machine code is in the cache."""
     seen = Seen(motion, ahead, links, after_gap)
-    inputs = Inputs(time[0], time[1], motion, seen, guidance["command"], neighbours, weights)
+    inputs = Inputs(time[0], time[1], motion, seen, guidance["command"], edges)
     records = Records(aircraft, parameters, state, actuators["controls"], signals)
     control_step(inputs, records, True)
 
@@ -182,16 +181,16 @@ def fly_along(
     delay: int = 0,
 ) -> None:
     """Fly turns with the first aircraft of a plant; one measurement comes after a gap."""
-    pilot.weights[:] = 0.0
+    pilot.edges["weight"] = 0.0
     steps = round(seconds * 1e6 / STEP_US)
     for k in range(steps):
         t = k * STEP_US / 1e6
         observe(plant, 0, k, STEP_US)
         gap = t <= gap_s < t + STEP_US / 1e6
         roll, pitch = 0.1 * math.sin(4.0 * t), 0.08 + 0.05 * math.sin(7.0 * t)
-        motion = motion_of(plant.messages[0], plant.aircraft[0])
+        motion = motion_of(plant.uavs[0]["message"], plant.uavs[0]["aircraft"])
         signals = pilot.step(motion, (45.0, roll, pitch, 0.0), (delay, delay, gap))
-        plant.controls[0] = pilot.state["held"]
+        plant.uavs[0]["controls"] = pilot.state["held"]
         assert fly(plant, k, STEP_US) < 0
         if (k + 1) % (steps // 6) == 0 or k == 2 or gap:
             course.note(signals)

@@ -93,17 +93,19 @@ def fly_late(
     autopilot, dt = bad_links._Autopilot(scenario, uav, Impairment()), step_us / 1e6
     autopilot.states, autopilot.commands = _Line(states_at), _Line(commands_at)
     law = own_state(
-        autopilot.controllers.states[0], type(scenario.controller), scenario.controller.kind
+        autopilot.controllers.uavs[0]["controller"],
+        type(scenario.controller),
+        scenario.controller.kind,
     )
     diagnosis = (law["fallback"] if "fallback" in law.dtype.names else law)["diagnosis"]
     observe(fleet, 0, 0, step_us)
-    publish_own_state(autopilot.controllers, 0, fleet.messages[0])
+    publish_own_state(autopilot.controllers.uavs[0], fleet.uavs[0]["message"])
     lost: list[tuple[float, str]] = []
     before = np.zeros(len(ACTUATORS), bool)
     for step in range(scenario.steps):
         observe(fleet, 0, step, step_us)
         now_s = step * dt
-        autopilot.states.send(fleet.messages[0], now_s)
+        autopilot.states.send(fleet.uavs[0]["message"], now_s)
         waiting = [datagram for _, datagram in autopilot.states.arrived(now_s + dt)]
         if waiting:
             newest = max(waiting, key=_step_of)

@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from ftc_autopilot.control.controllers import Source, new_controllers
+from ftc_autopilot.control.controllers import Source
 from ftc_autopilot.control.reference import profile_record
-from ftc_autopilot.hot.link import new_link
-from ftc_autopilot.hot.loop import Loop, new_loops, run
-from ftc_autopilot.hot.navigation import new_navigation
+from ftc_autopilot.hot.loop import new_loops, run
+from ftc_autopilot.hot.state import Autopilots, new_autopilots
 from gcs.scenario.model import Scenario
 from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP, FTC_SIM_FLAGS_RUNNING
 from mavlink_defs.endpoint import set_receive_timeout
@@ -40,11 +39,18 @@ class Rig:
         address = "{}:{}".format(*self.neighbour.getsockname())
         config = scenario.autopilot_config(UAV)
         others = tuple(n.model_copy(update={"address": address}) for n in config.neighbours)
-        self.controllers = new_controllers([config])
-        self.controllers.profiles[0] = profile_record(scenario.segments())
+        timeout = {"neighbours": others, "neighbour_timeout_s": TIMEOUT_STEPS / 1000}
+        self.config = config.model_copy(update=timeout)
+        self.scenario = scenario
+        self.fly_by(new_autopilots([self.config]))
+
+    def fly_by(self, autopilots: Autopilots) -> None:
+        """Let the autopilot be this one, before its first step."""
+        self.autopilots, self.controllers = autopilots, autopilots.controllers
+        self.together = autopilots
+        self.controllers.uavs[0]["profile"] = profile_record(self.scenario.segments())
         for key, value in (("active", 1), ("follows", Source.PROFILE), ("start_step", 0)):
-            self.controllers.guidance[0][key] = value
-        self.link = new_link(UAV, others, 1000, TIMEOUT_STEPS / 1000, 0, new_navigation(config))
+            self.controllers.uavs[0]["guidance"][key] = value
 
     def close(self) -> None:
         for sock in (self.plant, self.neighbour, self.own, self.formation, self.gcs):
@@ -64,8 +70,8 @@ class Rig:
         silent: tuple[int, ...] = (),
     ) -> None:
         """Send a state; by default the plant has applied all that it was sent."""
-        flown = self.controllers.states[0]["steps"] > 0
-        sent = int(self.controllers.actuators[0]["time_usec"]) if flown else -1
+        flown = self.controllers.uavs[0]["controller"]["steps"] > 0
+        sent = int(self.controllers.uavs[0]["actuators"]["time_usec"]) if flown else -1
         state = np.zeros(1, codec.SIM_STATE)
         state["step"], state["time_usec"], state["flags"] = step, step * 1000, flags
         state["run"] = run
@@ -81,13 +87,13 @@ class Rig:
     def run(self, until_s: float | None = None) -> Outcome:
         fds = self.own.fileno(), self.formation.fileno(), self.gcs.fileno()
         until_s = time.monotonic() if until_s is None else until_s
-        loops = new_loops([Loop(self.link, self.controllers)], [fds])
+        loops = new_loops(self.autopilots, [fds])
         loops.state["until_s"], loops.state["until_step"] = until_s, 2**62
         run(loops)
         return Outcome(loops.state[0]["outcome"])
 
     def no_more_events(self) -> None:
-        thresholds = self.controllers.parameters["trigger"]
+        thresholds = self.controllers.uavs["parameters"]["trigger"]
         thresholds["a2_n"] = thresholds["b2_rad"] = 1e9
 
     def send_neighbour_state(

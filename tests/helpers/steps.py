@@ -8,14 +8,14 @@ import numpy as np
 from ftc_autopilot.common.motion import Motion
 from ftc_autopilot.control.controller import SIGNALS, Inputs, Records, control_step
 from ftc_autopilot.control.controllers import GUIDANCE
+from ftc_autopilot.control.edges import EDGE
 from ftc_autopilot.control.reference import Reference
 from ftc_autopilot.control.step import Seen, Step, Thresholds
 from ftc_autopilot.control.synchronisation_errors import FormationErrors
-from mavlink_defs.framing.codec import NEIGHBOUR
 from mavlink_defs.runtime.jit import compiled
 
 NOTHING = (0.0, 0.0, 0.0)
-NOBODY = np.zeros(0, NEIGHBOUR)
+NOBODY = np.zeros(0, EDGE)
 COMMANDS = np.array([0.05, 0.08, 0.3, 900.0])  # in force [rad, rad, rad, N]
 
 
@@ -60,7 +60,7 @@ def step_alone(
 def _step_alone(
     motion: Motion,
     guidance: np.void,
-    neighbours: np.ndarray,
+    edges: np.ndarray,
     aircraft: np.void,
     parameters: np.void,
     state: np.void,
@@ -69,6 +69,6 @@ def _step_alone(
 ) -> None:
     """Call `control_step` with the types that a flight has: its machine code is in the cache."""
     seen = Seen(motion, 0, 0, False)
-    inputs = Inputs(0.0, 1e-3, motion, seen, guidance["command"], neighbours, np.zeros(0))
+    inputs = Inputs(0.0, 1e-3, motion, seen, guidance["command"], edges)
     records = Records(aircraft, parameters, state, actuators["controls"], signals)
     control_step(inputs, records, True)

@@ -52,6 +52,7 @@ def python_loop(monkeypatch: pytest.MonkeyPatch) -> None:
         (in_process, "broadcast_if_triggered"),
         (in_process, "_deliver"),
         (in_process, "hear"),
+        (stepping, "_note_known"),
         (stepping, "_control"),
         (stepping, "control_step"),
         (controller, "_step"),

@@ -1,12 +1,12 @@
 """A vehicle with all its services, and a ground station, message by message."""
 
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
-from ftc_autopilot.control.controllers import Controllers, new_controllers
 from ftc_autopilot.hot.hot_state import HotState
-from ftc_autopilot.hot.link import new_link
-from ftc_autopilot.hot.navigation import new_navigation
+from ftc_autopilot.hot.restart import with_checkpoint
+from ftc_autopilot.hot.state import new_autopilots
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
@@ -24,13 +24,20 @@ ACCEPTED, DENIED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_DENIED
 class Bench:
     """A vehicle whose aircraft flies at 40 m/s to the North, and a ground station."""
 
-    def __init__(self, scenario: Scenario, heard: bool = True, stations: int = 1) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        heard: bool = True,
+        stations: int = 1,
+        checkpoint: Path | None = None,
+    ) -> None:
         config = scenario.autopilot_config(UAV)
         config = config.model_copy(update={"gcs": config.gcs * stations})
-        self.controllers: Controllers = new_controllers([config])
-        self.hot = HotState(
-            new_link(UAV, config.neighbours, config.step_us, 0.25, 0, new_navigation(config))
-        )
+        self.autopilots, self.resumes = new_autopilots([config]), False
+        if checkpoint is not None:
+            self.autopilots, self.resumes = with_checkpoint(self.autopilots, config, checkpoint)
+        self.controllers = self.autopilots.controllers
+        self.hot = HotState(self.autopilots)
         self.hot.measured["velocity"] = (40.0, 0.0, 0.0)
         self.hot.heard_s = float(heard)
         self.vehicle = Vehicle(config, self.hot, self.controllers)

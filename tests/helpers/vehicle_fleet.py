@@ -9,8 +9,7 @@ from vehicle_bench import GCS, of_type
 
 from ftc_autopilot.control.controllers import NOT_STARTED, Controllers
 from ftc_autopilot.hot.hot_state import HotState
-from ftc_autopilot.hot.link import new_link
-from ftc_autopilot.hot.navigation import new_navigation
+from ftc_autopilot.hot.state import new_autopilots
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from gcs.fleet.in_process import begin, fly_on, room_of
 from gcs.results.recording import Steps
@@ -30,9 +29,7 @@ class Member:
     def __init__(self, scenario: Scenario, uav: int, controllers: Controllers) -> None:
         config = scenario.autopilot_config(uav)
         self.uav, self.controllers = uav, controllers
-        self.hot = HotState(
-            new_link(uav, config.neighbours, config.step_us, 0.25, 0, new_navigation(config))
-        )
+        self.hot = HotState(new_autopilots([config]))
         self.hot.heard_s, self._now = 1.0, 0.0
         self.vehicle = Vehicle(config, self.hot, controllers)
 
@@ -72,9 +69,9 @@ class VehicleFleet:
     def __init__(self, scenario: Scenario) -> None:
         self._scenario, self._flight, self._step = scenario, begin(scenario), 0
         controllers = self._flight.controllers
-        controllers.guidance["active"] = controllers.guidance["follows"] = 0
-        controllers.guidance["start_step"] = NOT_STARTED
-        controllers.profiles["count"] = 0
+        controllers.uavs["guidance"]["active"] = controllers.uavs["guidance"]["follows"] = 0
+        controllers.uavs["guidance"]["start_step"] = NOT_STARTED
+        controllers.uavs["profile"]["count"] = 0
         self.members = [
             Member(scenario, uav, Controllers(*(array[i : i + 1] for array in controllers)))
             for i, uav in enumerate(self._flight.ids)
@@ -93,7 +90,7 @@ class VehicleFleet:
         self._see()
 
     def _see(self) -> None:
-        for member, state in zip(self.members, self._flight.fleet.messages, strict=True):
+        for member, state in zip(self.members, self._flight.fleet.uavs["message"], strict=True):
             member.see(state, self._step)
 
 

@@ -11,7 +11,7 @@ from vehicle_bench import ACCEPTED, UAV, Bench, of_type
 
 from ftc_autopilot.common.geography import Origin, place_of
 from ftc_autopilot.hot.checkpoint import VEHICLE
-from ftc_autopilot.hot.link import checkpoint_records
+from ftc_autopilot.hot.restart import saved_parts
 from ftc_autopilot.vehicle.mission_checkpoint import load_mission, save_mission
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
@@ -161,7 +161,7 @@ def _movements(draw: st.DrawFn) -> Request:
         bench.hot.step += steps
         bench.hot.measured["position"] = (north, east, -100.0)
         if bench.vehicle.modes.path.flown:
-            bench.controllers.guidance[0]["path_position"] += 0.04 * steps
+            bench.controllers.uavs[0]["guidance"]["path_position"] += 0.04 * steps
         bench.now += 1.0
         bench.vehicle.handle_timer(bench.now)
         bench.vehicle.gcs_messages()
@@ -192,7 +192,10 @@ def state_of(bench: Bench) -> dict[str, Any]:
     """Return all that a request may change: what a checkpoint has, and what stations see."""
     vehicle, kept = bench.vehicle, np.zeros(1, VEHICLE)
     vehicle.save(kept[0])
-    records = checkpoint_records(bench.hot._both, bench.controllers, kept)
+    own = bench.autopilots.own
+    own["vehicle"] = kept
+    memory = own.view(np.uint8)
+    records = [memory[first:end] for first, end in saved_parts(own[0])]
     server, params = vehicle._mission.server, vehicle._params._parameters
     _, mission = vehicle.mission_checkpoint()
     return {
@@ -217,15 +220,13 @@ def _content(item: MissionItem) -> bytes:
 def second_process(bench: Bench, scenario: Scenario, folder: Path) -> Bench:
     """Return the vehicle after the death of its process, with the next state of the plant."""
     second = Bench(scenario)
-    kept = (np.zeros(1, VEHICLE), np.zeros(1, VEHICLE))
-    bench.vehicle.save(kept[0][0])
-    before = checkpoint_records(bench.hot._both, bench.controllers, kept[0])
-    after = checkpoint_records(second.hot._both, second.controllers, kept[1])
-    for old, new in zip(before, after, strict=True):
-        new.reshape(-1).view(np.uint8)[:] = old.reshape(-1).view(np.uint8)
+    old, new = bench.autopilots.own, second.autopilots.own
+    bench.vehicle.save(old[0]["vehicle"])
+    for first, end in saved_parts(old[0]):
+        new.view(np.uint8)[first:end] = old.view(np.uint8)[first:end]
     second.controllers.paths[...] = bench.controllers.paths
     save_mission(folder / "mission", bench.vehicle.mission_checkpoint()[1])
-    second.vehicle.resume(kept[1][0], load_mission(folder / "mission"))
+    second.vehicle.resume(new[0]["vehicle"], load_mission(folder / "mission"))
     for name in bench.hot.measured.dtype.names or ():
         second.hot.measured[name] = bench.hot.measured[name]
     second.now = bench.now

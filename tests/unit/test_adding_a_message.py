@@ -36,10 +36,8 @@ EDITS = {
     ],
 }
 USE = """
-from ftc_autopilot.control.controllers import new_controllers
 from ftc_autopilot.hot.hot_state import HotState
-from ftc_autopilot.hot.link import new_link
-from ftc_autopilot.hot.navigation import new_navigation
+from ftc_autopilot.hot.state import new_autopilots
 from ftc_autopilot.vehicle.vehicle import Vehicle
 from gcs.scenario.model import load_scenario
 from gcs.station.telemetry import REQUESTED_S
@@ -48,9 +46,10 @@ from mavlink_defs.framing.frames import FramePacker, parse
 from tui_bench import Station, at_screen, live
 
 config = load_scenario("paper/scenario1").autopilot_config(1)
-hot = HotState(new_link(1, config.neighbours, config.step_us, 0.25, 0, new_navigation(config)))
+autopilots = new_autopilots([config])
+hot = HotState(autopilots)
 hot.measured["velocity"], hot.measured["time_usec"] = (40.0, 0.0, 0.0), 9_000_000
-(telemetry,) = Vehicle(config, hot, new_controllers([config]), 1.8e9).telemetry
+(telemetry,) = Vehicle(config, hot, autopilots.controllers, 1.8e9).telemetry
 for number, interval_s in REQUESTED_S.items():
     telemetry.set_interval((number, interval_s * 1e6))
 station, packer = Station(1), FramePacker(1, 1)

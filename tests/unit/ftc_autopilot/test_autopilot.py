@@ -7,6 +7,7 @@ from contextlib import ExitStack
 import pytest
 
 from ftc_autopilot.autopilot import Autopilot
+from ftc_autopilot.hot.state import new_autopilots
 from gcs.scenario.model import Scenario
 from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP, FTC_SIM_FLAGS_RUNNING
 from mavlink_defs.endpoint import UdpAddress, bind_udp, connect_udp
@@ -23,7 +24,9 @@ def autopilot(scenario1: Scenario) -> Iterator[Autopilot]:
         )
         to_plant = stack.enter_context(connect_udp(UdpAddress(*plant.getsockname())))
         config = scenario1.autopilot_config(scenario1.uavs[0].id)
-        autopilot = Autopilot(config, to_plant, formation, gcs, None, None)
+        autopilot = Autopilot(
+            config, new_autopilots([config]), to_plant, formation, gcs, None, None
+        )
         autopilot._hot.flags = FTC_SIM_FLAGS_RUNNING | FTC_SIM_FLAGS_LOCKSTEP
         autopilot._hot.heard_s = time.monotonic()
         yield autopilot

@@ -286,9 +286,10 @@ def assert_in_order(text: str, *parts: str) -> None:
 
 def test_the_order_of_a_step_matches_the_code() -> None:
     loop = inspect.getsource(ftc_autopilot.hot.loop)
-    assert_in_order(loop, "prepare_step(", "controller_step(", "send_step(", "report_done(")
+    calls = "prepare_step(", "controller_step(", "save(", "send_step(", "report_done("
+    assert_in_order(loop, *calls)
     step = inspect.getsource(ftc_autopilot.hot.link.send_step)
-    assert_in_order(step, "save(", "MessageId.ACTUATORS", "send_own_state(")
+    assert_in_order(step, "MessageId.ACTUATORS", "send_own_state(")
     done = inspect.getsource(ftc_autopilot.hot.link.report_done)
     assert "MessageId.STEP_DONE" in done
     documented = (

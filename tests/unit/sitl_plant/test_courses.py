@@ -62,13 +62,13 @@ def test_a_plant_along_a_course(name: str, scenario1: Scenario) -> None:
     tree = scenario1.model_dump() | {"faults": (), "step_us": 4000} | PLANTS[name]
     plant = new_plant_state(Scenario.model_validate(tree).plant_config())
     for fault in FAULTS:
-        add_fault(plant.faults[0], fault, now_s=0.0)
-    plant.states[2, 9:12] = 0.5, 0.3, -0.2
+        add_fault(plant.uavs[0]["faults"], fault, now_s=0.0)
+    plant.uavs[2]["state"][9:12] = 0.5, 0.3, -0.2
     course = Course(f"plant_{name}")
     for k in range(150):
         for i in range(3):
             t = 0.004 * k + 0.1 * i
-            plant.controls[i] = (
+            plant.uavs[i]["controls"] = (
                 0.06 * math.sin(9.0 * t) + 0.07,
                 0.05 * math.sin(11.0 * t) - 0.02,
                 0.36 + 0.05 * (t % 0.2 > 0.1),
@@ -78,11 +78,13 @@ def test_a_plant_along_a_course(name: str, scenario1: Scenario) -> None:
             observe(plant, i, k, 4000)
         if k in (0, 1, 2) or k % 15 == 0:
             for i in range(2, -1, -2):
-                course.note(plant.messages[i], f"{i}.")
-                course.note(plant.servos[i], f"{i}.servos.")
-                course.note(plant.turbulence[i], f"{i}.turbulence.")
-                course.note(plant.sensors[i], f"{i}.sensors.")
-                course.note(_named(x=plant.states[i], applied=plant.applied[i]), f"{i}.")
+                course.note(plant.uavs[i]["message"], f"{i}.")
+                course.note(plant.uavs[i]["servos"], f"{i}.servos.")
+                course.note(plant.uavs[i]["turbulence"], f"{i}.turbulence.")
+                course.note(plant.uavs[i]["sensors"], f"{i}.sensors.")
+                course.note(
+                    _named(x=plant.uavs[i]["state"], applied=plant.uavs[i]["applied"]), f"{i}."
+                )
         assert fly(plant, k, 4000) < 0
     course.check()
 

@@ -56,14 +56,14 @@ def in_detail(plant: PlantState, until: float) -> np.ndarray:
         surfaces = (0.5 * reached[0] + wave, reached[1], reached[2])
         d_v, d_omega = disturbances(plant.disturbance, t)
         state = load_state(x)
-        air = air_around(plant.wind[0], plant.turbulence[0], state[0], state[2], t)
+        air = air_around(plant.wind[0], plant.uavs[0]["turbulence"], state[0], state[2], t)
         derivative = state_derivative(
             state, 700.0 * math.exp(-t / LAG_S) + reached[3], surfaces, d_v, d_omega, air,
-            plant.aircraft[0],
+            plant.uavs[0]["aircraft"],
         )  # fmt: skip
         return np.ravel(derivative)
 
-    start = plant.states[0].copy()
+    start = plant.uavs[0]["state"].copy()
     return np.asarray(solve_ivp(slope, (0.0, until), start, rtol=1e-11, atol=1e-11).y[:, -1])
 
 
@@ -73,15 +73,15 @@ def flown(scenario: Scenario, step_us: int, until: float) -> tuple[np.ndarray, n
     waves["z"] = {"sin": 2.0, "cos": 1.0, "rate_rad_s": 17.0}
     disturbed = {"acceleration_m_s2": waves, "angular_acceleration_rad_s2": waves}
     plant = plant_with(scenario, step_us=step_us, disturbance=disturbed, **CHANGING)
-    add_fault(plant.faults[0], Fault(AILERON, 0.5, 3.0, 4.0, 0.0, math.inf), now_s=0.0)
-    plant.states[0, 9:12] = 0.4, -0.2, 0.1
-    servos = plant.servos[0]
+    add_fault(plant.uavs[0]["faults"], Fault(AILERON, 0.5, 3.0, 4.0, 0.0, math.inf), now_s=0.0)
+    plant.uavs[0]["state"][9:12] = 0.4, -0.2, 0.1
+    servos = plant.uavs[0]["servos"]
     servos["settled"], servos["shaft"][THROTTLE], servos["output"][THROTTLE] = 1, 700.0, 700.0
-    plant.controls[0] = COMMANDS
+    plant.uavs[0]["controls"] = COMMANDS
     exact = in_detail(plant, until)
     for k in range(round(until * 1e6 / step_us)):
         assert fly(plant, k, step_us) < 0
-    return plant.states[0].copy(), exact
+    return plant.uavs[0]["state"].copy(), exact
 
 
 def test_halving_the_period_leaves_a_sixteenth_of_the_error(scenario1: Scenario) -> None:
@@ -100,15 +100,15 @@ def test_the_positions_applied_are_those_at_the_start_of_the_period(scenario1: S
     """With a drift of 0.5 rad/s on half of the aileron, from the first step's end on."""
     plant = plant_with(scenario1, step_us=10_000, servos=CHANGING["servos"])
     drift = Fault(AILERON, 0.5, math.degrees(0.5), 0.0, 0.01, math.inf, DRIFT.code)
-    add_fault(plant.faults[0], drift, now_s=0.0)
-    plant.servos[0]["settled"] = 1
-    plant.controls[0] = COMMANDS
+    add_fault(plant.uavs[0]["faults"], drift, now_s=0.0)
+    plant.uavs[0]["servos"]["settled"] = 1
+    plant.uavs[0]["controls"] = COMMANDS
     for k in range(4):
         assert fly(plant, k, 10_000) < 0
         reached = COMMANDS * (1.0 - math.exp(-k * 0.01 / LAG_S))
         if k > 0:
             reached[AILERON] = 0.5 * reached[AILERON] + 0.5 * (k - 1) * 0.01
-        assert plant.applied[0] == pytest.approx(reached)
+        assert plant.uavs[0]["applied"] == pytest.approx(reached)
 
 
 # what an accelerometer feels
@@ -121,13 +121,13 @@ def test_the_specific_force_is_the_force_at_the_end_of_a_period(scenario1: Scena
     """
     plant, step_us = plant_with(scenario1, step_us=4000), 4000
     drift = Fault(THROTTLE, 0.5, 1e5, 0.0, 0.008, 0.020, DRIFT.code)
-    add_fault(plant.faults[0], drift, now_s=0.0)
+    add_fault(plant.uavs[0]["faults"], drift, now_s=0.0)
     felt = []
     for step in range(7):
-        plant.servos[0]["output"] = COMMANDS
+        plant.uavs[0]["servos"]["output"] = COMMANDS
         observe(plant, 0, step, step_us)
-        felt.append(plant.messages[0]["specific_force"].copy())
-    m = plant.aircraft[0]["m"]
+        felt.append(plant.uavs[0]["message"]["specific_force"].copy())
+    m = plant.uavs[0]["aircraft"]["m"]
     thrust = m * (np.array(felt)[:, 0] - felt[0][0]) + 800.0
     assert thrust == pytest.approx([800.0, 800.0, 800.0, 800.0, 1200.0, 1600.0, 800.0])
     assert np.ptp(np.array(felt)[:, 1:], axis=0) == pytest.approx([0.0, 0.0])
@@ -139,14 +139,14 @@ def test_the_specific_force_is_acceleration_without_gravity(scenario1: Scenario)
     waves = {axis: {"cos": size, "rate_rad_s": 2.0} for axis, size in sizes.items()}
     wind = {"steady": {"north_m_s": 7.0, "east_m_s": 4.0}}
     plant = plant_with(scenario1, step_us=10, wind=wind, disturbance={"acceleration_m_s2": waves})
-    plant.controls[0] = COMMANDS
-    plant.states[0, 9:12] = 0.4, -0.2, 0.1
+    plant.uavs[0]["controls"] = COMMANDS
+    plant.uavs[0]["state"][9:12] = 0.4, -0.2, 0.1
     speeds = []
     for k in range(3):
-        speeds.append(plant.states[0, 3:6].copy())
+        speeds.append(plant.uavs[0]["state"][3:6].copy())
         if k == 1:
             observe(plant, 0, k, 10)
-            _, v, (roll, pitch, _), omega = load_state(plant.states[0].copy())
+            _, v, (roll, pitch, _), omega = load_state(plant.uavs[0]["state"].copy())
         assert fly(plant, k, 10) < 0
     by_motion = (speeds[2] - speeds[0]) / 2e-5 + np.cross(omega, v)
     down = (
@@ -154,8 +154,8 @@ def test_the_specific_force_is_acceleration_without_gravity(scenario1: Scenario)
         math.cos(pitch) * math.sin(roll),
         math.cos(pitch) * math.cos(roll),
     )
-    expected = by_motion - plant.aircraft[0]["g"] * np.array(down)
-    assert plant.messages[0]["specific_force"] == pytest.approx(expected, abs=1e-3)
+    expected = by_motion - plant.uavs[0]["aircraft"]["g"] * np.array(down)
+    assert plant.uavs[0]["message"]["specific_force"] == pytest.approx(expected, abs=1e-3)
 
 
 # time

@@ -55,23 +55,23 @@ def test_the_next_state_tells_who_sent_no_neighbour_message(
 ) -> None:
     link = new_link([1, 2, 30], 1000, STEPS, None, record_rows=0)
     link.state["flags"] = FTC_SIM_FLAGS_RUNNING | FTC_SIM_FLAGS_LOCKSTEP
-    link.known[:] = 1
+    link.peers["known"][:] = 1
     set_receive_timeout(sock, 0.05)
     autopilots = [bind_udp(UdpAddress("127.0.0.1", 0), "test") for _ in range(3)]
     heard = []
     for i, autopilot in enumerate(autopilots):
-        link.addresses[i] = sockaddr(UdpAddress(*autopilot.getsockname()))
+        link.peers["address"][i] = sockaddr(UdpAddress(*autopilot.getsockname()))
     for step, silent in enumerate([(0, 1, 1), (0, 0, 0), (1, 0, 0)]):
         for i in (0, 1, 2, 2):  # one answers twice, as to a state that was sent again
             done = np.zeros(1, codec.STEP_DONE)
             done["step"], done["silent"] = step, silent[i]
             datagram = codec.new_buffer()
             number = codec.MessageId.STEP_DONE
-            length = codec.pack(datagram, done, number, int(link.systems[i]), 1, step)
+            length = codec.pack(datagram, done, number, int(link.peers[i]["system"]), 1, step)
             autopilots[i].sendto(datagram[:length].tobytes(), sock.getsockname())
         while link.state[0]["step"] == step:
             run(sock.fileno(), link, fleet, time.monotonic())
-        bits = int.from_bytes(fleet.messages[0]["silent"].tobytes(), "little")
+        bits = int.from_bytes(fleet.uavs[0]["message"]["silent"].tobytes(), "little")
         heard.append([system for system in range(256) if bits >> system & 1])
     for autopilot in autopilots:
         autopilot.close()

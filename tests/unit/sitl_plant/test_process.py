@@ -173,8 +173,8 @@ def test_a_second_autopilot_and_damaged_messages_are_dropped(rig: Rig) -> None:
 def test_a_datagram_that_cannot_be_sent_is_lost_and_nothing_more(rig: Rig) -> None:
     """The counters of dropped datagrams reach the next autopilot all the same."""
     link = rig.plant._link  # no claim can come from such an address: broadcasting is not allowed
-    link.known[0], link.heard_s[0] = 1, math.inf
-    link.addresses[0] = sockaddr(UdpAddress("255.255.255.255", 9))
+    link.peers["known"][0], link.peers["heard_s"][0] = 1, math.inf
+    link.peers["address"][0] = sockaddr(UdpAddress("255.255.255.255", 9))
 
     def has_drops() -> bool:
         rig.heartbeat(rig.peers[2], 2, False)

@@ -21,17 +21,17 @@ def test_what_is_no_command_leaves_all_channels_as_they_were(
     scenario1: Scenario, received: list[tuple[float, float, float, float]]
 ) -> None:
     fleet = new_plant_state(scenario1.plant_config())
-    aircraft = fleet.aircraft[0]
+    aircraft = fleet.uavs[0]["aircraft"]
     limits = np.array([*aircraft["stops"][:, 1], aircraft["thrust_limit"]])
     for step, controls in enumerate(received, 1):
-        fleet.messages[0]["time_usec"] = 1000 * step
+        fleet.uavs[0]["message"]["time_usec"] = 1000 * step
         message = np.zeros(1, ACTUATORS)[0]
         message["time_usec"] = 1000 * step
         message["controls"][:N_CHANNELS] = controls
-        before = fleet.controls[0].copy()
+        before = fleet.uavs[0]["controls"].copy()
         problem = receive_controls(fleet, 0, message)
         sent = np.array(controls, np.float32)
         valid = bool((np.abs(sent) <= 1.0).all() and sent[THROTTLE] >= 0.0)
         assert (problem == 0) == valid
         expected = sent.astype(float) * limits if valid else before
-        assert np.array_equal(fleet.controls[0], expected)
+        assert np.array_equal(fleet.uavs[0]["controls"], expected)

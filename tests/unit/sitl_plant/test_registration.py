@@ -26,12 +26,12 @@ class Rig:
         self.registration = Registration(self.link, TIMEOUT_S, wait_for_restart, self.log.append)
 
     def claim(self, i: int, sender: UdpAddress, now: float) -> Claim:
-        self.link.sender[:] = sockaddr(sender)
+        self.link.state["sender"][0][:] = sockaddr(sender)
         return self.registration.claim(i, now)
 
     @property
     def known(self) -> list[int]:
-        return self.link.known.tolist()
+        return self.link.peers["known"].tolist()
 
 
 @pytest.mark.parametrize(("running", "timeout_s"), [(True, TAKEOVER_S), (False, FROZEN_TAKEOVER_S)])
@@ -44,16 +44,20 @@ def test_another_autopilot_takes_over_only_after_silence(running: bool, timeout_
     assert rig.claim(0, SECOND, 101.0 + timeout_s) is NEW
     assert rig.claim(0, FIRST, 101.0 + timeout_s) is REFUSED
     assert rig.known == [1, 0, 0]
-    assert address_of(rig.link.addresses[0]) == SECOND
+    assert address_of(rig.link.peers["address"][0]) == SECOND
 
 
 def test_a_refused_claim_changes_nothing() -> None:
     rig = Rig(running=True)
     rig.claim(2, FIRST, 100.0)
     rig.log.clear()
-    before = rig.link.addresses.copy(), rig.link.known.copy(), rig.link.heard_s.copy()
+    before = (
+        rig.link.peers["address"].copy(),
+        rig.link.peers["known"].copy(),
+        rig.link.peers["heard_s"].copy(),
+    )
     assert rig.claim(2, OTHER_HOST, 100.5) is REFUSED
-    after = rig.link.addresses, rig.link.known, rig.link.heard_s
+    after = rig.link.peers["address"], rig.link.peers["known"], rig.link.peers["heard_s"]
     assert all((a == b).all() for a, b in zip(before, after, strict=True))
     assert rig.log == []
 

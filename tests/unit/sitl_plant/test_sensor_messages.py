@@ -25,14 +25,14 @@ def sent_in_flight(scenario: Scenario) -> list[list[bytes]]:
     fleet = new_plant_state(scenario.plant_config())
     link = new_link([1, 2, 3], 1000, STEPS, None, record_rows=0)
     link.state["flags"] = FTC_SIM_FLAGS_RUNNING | FTC_SIM_FLAGS_LOCKSTEP
-    link.known[0] = 1
+    link.peers["known"][0] = 1
     found = []
     with (
         bind_udp(UdpAddress("127.0.0.1", 0), "test") as sock,
         bind_udp(UdpAddress("127.0.0.1", 0), "test") as peer,
     ):
         peer.setblocking(False)
-        link.addresses[0] = sockaddr(UdpAddress(*peer.getsockname()))
+        link.peers["address"][0] = sockaddr(UdpAddress(*peer.getsockname()))
         for step in range(STEPS):
             link.state["step"] = step
             send_states(sock.fileno(), link, fleet, False)

@@ -23,9 +23,9 @@ def measured(config: PlantConfig, field: str, steps: int, i: int = 1) -> np.ndar
     fleet = new_plant_state(config)
     values = []
     for step in range(steps):
-        for k in range(len(fleet.states)):
+        for k in range(len(fleet.uavs["state"])):
             observe(fleet, k, step, config.step_us)
-        values.append(fleet.messages[i][field].copy())
+        values.append(fleet.uavs[i]["message"][field].copy())
     return np.array(values)
 
 
@@ -34,8 +34,8 @@ def true_flight(fleet: PlantState, step_us: int, steps: int) -> tuple[np.ndarray
     true, reported = [], []
     for step in range(steps):
         observe(fleet, 0, step, step_us)
-        true.append(fleet.states[0, 9:12].copy())
-        reported.append(fleet.messages[0]["rates"].copy())
+        true.append(fleet.uavs[0]["state"][9:12].copy())
+        reported.append(fleet.uavs[0]["message"]["rates"].copy())
         fly(fleet, step, step_us)
     return np.array(true), np.array(reported)
 
@@ -79,8 +79,8 @@ def test_airspeed_has_its_own_error(scenario1: Scenario) -> None:
     config = config_of(scenario1, {"airspeed_m_s": {"bias": 1.5, "resolution": 0.25}}, wind=wind)
     fleet = new_plant_state(config)
     observe(fleet, 1, 0, config.step_us)
-    v, reported = fleet.states[1, 3:6], fleet.messages[1]
-    through = v - fleet.air[1, :3]
+    v, reported = fleet.uavs[1]["state"][3:6], fleet.uavs[1]["message"]
+    through = v - fleet.uavs[1]["air"][:3]
     assert np.linalg.norm(through) == pytest.approx(40.5)
     assert np.array_equal(reported["velocity"], v)
     assert reported["velocity"] - reported["wind"] == pytest.approx(through / 40.5 * 42.0)
@@ -93,7 +93,7 @@ def test_an_instant_is_measured_once(scenario1: Scenario) -> None:
         observe(fleet, 0, step, config.step_us)
         for _ in range(3):
             observe(again, 0, step, config.step_us)
-    assert fleet.messages[0] == again.messages[0]
+    assert fleet.uavs[0]["message"] == again.uavs[0]["message"]
 
 
 def test_noise_depends_on_seed_and_aircraft_and_not_on_the_rest_of_the_fleet(

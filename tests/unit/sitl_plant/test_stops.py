@@ -82,7 +82,7 @@ def test_no_command_and_no_fault_moves_a_surface_beyond_its_stops(
     message["controls"][:THROTTLE] = controls
     assert receive_controls(fleet, 0, message) == 0
     radians = np.radians(degrees)
-    held = fleet.controls[0, :THROTTLE]
+    held = fleet.uavs[0]["controls"][:THROTTLE]
     assert ((radians[:, 0] <= held) & (held <= radians[:, 1])).all()
     expected = [
         c * (high if c > 0.0 else -low) for c, (low, high) in zip(controls, radians, strict=True)
@@ -90,7 +90,9 @@ def test_no_command_and_no_fault_moves_a_surface_beyond_its_stops(
     assert held == pytest.approx(expected, rel=1e-7)
     row = no_faults(1)[0]
     add_fault(row, Fault(fault[0], fault[1], fault[2], 0.0, 0.0, NAN, BIAS.code), 0.0)
-    applied = apply_faults((*held.tolist(), 0.0), 1.0, 1.0, row, fleet.aircraft[0])[:THROTTLE]
+    applied = apply_faults((*held.tolist(), 0.0), 1.0, 1.0, row, fleet.uavs[0]["aircraft"])[
+        :THROTTLE
+    ]
     moved = held.copy()
     moved[fault[0]] = fault[1] * held[fault[0]] + math.radians(fault[2])
     assert applied == pytest.approx(np.clip(moved, *radians.T))

@@ -34,9 +34,9 @@ def plant_with(scenario: Scenario, **changes: Any) -> Any:
 def test_the_motion_of_an_aircraft(scenario1: Scenario) -> None:
     """Against an integration of the same derivative by scipy, to its last digits."""
     plant = plant_with(scenario1)
-    plant.controls[:] = CONTROLS
-    plant.states[0, 9:12] = 0.4, -0.2, 0.1
-    aircraft = plant.aircraft[0]
+    plant.uavs["controls"][:] = CONTROLS
+    plant.uavs[0]["state"][9:12] = 0.4, -0.2, 0.1
+    aircraft = plant.uavs[0]["aircraft"]
 
     def slope(_: float, x: np.ndarray) -> np.ndarray:
         surfaces = (0.05, -0.04, 0.3)
@@ -45,14 +45,14 @@ def test_the_motion_of_an_aircraft(scenario1: Scenario) -> None:
         )
         return np.ravel(derivative)
 
-    start = plant.states[0].copy()
+    start = plant.uavs[0]["state"].copy()
     for k in range(2):
         assert fly(plant, k, STEP_US) < 0
         until = (k + 1) * DT
         exact = solve_ivp(slope, (0.0, until), start, rtol=1e-12, atol=1e-13).y[:, -1]
         moved = np.abs(exact - start)
         assert np.all(moved > 1e-8)
-        assert np.all(np.abs(plant.states[0] - exact) <= 1e-6 * moved + 1e-9)
+        assert np.all(np.abs(plant.uavs[0]["state"] - exact) <= 1e-6 * moved + 1e-9)
 
 
 def test_the_lag_and_the_limit_of_servos() -> None:
@@ -108,6 +108,6 @@ def test_the_drift_of_a_sensor(scenario1: Scenario) -> None:
         if step > 0:
             draws = [normal(9, 1, 100 + axis, step) for axis in range(3)]
             drift += math.radians(0.5) * math.sqrt(DT) * np.array(draws)
-        assert np.array(plant.sensors[0]["drift"][:3]) == exactly(drift)
-        away = np.array(plant.messages[0]["rates"]) - plant.states[0, 9:12]
+        assert np.array(plant.uavs[0]["sensors"]["drift"][:3]) == exactly(drift)
+        away = np.array(plant.uavs[0]["message"]["rates"]) - plant.uavs[0]["state"][9:12]
         assert away == pytest.approx(drift + math.radians(0.1), abs=1e-7)  # a float32

@@ -68,10 +68,10 @@ def flown(plant: PlantState, thrusts: np.ndarray) -> tuple[np.ndarray, np.ndarra
     """States and applied controls of each step under commands of thrust [N]."""
     states, applied = np.zeros((len(thrusts), 12)), np.zeros((len(thrusts), 4))
     for step, thrust in enumerate(thrusts):
-        states[step] = plant.states[0]
-        plant.controls[0] = [*DELTA, thrust]
+        states[step] = plant.uavs[0]["state"]
+        plant.uavs[0]["controls"] = [*DELTA, thrust]
         assert fly(plant, step, STEP_US) < 0
-        applied[step] = plant.applied[0]
+        applied[step] = plant.uavs[0]["applied"]
     return states, applied
 
 
@@ -87,10 +87,10 @@ def test_what_the_plant_reports_is_what_it_applies(
     assert flown(other, np.full(300, 1900.0))[1][:, THROTTLE] == pytest.approx(1900.0)
     observe(plant, 0, 300, STEP_US)
     observe(other, 0, 300, STEP_US)
-    V = float(np.linalg.norm(plant.states[0, 3:6]))
-    other.states[0] = plant.states[0]
+    V = float(np.linalg.norm(plant.uavs[0]["state"][3:6]))
+    other.uavs[0]["state"] = plant.uavs[0]["state"]
     observe(other, 0, 300, STEP_US)
-    less = plant.messages[0]["specific_force"] - other.messages[0]["specific_force"]
+    less = plant.uavs[0]["message"]["specific_force"] - other.uavs[0]["message"]["specific_force"]
     expected = (most_at(V) - 1900.0) / propelled_aircraft.mass_kg
     assert less == pytest.approx([expected, 0.0, 0.0], abs=1e-5)
 
@@ -104,10 +104,10 @@ def test_plant_and_nominal_model_move_alike(
     """
     plant = plant_of(scenario1, propelled_aircraft)
     nominal = aircraft_record(propelled_aircraft)
-    plant.states[0, 3:6] = 45.0, 1.0, 3.0
-    begin = plant.states[0].copy()
+    plant.uavs[0]["state"][3:6] = 45.0, 1.0, 3.0
+    begin = plant.uavs[0]["state"].copy()
     thrusts = np.where(np.arange(STEPS) < 1, 500.0, 1990.0)
-    plant.messages["actuator_time_usec"] = 0  # a command has been received
+    plant.uavs["message"]["actuator_time_usec"] = 0  # a command has been received
     states, _ = flown(plant, thrusts)
 
     def slope(t: float, x: np.ndarray) -> np.ndarray:

@@ -62,10 +62,10 @@ def test_forces_follow_from_the_motion_through_the_air(scenario1: Scenario) -> N
     tree = scenario1.model_dump() | {"disturbance": {}, "wind": BREEZE}
     config = scenario_of("wind", tree).plant_config()
     fleet = new_plant_state(config)
-    fleet.states[0, 3:6] = (40.0, 1.0, 2.0)  # over ground, not through the air
-    before = fleet.states[0].copy()
+    fleet.uavs[0]["state"][3:6] = (40.0, 1.0, 2.0)  # over ground, not through the air
+    before = fleet.uavs[0]["state"].copy()
     fly(fleet, 0, 10)
-    change = (fleet.states[0, 3:6] - before[3:6]) / 1e-5
+    change = (fleet.uavs[0]["state"][3:6] - before[3:6]) / 1e-5
     aircraft = config.uavs[0].aircraft
     R = np.array(R1(vec3(before[6:9])))
     u, v, w = before[3:6] - R.T @ [10.0, -5.0, 1.0]
@@ -90,7 +90,7 @@ def test_the_initial_airspeed_is_one_through_the_air(scenario1: Scenario) -> Non
     for wind in ({}, BREEZE, {"turbulence": "severe"}):
         tree = scenario1.model_dump() | {"wind": wind}
         fleet = new_plant_state(scenario_of("wind", tree).plant_config())
-        through = fleet.states[:, 3:6] - fleet.air[:, :3]
+        through = fleet.uavs["state"][:, 3:6] - fleet.uavs["air"][:, :3]
         assert through == pytest.approx(np.array([[40.0, 0, 0], [40.5, 0, 0], [40.0, 0, 0]]))
 
 
@@ -106,13 +106,13 @@ def test_loss_goes_by_the_airspeed() -> None:
 def test_a_state_message_without_wind_has_the_bytes_that_it_always_had(scenario1: Scenario) -> None:
     """The wind is the message's last field, and zeros at the end are not sent."""
     fleet = new_plant_state(scenario1.plant_config())
-    fleet.messages["run"] = 0x01020304
+    fleet.uavs["message"]["run"] = 0x01020304
     observe(fleet, 0, 7, 1000)
     buffer = new_buffer()
-    length = pack(buffer, fleet.messages[:1], MessageId.SIM_STATE, 1, 158, 0)
+    length = pack(buffer, fleet.uavs["message"][:1], MessageId.SIM_STATE, 1, 158, 0)
     assert length == 10 + 141 + 4 + 2  # header, fields, `run`, checksum
-    fleet.messages["wind"][0] = 1.0
-    assert pack(buffer, fleet.messages[:1], MessageId.SIM_STATE, 1, 158, 0) == length + 24
+    fleet.uavs["message"]["wind"][0] = 1.0
+    assert pack(buffer, fleet.uavs["message"][:1], MessageId.SIM_STATE, 1, 158, 0) == length + 24
 
 
 def test_turbulence_is_each_aircrafts_own_and_the_same_in_every_flight(scenario1: Scenario) -> None:

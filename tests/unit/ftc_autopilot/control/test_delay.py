@@ -184,9 +184,9 @@ def test_no_delay_is_longer_than_what_is_remembered(calm: Scenario) -> None:
 def test_a_law_without_diagnosis_predicts_over_no_dead_time_of_another(calm: Scenario) -> None:
     controllers, measured = new_controller_of(calm), np.zeros(1, SIM_STATE)[0]
     measured["velocity"] = 40.0, 0.0, 1.0
-    controllers.signals[0]["dead_steps"] = 16  # as the law before has left it
-    controller_step(controllers, 0, measured, STEP_US)
-    assert controllers.delays[0]["found"] == 0
+    controllers.uavs[0]["signals"]["dead_steps"] = 16  # as the law before has left it
+    controller_step(*controllers.of(0), measured, STEP_US)
+    assert controllers.uavs[0]["delay"]["found"] == 0
 
 
 @given(
@@ -251,9 +251,9 @@ def test_a_servo_with_a_lag_comes_later() -> None:
 
 def new_controller_of(scenario: Scenario) -> Controllers:
     controllers = new_controllers([scenario.autopilot_config(2)])
-    controllers.profiles[0] = profile_record(scenario.segments())
+    controllers.uavs[0]["profile"] = profile_record(scenario.segments())
     for key, value in (("active", 1), ("follows", Source.PROFILE), ("start_step", 0)):
-        controllers.guidance[0][key] = value
+        controllers.uavs[0]["guidance"][key] = value
     return controllers
 
 
@@ -263,12 +263,15 @@ def test_the_reference_does_not_stand_still_over_lost_states(calm: Scenario) -> 
     measured["velocity"] = 40.0, 0.0, 1.0
     for step in range(1200):
         measured["step"], measured["time_usec"] = step, step * STEP_US
-        controller_step(whole, 0, measured, STEP_US)
+        controller_step(*whole.of(0), measured, STEP_US)
         if step % 7 not in {2, 3, 4}:
-            controller_step(lossy, 0, measured, STEP_US)
-    assert lossy.states["reference"].tobytes() == whole.states["reference"].tobytes()
-    assert lossy.states["steps"][0] < whole.states["steps"][0] == 1200
-    counted = lossy.states[0]
+            controller_step(*lossy.of(0), measured, STEP_US)
+    assert (
+        lossy.uavs["controller"]["reference"].tobytes()
+        == whole.uavs["controller"]["reference"].tobytes()
+    )
+    assert lossy.uavs["controller"]["steps"][0] < whole.uavs["controller"]["steps"][0] == 1200
+    counted = lossy.uavs[0]["controller"]
     assert counted["messages"] <= counted["steps"]
 
 

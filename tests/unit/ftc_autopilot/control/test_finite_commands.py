@@ -107,8 +107,8 @@ def test_no_law_sends_what_is_not_finite(
         return
     scenario = Scenario.model_validate(tree)
     controllers = new_controllers([scenario.autopilot_config(1)])
-    aircraft, parameters = controllers.aircraft[0], controllers.parameters[0]
-    state, actuators = controllers.states[0], controllers.actuators[0]
+    aircraft, parameters = controllers.uavs[0]["aircraft"], controllers.uavs[0]["parameters"]
+    state, actuators = controllers.uavs[0]["controller"], controllers.uavs[0]["actuators"]
     for measured in motions:
         message = np.zeros(1, SIM_STATE)[0]
         for name, value in measured.items():

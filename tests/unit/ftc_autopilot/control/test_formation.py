@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from edges import edges_of
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -37,7 +38,7 @@ def errors(nominal: np.void, own: Vec3, neighbours: list[Vec3]) -> FormationErro
     for row, attitude in zip(reports, neighbours, strict=True):
         row["airspeed"], row["attitude"] = 45.0, attitude
     reference = Reference(45.0, 0.0, ZERO, ZERO)
-    return formation_errors(motion, reference, reports, np.ones(len(neighbours)), WEIGHTING)
+    return formation_errors(motion, reference, edges_of(reports), WEIGHTING)
 
 
 def test_a_neighbour_on_its_own_reference_is_no_disagreement(nominal: np.void) -> None:
@@ -47,11 +48,11 @@ def test_a_neighbour_on_its_own_reference_is_no_disagreement(nominal: np.void) -
     reports = np.zeros(1, NEIGHBOUR)
     reports["airspeed"], reports["attitude"] = 50.0, (0.3, 0.1, math.pi / 2)
     reference = Reference(45.0, 0.0, ZERO, ZERO)
-    blind = formation_errors(motion, reference, reports, np.ones(1), WEIGHTING)
+    blind = formation_errors(motion, reference, edges_of(reports), WEIGHTING)
     assert abs(blind.e_prime[YAW]) > 0.1
     reports["airspeed"], reports["attitude"] = 0.0, 0.0
     reports["frame"] = FTC_NEIGHBOUR_FRAME_REFERENCE
-    found = formation_errors(motion, reference, reports, np.ones(1), WEIGHTING)
+    found = formation_errors(motion, reference, edges_of(reports), WEIGHTING)
     assert (found.V_tilde_prime, found.e_prime) == (0.0, ZERO)
 
 

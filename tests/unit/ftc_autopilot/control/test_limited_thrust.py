@@ -162,11 +162,11 @@ def test_a_step_believes_in_the_thrust_in_force(
     for thrust in (0.0, 800.0):
         controllers, measured = new_controllers(configs), np.zeros(1, SIM_STATE)[0]
         measured["velocity"] = 45.0, 0.0, 2.0
-        controllers.guidance[0]["active"] = 1
-        controllers.guidance[0]["command"][0] = 45.0
-        controllers.states[0]["held"][THROTTLE] = thrust
-        controller_step(controllers, 0, measured, STEP_US)
-        found.append(controllers.signals[0]["demand"][:3].copy())
+        controllers.uavs[0]["guidance"]["active"] = 1
+        controllers.uavs[0]["guidance"]["command"][0] = 45.0
+        controllers.uavs[0]["controller"]["held"][THROTTLE] = thrust
+        controller_step(*controllers.of(0), measured, STEP_US)
+        found.append(controllers.uavs[0]["signals"]["demand"][:3].copy())
     C = np.array(motion_of(measured, record).air.C)
     moment = C @ (found[1] - found[0])
     assert moment == pytest.approx(-800.0 * np.array([-0.05, 0.1, 0.03]), rel=1e-9)
@@ -268,14 +268,16 @@ def test_what_cannot_be_made_is_not_missed(
     plant = new_plant_state(Scenario.model_validate(tree).plant_config())
     gains, state = np.zeros(1, record_dtype(DiagnosisParameters))[0], np.zeros(1, DIAGNOSIS)[0]
     fill(gains, DiagnosisParameters(throttle_lag_s=0.3).with_servos(ActuatorServos()))
-    aircraft, most = plant.aircraft[0], []
+    aircraft, most = plant.uavs[0]["aircraft"], []
     for step in range(800):
         observe(plant, 0, step, STEP_US)
-        motion = motion_of(plant.messages[0], aircraft, float(plant.applied[0, THROTTLE]))
-        now = step_of(motion, step == 0, held=plant.controls[0].copy())
+        motion = motion_of(
+            plant.uavs[0]["message"], aircraft, float(plant.uavs[0]["applied"][THROTTLE])
+        )
+        now = step_of(motion, step == 0, held=plant.uavs[0]["controls"].copy())
         measure(now, aircraft, gains, state)
-        plant.controls[0] = 0.02, 0.03, 0.1, 1990.0
-        plant.messages["actuator_time_usec"] = 0
+        plant.uavs[0]["controls"] = 0.02, 0.03, 0.1, 1990.0
+        plant.uavs["message"]["actuator_time_usec"] = 0
         assert fly(plant, step, STEP_US) < 0
         most.append(available_thrust(motion.V, aircraft))
     actuators = state["actuators"]

@@ -44,7 +44,7 @@ def flying(law: Any, scenario: Scenario) -> Pilot:
 
 def alone(pilot: Pilot) -> tuple[Motion, Motion]:
     """Let a pilot have no neighbours; gives two motions, one after the other."""
-    pilot.weights[:] = 0.0
+    pilot.edges["weight"] = 0.0
     return motion_at(0.2, pilot.nominal), motion_at(0.25, pilot.nominal)
 
 

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from edges import edges_of
 
 from ftc_autopilot.common.motion import fill_neighbour_state, motion_of
 from ftc_autopilot.control.controller import (
@@ -89,7 +90,9 @@ def signals_of(case: Any, vectors: Any, scenario: Scenario, nominal: np.void, i:
     state["steps"] = state["started"] = 1  # not the first step: filters stand as given
     signals = np.zeros(1, SIGNALS)[0]
     command = state["reference"][:, 0].copy()
-    inputs = Inputs(0.0, DT, motions[i], Seen(motions[i], 0, 0, False), command, reports, weights)
+    inputs = Inputs(
+        0.0, DT, motions[i], Seen(motions[i], 0, 0, False), command, edges_of(reports, weights)
+    )
     controls = np.zeros(16, np.float32)
     control_step(inputs, Records(nominal, parameters, state, controls, signals))
     return signals

@@ -116,8 +116,8 @@ def fly_with_fault(
         imus, gps = sensing.imus[0].copy(), sensing.gps[0].copy()
         if k * scenario.step_us > 10e6:
             delivered = fault(imus, gps, delivered)
-        estimate(estimator, imus, gps, delivered, sim_step, states[k])
-        reports[k] = estimator.report[0]
+        estimate(estimator.state[0], estimator.history, imus, gps, delivered, sim_step, states[k])
+        reports[k] = estimator.state[0]["report"]
     return reports, states, true
 
 
@@ -211,8 +211,8 @@ def test_a_second_call_for_a_step_changes_nothing(flown: tuple[Scenario, Recordi
         sim_step["step"], sim_step["time_usec"] = k, k * 1000
         delivered = sense(sensing, 0, k, truth)
         args = sensing.imus[0], sensing.gps[0], delivered, sim_step
-        estimate(estimator, *args, measured[0])
+        estimate(estimator.state[0], estimator.history, *args, measured[0])
         before = [array.tobytes() for array in estimator]
-        estimate(estimator, *args, measured[1])
+        estimate(estimator.state[0], estimator.history, *args, measured[1])
         assert before == [array.tobytes() for array in estimator]
         assert measured[0] == measured[1]

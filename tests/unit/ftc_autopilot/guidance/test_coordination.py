@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from edges import edges_of
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -46,9 +47,9 @@ class Member:
         self.layout = layout_record(formation, 2, access, {1: 1.0, 3: 1.0})
         self.state = new_formation()
         self.signals: np.void = np.zeros(1, SIGNALS)[0]
-        self.known = np.zeros(2, NEIGHBOUR)
+        self.edges = edges_of(np.zeros(2, NEIGHBOUR))
+        self.known, self.weights = self.edges["known"], self.edges["weight"]
         self.known["path_id"], self.known["path_rate"] = 7, SPEED
-        self.weights = np.ones(2)
         self.step = 0
 
     def update(self, xi: float, *others: float, since: float = TICK) -> Coordination:
@@ -60,7 +61,12 @@ class Member:
         now = Progress(self.step, DT, since, self.step * DT, True, 7, xi - 30.0, SPEED, SPEED)
         self.step += round(TICK / DT)
         return coordinate(
-            now, self.known, self.weights, self.signals, self.layout, self.gains, self.state
+            now,
+            self.edges,
+            self.signals,
+            self.layout,
+            self.gains,
+            self.state,
         )
 
     def wait(self, time_s: float, *xis: float) -> None:
@@ -100,7 +106,12 @@ def test_a_neighbour_has_gone_on_since_its_message() -> None:
     member.known["path_position"], member.known["step"] = 0.0, 50
     now = Progress(100, DT, 0.0, 0.1, True, 7, -30.0 + 50 * DT * SPEED, SPEED, SPEED)
     result = coordinate(
-        now, member.known, member.weights, member.signals, member.layout, member.gains, member.state
+        now,
+        member.edges,
+        member.signals,
+        member.layout,
+        member.gains,
+        member.state,
     )
     assert result.speed == pytest.approx(0.0, abs=1e-9)
 
@@ -134,7 +145,12 @@ def test_one_slow_member_slows_all() -> None:
     now = Progress(20, DT, TICK, 0.02, True, 7, -30.0, SPEED, SPEED)
     member.known["path_position"], member.known["step"] = 0.0, 20
     result = coordinate(
-        now, member.known, member.weights, member.signals, member.layout, member.gains, member.state
+        now,
+        member.edges,
+        member.signals,
+        member.layout,
+        member.gains,
+        member.state,
     )
     assert result.speed == pytest.approx(-0.2 * SPEED)
 
@@ -208,7 +224,12 @@ def test_who_flies_elsewhere_by_itself_has_no_slot() -> None:
     member = Member()
     now = Progress(0, DT, 0.0, 0.0, False, 9, 500.0, SPEED, SPEED)
     result = coordinate(
-        now, member.known, member.weights, member.signals, member.layout, member.gains, member.state
+        now,
+        member.edges,
+        member.signals,
+        member.layout,
+        member.gains,
+        member.state,
     )
     assert result == Coordination((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
     assert member.state["xi"] == 500.0

@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ftc_autopilot.hot.checkpoint import (
-    N_PARTS,
     Checkpoint,
     map_array,
     no_checkpoint,
@@ -19,23 +18,27 @@ from ftc_autopilot.hot.checkpoint import (
 )
 
 RECORD = np.dtype([("step", "i8"), ("value", "f8", (3,)), ("flag", "u1")])
+OWN = np.dtype([("first", RECORD), ("between", "i8"), ("second", RECORD)])
+SAVED = np.array([[0, RECORD.itemsize], [RECORD.itemsize + 8, OWN.itemsize]])
 
 
 class Process:
     """The records of one process, and its file."""
 
     def __init__(self, path: Path, configuration: str = "uav 1") -> None:
-        self.records = [np.zeros(1, RECORD) for _ in range(N_PARTS)]
-        self.checkpoint: Checkpoint = open_checkpoint(path, self.records, configuration)
-        self.resumes = restore(self.checkpoint)
+        self.own, self.edges = np.zeros(1, OWN), np.zeros((1, 2), RECORD)
+        self.records = [self.own["first"], self.own["second"], *self.edges.reshape(2, 1)]
+        self.checkpoint: Checkpoint = open_checkpoint(path, SAVED, self.edges[0], configuration)
+        self.resumes = restore(self.checkpoint, self.own, self.edges[0])
 
     def save(self, step: int) -> None:
         for k, record in enumerate(self.records):
             record["step"], record["value"], record["flag"] = step, 0.1 * step + k, k
-        save(self.checkpoint)
+        self.own["between"] = step
+        save(self.checkpoint, self.own, self.edges)
 
     def step(self) -> int:
-        """The step of the records, which must all be of it."""
+        """The step of the records, which must all be of it; what is not saved stays 0."""
         (step,) = {int(record["step"][0]) for record in self.records}
         for k, record in enumerate(self.records):
             assert step == 0 or (record["value"] == 0.1 * step + k).all()
@@ -50,6 +53,7 @@ def test_it_begins_empty_and_comes_back(tmp_path: Path) -> None:
         process.save(step)
         again = Process(path)
         assert (again.resumes, again.step()) == (True, step)
+    assert again.own["between"] == 0
     again.save(17)  # counts on, does not begin with a slot of its own
     assert Process(path).step() == 17
 
@@ -100,7 +104,7 @@ def test_a_process_that_dies_while_it_writes_leaves_the_step_before(tmp_path: Pa
 
 def test_without_a_file_nothing_is_saved() -> None:
     nothing = no_checkpoint()
-    save(nothing)
+    save(nothing, np.zeros(1, OWN), np.zeros((1, 2), RECORD))
     assert nothing.written[0] == 0
 
 

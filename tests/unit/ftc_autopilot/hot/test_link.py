@@ -7,11 +7,14 @@ import numpy as np
 import pytest
 from link_bench import LOCKSTEP, UAV, Rig
 
+from ftc_autopilot.control import controllers
 from ftc_autopilot.control.controller import restart_law
 from ftc_autopilot.control.controllers import reset_controllers
+from ftc_autopilot.control.edges import EDGE
 from ftc_autopilot.control.triggers import MODES
 from ftc_autopilot.hot.acknowledgement import ACKNOWLEDGEMENT
-from ftc_autopilot.hot.link import SIMULATOR, reset_link
+from ftc_autopilot.hot.drops import SIMULATOR
+from ftc_autopilot.hot.state import reset_links
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.dialect import (
@@ -52,7 +55,7 @@ def test_without_an_event_only_step_done_is_sent(rig: Rig) -> None:
         rig.send_neighbour_state(step)
         rig.state(step)
         assert rig.heard(rig.plant) == [codec.MessageId.STEP_DONE]
-    assert rig.controllers.states[0]["events"].tolist() == [1, 1, 1, 1]
+    assert rig.controllers.uavs[0]["controller"]["events"].tolist() == [1, 1, 1, 1]
 
 
 def test_the_same_state_again_is_answered_but_not_worked_on_again(rig: Rig) -> None:
@@ -61,16 +64,16 @@ def test_the_same_state_again_is_answered_but_not_worked_on_again(rig: Rig) -> N
     rig.heard(rig.plant)
     rig.state(0)
     assert rig.heard(rig.plant) == [codec.MessageId.STEP_DONE]
-    assert rig.controllers.states[0]["steps"] == 1
+    assert rig.controllers.uavs[0]["controller"]["steps"] == 1
 
 
 def test_disarmed_it_measures_holds_and_computes_nothing(rig: Rig) -> None:
     for step in range(20):
         rig.send_neighbour_state(step)
         rig.state(step)
-    controller, signals = rig.controllers.states[0], rig.controllers.signals[0]
+    controller, signals = rig.controllers.uavs[0]["controller"], rig.controllers.uavs[0]["signals"]
     before, held = controller.copy(), signals["held"].copy()
-    rig.controllers.guidance[0]["active"] = 0
+    rig.controllers.uavs[0]["guidance"]["active"] = 0
     for step in range(20, 40):
         rig.send_neighbour_state(step)
         rig.state(step)
@@ -88,14 +91,14 @@ def test_armed_again_the_law_starts_from_where_the_aircraft_is(rig: Rig) -> None
     rig.send_neighbour_state(0)
     rig.state(0)
     assert (
-        rig.controllers.signals[0]["reference"].tolist()
-        == rig.controllers.signals[0]["command"].tolist()
+        rig.controllers.uavs[0]["signals"]["reference"].tolist()
+        == rig.controllers.uavs[0]["signals"]["command"].tolist()
     )
-    controller = rig.controllers.states[0]
+    controller = rig.controllers.uavs[0]["controller"]
     controller["proposed"]["beta_v"] = 7.0
     restart_law(controller)
     rig.state(50)
-    signals = rig.controllers.signals[0]
+    signals = rig.controllers.uavs[0]["signals"]
     assert signals["reference"].tolist() == [signals["V"], *signals["attitude"]]
     assert signals["beta_v"] == 1.0
     assert signals["events"] == 0b1111
@@ -105,51 +108,61 @@ def test_armed_again_the_law_starts_from_where_the_aircraft_is(rig: Rig) -> None
 def test_a_lost_actuator_message_is_sent_again_and_counted_apart(rig: Rig) -> None:
     rig.send_neighbour_state(0)
     rig.state(0)
-    events = rig.controllers.states[0]["events"].copy()
+    events = rig.controllers.uavs[0]["controller"]["events"].copy()
     rig.no_more_events()
     rig.heard(rig.plant)
     rig.send_neighbour_state(1)
     rig.state(1, applied_usec=-1)
     assert rig.heard(rig.plant) == [codec.MessageId.ACTUATORS, codec.MessageId.STEP_DONE]
-    assert list(rig.link.state[0]["repeated"]) == [1, 1, 1, 1]
-    assert np.array_equal(rig.controllers.states[0]["events"], events)
+    assert list(rig.autopilots.own[0]["link"]["repeated"]) == [1, 1, 1, 1]
+    assert np.array_equal(rig.controllers.uavs[0]["controller"]["events"], events)
     rig.send_neighbour_state(2)
     rig.state(2)
     assert rig.heard(rig.plant) == [codec.MessageId.STEP_DONE]
 
 
 def pending(rig: Rig) -> list[int]:
-    return [int(usec) for usec in rig.link.state[0]["pending_usec"]]
+    return [int(usec) for usec in rig.autopilots.own[0]["link"]["pending_usec"]]
 
 
 def test_an_event_is_acknowledged_by_its_message_or_a_later_one(rig: Rig) -> None:
     rig.state(0, FTC_SIM_FLAGS_RUNNING, applied_usec=-1)
     assert pending(rig) == [0, 0, 0, 0]
     rig.no_more_events()
-    rig.link.state[0]["pending_usec"] = [0, 0, 1000, 2000]  # the rudder's and throttle's came later
-    rig.link.state[0]["deviation"] = 1e6  # nobody is impatient
+    rig.autopilots.own[0]["link"]["pending_usec"] = [
+        0,
+        0,
+        1000,
+        2000,
+    ]  # the rudder's and throttle's came later
+    rig.autopilots.own[0]["link"]["deviation"] = 1e6  # nobody is impatient
     rig.state(3, FTC_SIM_FLAGS_RUNNING, applied_usec=0)
     assert pending(rig) == [-1, -1, 1000, 2000]
     rig.state(4, FTC_SIM_FLAGS_RUNNING, applied_usec=5000)
     assert pending(rig) == [-1, -1, -1, -1]
-    assert list(rig.link.state[0]["repeated"]) == [0, 0, 0, 0]
+    assert list(rig.autopilots.own[0]["link"]["repeated"]) == [0, 0, 0, 0]
 
 
 def test_a_lost_message_repeats_the_events_of_its_own_channels_only(rig: Rig) -> None:
     rig.send_neighbour_state(0)
     rig.state(0)
     rig.no_more_events()
-    rig.link.state[0]["pending_usec"] = [-1, 500, 0, -1]  # elevator and, applied already, rudder
+    rig.autopilots.own[0]["link"]["pending_usec"] = [
+        -1,
+        500,
+        0,
+        -1,
+    ]  # elevator and, applied already, rudder
     rig.send_neighbour_state(1)
     rig.state(1, applied_usec=0)
-    assert list(rig.link.state[0]["repeated"]) == [0, 1, 0, 0]
+    assert list(rig.autopilots.own[0]["link"]["repeated"]) == [0, 1, 0, 0]
 
 
 REAL_TIME = FTC_SIM_FLAGS_RUNNING
 
 
 def repeats(rig: Rig) -> list[int]:
-    return [int(number) for number in rig.link.state[0]["repeated"]]
+    return [int(number) for number in rig.autopilots.own[0]["link"]["repeated"]]
 
 
 def test_in_real_time_an_event_is_sent_again_two_periods_after_it_should_act(rig: Rig) -> None:
@@ -166,7 +179,7 @@ def test_in_real_time_an_event_is_sent_again_two_periods_after_it_should_act(rig
 
 
 def with_events_in_every_step(rig: Rig) -> None:
-    rig.controllers.parameters["mode"] = MODES.index("periodic")
+    rig.controllers.uavs["parameters"]["mode"] = MODES.index("periodic")
 
 
 @pytest.mark.parametrize("delay", [0, 1, 7])
@@ -175,8 +188,8 @@ def test_the_delay_follows_from_the_acknowledgements(rig: Rig, delay: int) -> No
     for step in range(60):
         applied = step - 1 - delay
         rig.state(step, REAL_TIME, applied_usec=1000 * applied if applied >= 0 else -1)
-    assert rig.link.state[0]["delay"] == pytest.approx(delay)
-    assert rig.controllers.delays[0]["periods"] == delay
+    assert rig.autopilots.own[0]["link"]["delay"] == pytest.approx(delay)
+    assert rig.controllers.uavs[0]["delay"]["periods"] == delay
 
 
 def test_states_that_were_lost_do_not_lengthen_the_delay(rig: Rig) -> None:
@@ -185,7 +198,7 @@ def test_states_that_were_lost_do_not_lengthen_the_delay(rig: Rig) -> None:
     for step in range(60):
         if step % 5 not in {1, 2}:
             rig.state(step, REAL_TIME, applied_usec=1000 * (step - 1) if step else -1)
-    assert rig.link.state[0]["delay"] == 0.0
+    assert rig.autopilots.own[0]["link"]["delay"] == 0.0
 
 
 def test_a_slow_link_is_given_its_time_before_an_event_is_sent_again(rig: Rig) -> None:
@@ -193,7 +206,7 @@ def test_a_slow_link_is_given_its_time_before_an_event_is_sent_again(rig: Rig) -
     for step in range(100):
         rig.state(step, REAL_TIME, applied_usec=1000 * (step - 31) if step > 30 else -1)
     rig.no_more_events()
-    rig.controllers.parameters["mode"] = MODES.index("per_channel")
+    rig.controllers.uavs["parameters"]["mode"] = MODES.index("per_channel")
     before = repeats(rig)
     for step in range(100, 130):
         rig.state(step, REAL_TIME, applied_usec=1000 * (step - 31))
@@ -209,7 +222,7 @@ def test_lockstep_has_no_delay(rig: Rig) -> None:
     for step in range(10):
         rig.send_neighbour_state(step)
         rig.state(step, applied_usec=1000 * (step - 4) if step > 3 else -1)
-    assert rig.controllers.delays[0]["periods"] == 0
+    assert rig.controllers.uavs[0]["delay"]["periods"] == 0
 
 
 def test_a_step_that_was_not_flown_is_not_reported_done(rig: Rig) -> None:
@@ -238,7 +251,7 @@ def test_a_state_of_another_run_is_not_worked_on(rig: Rig, flags: int) -> None:
     for step in (0, 3):
         assert rig.state(step, flags, run=8 + step) == Outcome.RESTARTED
     assert rig.heard(rig.plant) == rig.heard(rig.neighbour) == []
-    assert rig.controllers.states[0]["steps"] == 3
+    assert rig.controllers.uavs[0]["controller"]["steps"] == 3
 
 
 def test_after_a_reset_nothing_is_left_of_the_flight(scenario1: Scenario, rig: Rig) -> None:
@@ -246,18 +259,23 @@ def test_after_a_reset_nothing_is_left_of_the_flight(scenario1: Scenario, rig: R
         rig.send_neighbour_state(step)
         rig.state(step, applied_usec=-1)
     fresh = Rig(scenario1)
-    reset_link(rig.link)
+    reset_links(rig.autopilots)
     reset_controllers(rig.controllers)
     reset_controllers(fresh.controllers)  # its guidance, too, is set again by the modes
-    for name, array in rig.controllers._asdict().items():
-        assert array.tobytes() == getattr(fresh.controllers, name).tobytes(), name
-    assert rig.link.state["recorded"] == 0
-    formation, expected = rig.link.formation, fresh.link.formation
-    for name in ("heard_step", "pending_step", "misses"):
-        assert getattr(formation, name).tobytes() == getattr(expected, name).tobytes(), name
-    assert formation.state["edge_changes"] == expected.state["edge_changes"]
+    for name in controllers.UAV.names or ():
+        both = rig.controllers.uavs[name], fresh.controllers.uavs[name]
+        assert both[0].tobytes() == both[1].tobytes(), name
+    for name in set(EDGE.names or ()) - {"address", "pending"}:
+        both = rig.controllers.edges[name], fresh.controllers.edges[name]
+        assert both[0].tobytes() == both[1].tobytes(), name
+    assert rig.autopilots.own["link"]["recorded"] == 0
+    both = rig.autopilots.own["formation"], fresh.autopilots.own["formation"]
+    assert both[0]["edge_changes"] == both[1]["edge_changes"]
     for name in ("step", *(field[0] for field in ACKNOWLEDGEMENT)):
-        assert rig.link.state[name].tobytes() == fresh.link.state[name].tobytes(), name
+        assert (
+            rig.autopilots.own["link"][name].tobytes()
+            == fresh.autopilots.own["link"][name].tobytes()
+        ), name
     fresh.close()
 
 
@@ -280,18 +298,18 @@ _FALSE_CRC = b"\xfd" + bytes(6) + codec.MessageId.STEP_DONE.to_bytes(3, "little"
 def test_noise_changes_nothing_and_is_counted(rig: Rig, noise: bytes, reason: DropReason) -> None:
     rig.plant.sendto(noise, rig.own.getsockname())
     assert rig.run() == Outcome.TICK
-    assert rig.link.state[0]["step"] == -1
-    expected = np.zeros_like(rig.link.drops)
+    assert rig.autopilots.own[0]["link"]["step"] == -1
+    expected = np.zeros_like(rig.autopilots.own[0]["drops"])
     expected[SIMULATOR, -reason] = 1
-    assert rig.link.drops.tolist() == expected.tolist()
+    assert rig.autopilots.own[0]["drops"].tolist() == expected.tolist()
 
 
 def test_a_frame_that_only_python_parses_asks_for_service(rig: Rig) -> None:
     heartbeat = dialect.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3)
     rig.plant.sendto(FramePacker(UAV, 1).pack(heartbeat), rig.own.getsockname())
     assert rig.run() == Outcome.SERVICE
-    assert rig.link.state[0]["step"] == -1
-    assert not rig.link.drops.any()
+    assert rig.autopilots.own[0]["link"]["step"] == -1
+    assert not rig.autopilots.own["drops"].any()
 
 
 def test_in_lockstep_a_message_of_a_ground_station_is_not_kept_waiting(rig: Rig) -> None:
@@ -315,7 +333,7 @@ def test_before_the_start_a_busy_ground_station_does_not_keep_the_plant_waiting(
     for _ in range(10):
         rig.plant.sendto(b"request", rig.gcs.getsockname())
     assert rig.state(0, FTC_SIM_FLAGS_LOCKSTEP) == Outcome.TICK
-    assert rig.link.state[0]["heard_s"] > 0.0
+    assert rig.autopilots.own[0]["link"]["heard_s"] > 0.0
 
 
 def test_the_end_of_the_simulation_is_acknowledged(rig: Rig) -> None:
@@ -326,13 +344,13 @@ def test_the_end_of_the_simulation_is_acknowledged(rig: Rig) -> None:
 def test_disarmed_in_flight_thrust_goes_to_zero_once(rig: Rig) -> None:
     rig.send_neighbour_state(0)
     rig.state(0)
-    assert rig.controllers.actuators[0]["controls"][3] > 0.0
-    rig.controllers.guidance[0]["active"] = 0
+    assert rig.controllers.uavs[0]["actuators"]["controls"][3] > 0.0
+    rig.controllers.uavs[0]["guidance"]["active"] = 0
     rig.heard(rig.plant)
     rig.send_neighbour_state(1)
     rig.state(1)
     assert rig.heard(rig.plant) == [codec.MessageId.ACTUATORS, codec.MessageId.STEP_DONE]
-    assert rig.controllers.actuators[0]["controls"][3] == 0.0
+    assert rig.controllers.uavs[0]["actuators"]["controls"][3] == 0.0
     rig.send_neighbour_state(2)
     rig.state(2)
     assert rig.heard(rig.plant) == [codec.MessageId.STEP_DONE]

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from link_bench import NEIGHBOUR, TIMEOUT_STEPS, Rig
 
+from ftc_autopilot.hot.drops import FORMATION, SIMULATOR
 from ftc_autopilot.hot.hot_state import HotState
-from ftc_autopilot.hot.link import FORMATION, SIMULATOR
 from ftc_autopilot.vehicle.old_states import OldStates
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
@@ -53,7 +53,7 @@ def run_until_nothing_waits(rig: Rig) -> list[Outcome]:
 
 
 def oldest_steps(rig: Rig) -> int:
-    return HotState(rig.link).oldest_state_us // 1000
+    return HotState(rig.autopilots).oldest_state_us // 1000
 
 
 def squeeze(sock: socket.socket) -> None:
@@ -73,12 +73,12 @@ def test_of_all_states_that_wait_the_newest_is_acted_on(
                 rig.send_state(item, REAL_TIME)
         run_until_nothing_waits(rig)
         newest = max([LAST_BEFORE, *(item for item in queue if isinstance(item, int))])
-        state, law = rig.link.state[0], rig.controllers.states[0]
-        assert state["step"] == newest == rig.link.simulator.measured[0]["step"]
+        state, law = rig.autopilots.own[0]["link"], rig.controllers.uavs[0]["controller"]
+        assert state["step"] == newest == rig.autopilots.own[0]["measured"]["step"]
         assert law["steps"] == LAST_BEFORE + 1 + (newest > LAST_BEFORE)  # the others are missed
         assert oldest_steps(rig) == max(newest - LAST_BEFORE, 1)
-        assert np.isfinite(rig.controllers.actuators[0]["controls"]).all()
-        assert rig.link.drops[SIMULATOR].sum() == sum(
+        assert np.isfinite(rig.controllers.uavs[0]["actuators"]["controls"]).all()
+        assert rig.autopilots.own[0]["drops"][SIMULATOR].sum() == sum(
             isinstance(item, bytes) and item != heartbeat for item in queue
         )
 
@@ -90,7 +90,7 @@ def test_in_lockstep_each_state_is_worked_on(scenario1: Scenario) -> None:
         rig.send_state(step)
     for _ in range(4):
         rig.run()
-    assert rig.controllers.states[0]["steps"] == 4
+    assert rig.controllers.uavs[0]["controller"]["steps"] == 4
     assert oldest_steps(rig) == 0
     rig.close()
 
@@ -113,11 +113,11 @@ def test_the_age_belongs_to_the_newest_state_that_the_plant_has_sent(
         for step in range(LAST_BEFORE + 1, LAST_BEFORE + 1 + sent):
             rig.send_state(step, REAL_TIME)
         rig.run()
-        assert rig.link.state[0]["step"] <= LAST_BEFORE + sent
+        assert rig.autopilots.own[0]["link"]["step"] <= LAST_BEFORE + sent
         assert oldest_steps(rig) == sent
-        before = rig.link.state[0]["step"]
+        before = rig.autopilots.own[0]["link"]["step"]
         rig.state(LAST_BEFORE + 1 + sent, REAL_TIME)
-        assert rig.link.state[0]["step"] == LAST_BEFORE + 1 + sent
+        assert rig.autopilots.own[0]["link"]["step"] == LAST_BEFORE + 1 + sent
         assert oldest_steps(rig) == max(sent, LAST_BEFORE + 1 + sent - before)
 
 
@@ -140,7 +140,7 @@ def test_what_is_no_gap_has_no_age(scenario1: Scenario) -> None:
         rig.state(LAST_BEFORE, REAL_TIME)
         assert oldest_steps(rig) == 1
         rig.state(0, REAL_TIME, run=8)
-        HotState(rig.link).reset()
+        HotState(rig.autopilots).reset()
         assert oldest_steps(rig) == 0
         rig.state(700, REAL_TIME, run=8)
         assert oldest_steps(rig) == 0
@@ -148,7 +148,7 @@ def test_what_is_no_gap_has_no_age(scenario1: Scenario) -> None:
 
 def test_an_episode_is_reported_once_and_its_end(scenario1: Scenario) -> None:
     with flying(scenario1) as rig:
-        reported = OldStates(HotState(rig.link))
+        reported = OldStates(HotState(rig.autopilots))
         assert list(reported.changes()) == []
         rig.state(LAST_BEFORE + round(OLD_STATE_S * 1000), REAL_TIME)
         assert list(reported.changes()) == []
@@ -184,9 +184,9 @@ def test_a_neighbour_that_talks_stays_and_is_not_out_of_range(
         for step in range(last + 1, last + 300):
             rig.send_neighbour_state(step + ahead)
             rig.state(step, REAL_TIME)
-        assert rig.link.formation.state[0]["edge_changes"] == 0
-        assert rig.link.drops[FORMATION, -DropReason.OUT_OF_RANGE] == 0
-        in_use = rig.controllers.neighbour_states[0, 0]["step"]
+        assert rig.autopilots.own[0]["formation"]["edge_changes"] == 0
+        assert rig.autopilots.own[0]["drops"][FORMATION, -DropReason.OUT_OF_RANGE] == 0
+        in_use = rig.controllers.edges[0, 0]["message"]["step"]
         assert in_use == last + 299 + ahead
 
 
@@ -194,13 +194,13 @@ def test_while_the_plant_was_not_heard_a_neighbour_may_have_gone_on(scenario1: S
     """Kept waiting between two looks at its sockets, an autopilot meets states of the future."""
     with flying(scenario1) as rig:
         rig.send_neighbour_state(5000)
-        rig.link.formation.state[0]["most_steps_per_s"] = 1e12
+        rig.autopilots.own[0]["formation"]["most_steps_per_s"] = 1e12
         rig.state(LAST_BEFORE + 1, REAL_TIME)
-        assert rig.controllers.neighbour_states[0, 0]["step"] == 5000
+        assert rig.controllers.edges[0, 0]["message"]["step"] == 5000
         rig.send_neighbour_state(7)
         rig.state(LAST_BEFORE + 2, REAL_TIME)
-        assert rig.controllers.neighbour_states[0, 0]["step"] == 7
-        assert rig.link.drops[FORMATION].sum() == 0
+        assert rig.controllers.edges[0, 0]["message"]["step"] == 7
+        assert rig.autopilots.own[0]["drops"][FORMATION].sum() == 0
 
 
 @pytest.mark.parametrize("missed", [0, 1000])
@@ -209,9 +209,9 @@ def test_an_absurd_step_is_not_believed(scenario1: Scenario, missed: int) -> Non
         rig.send_neighbour_state(ABSURD_STEP)
         rig.send_neighbour_state(6)
         rig.state(LAST_BEFORE + 1 + missed, REAL_TIME)
-        assert rig.link.drops[FORMATION, -DropReason.OUT_OF_RANGE] == 1
-        assert rig.controllers.neighbour_states[0, 0]["step"] == 6
-        assert math.isfinite(rig.controllers.states[0]["held"].sum())
+        assert rig.autopilots.own[0]["drops"][FORMATION, -DropReason.OUT_OF_RANGE] == 1
+        assert rig.controllers.edges[0, 0]["message"]["step"] == 6
+        assert math.isfinite(rig.controllers.uavs[0]["controller"]["held"].sum())
 
 
 @pytest.mark.parametrize("missed", [0, 1000])
@@ -221,7 +221,7 @@ def test_a_neighbour_that_repeats_itself_is_silent(scenario1: Scenario, missed: 
         for step in range(first, first + TIMEOUT_STEPS + 10):
             rig.send_neighbour_state(LAST_BEFORE, system=NEIGHBOUR)
             rig.state(step, REAL_TIME)
-        assert rig.link.formation.edges[0] == 0
+        assert rig.controllers.edges[0, 0]["edge"] == 0
 
 
 # commands
@@ -229,7 +229,7 @@ def test_a_neighbour_that_repeats_itself_is_silent(scenario1: Scenario, missed: 
 
 def test_a_command_made_before_a_gap_tells_nothing_of_the_delay(scenario1: Scenario) -> None:
     with flying(scenario1) as rig:
-        state = rig.link.state[0]
+        state = rig.autopilots.own[0]["link"]
         rig.state(6, REAL_TIME, applied_usec=-1)
         state["applied_usec"] = -1
         rig.state(600, REAL_TIME, applied_usec=-1)

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from link_bench import Rig
 
-from ftc_autopilot.hot.loop import Loop, Loops, new_loops, run
+from ftc_autopilot.hot.loop import Loops, new_loops, run
+from ftc_autopilot.hot.state import new_autopilots
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.framing.codec import MessageId
@@ -20,6 +21,10 @@ ANSWERS = [MessageId.ACTUATORS, MessageId.STEP_DONE]
 @pytest.fixture
 def pair(scenario1: Scenario) -> Iterator[tuple[Rig, Rig]]:
     rigs = Rig(scenario1), Rig(scenario1)
+    together = new_autopilots([rig.config for rig in rigs])
+    for i, rig in enumerate(rigs):
+        rig.fly_by(together.of(i))
+    rigs[0].together = together
     yield rigs
     for rig in rigs:
         rig.close()
@@ -28,7 +33,7 @@ def pair(scenario1: Scenario) -> Iterator[tuple[Rig, Rig]]:
 def loops_of(*rigs: Rig, until_s: float | None = None, until_step: int = 2**62) -> Loops:
     """Return the rigs' autopilots in one process, which return at a time or after a step."""
     fds = [(rig.own.fileno(), rig.formation.fileno(), rig.gcs.fileno()) for rig in rigs]
-    both = new_loops([Loop(rig.link, rig.controllers) for rig in rigs], fds)
+    both = new_loops(rigs[0].together, fds, range(len(rigs)))
     both.state["until_s"] = time.monotonic() if until_s is None else until_s
     both.state["until_step"] = until_step
     return both
@@ -45,7 +50,7 @@ def test_each_answers_its_own_states(pair: tuple[Rig, Rig]) -> None:
     pair[1].send_neighbour_state(1)
     pair[1].send_state(1)
     run(both)
-    assert [rig.link.state[0]["step"] for rig in pair] == [0, 1]
+    assert [rig.autopilots.own[0]["link"]["step"] for rig in pair] == [0, 1]
     assert [rig.heard(rig.plant)[-1:] for rig in pair] == [[], [MessageId.STEP_DONE]]
 
 

@@ -11,7 +11,8 @@ import pytest
 from link_bench import LOCKSTEP, NOTHING_APPLIED, UAV, Rig
 from pymavlink.dialects.v20 import common
 
-from ftc_autopilot.hot.link import SIMULATOR, reset_link
+from ftc_autopilot.hot.drops import SIMULATOR
+from ftc_autopilot.hot.state import reset_links
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.dialect import FTC_SIM_FLAGS_GPS, FTC_SIM_FLAGS_RUNNING
@@ -77,10 +78,10 @@ class SensorRig(Rig):
         return self.heard(self.plant)
 
     def drops(self, reason: DropReason) -> int:
-        return int(self.link.drops[SIMULATOR, -reason])
+        return int(self.autopilots.own[0]["drops"][SIMULATOR, -reason])
 
     def estimate(self) -> tuple[Any, ...]:
-        measured = self.link.simulator.measured[0]
+        measured = self.autopilots.own[0]["measured"]
         return tuple(measured[name].tolist() for name in ("position", "velocity", "attitude"))
 
 
@@ -99,8 +100,8 @@ def test_a_step_with_all_sensors_is_answered(rig: SensorRig) -> None:
     rig.send_neighbour_state(0)
     rig.send_all(0)
     assert rig.answers() == [codec.MessageId.ACTUATORS, codec.MessageId.STEP_DONE]
-    assert int(rig.link.state[0]["step"]) == 0
-    assert not rig.link.drops.any()
+    assert int(rig.autopilots.own[0]["link"]["step"]) == 0
+    assert not rig.autopilots.own["drops"].any()
     _, velocity, attitude = rig.estimate()
     assert np.isfinite([*velocity, *attitude]).all()
 
@@ -132,7 +133,7 @@ def test_in_lockstep_a_step_that_lacks_its_gps_sample_waits(rig: SensorRig) -> N
     rig.send_gps(0)
     rig.send_step(1, LOCKSTEP | FTC_SIM_FLAGS_GPS)
     assert is_answered(rig)
-    assert int(rig.link.state[0]["flags"]) == LOCKSTEP
+    assert int(rig.autopilots.own[0]["link"]["flags"]) == LOCKSTEP
 
 
 def test_in_real_time_a_step_is_flown_with_what_has_come(rig: SensorRig) -> None:
@@ -142,8 +143,8 @@ def test_in_real_time_a_step_is_flown_with_what_has_come(rig: SensorRig) -> None
             rig.send_sensor(step, 1)
         rig.send_step(step, FTC_SIM_FLAGS_RUNNING)
         rig.answers()
-        assert int(rig.link.state[0]["step"]) == step
-    assert int(rig.link.navigation.arrivals[0]["step"]) == 2
+        assert int(rig.autopilots.own[0]["link"]["step"]) == step
+    assert int(rig.autopilots.own[0]["navigation"]["step"]) == 2
 
 
 def turning(rig: SensorRig, step: int, *, is_heard: bool = True) -> None:
@@ -170,12 +171,12 @@ def test_every_step_that_waits_is_estimated_and_the_newest_is_flown(
 ) -> None:
     turning(rig, 0)
     rig.answers()
-    before = int(rig.controllers.states[0]["steps"])
+    before = int(rig.controllers.uavs[0]["controller"]["steps"])
     for step in range(1, 6):
         turning(rig, step)
     rig.answers()
-    assert int(rig.link.state[0]["step"]) == 5
-    assert int(rig.controllers.states[0]["steps"]) == before + 1
+    assert int(rig.autopilots.own[0]["link"]["step"]) == 5
+    assert int(rig.controllers.uavs[0]["controller"]["steps"]) == before + 1
     assert rig.estimate() == stepwise
 
 
@@ -205,10 +206,10 @@ def test_the_first_step_in_real_time_needs_every_imu(rig: SensorRig) -> None:
     rig.send_sensor(0, 0)
     rig.send_step(0, FTC_SIM_FLAGS_RUNNING)
     rig.answers()
-    assert int(rig.link.state[0]["step"]) == -1
+    assert int(rig.autopilots.own[0]["link"]["step"]) == -1
     rig.send_all(1, FTC_SIM_FLAGS_RUNNING)
     rig.answers()
-    assert int(rig.link.state[0]["step"]) == 1
+    assert int(rig.autopilots.own[0]["link"]["step"]) == 1
 
 
 def test_a_gps_sample_may_be_older_than_the_last(rig: SensorRig) -> None:
@@ -234,13 +235,14 @@ def test_the_same_step_again_changes_no_estimate(rig: SensorRig) -> None:
     rig.send_neighbour_state(0)
     rig.send_all(0)
     assert is_answered(rig)
-    before = [array.copy() for array in rig.link.navigation.estimator]
+    estimator = rig.autopilots.own["navigation"]["estimator"]
+    before, memory = estimator.copy(), rig.autopilots.histories.copy()
     estimate = rig.estimate()
     rig.send_all(0)
     assert rig.answers() == [codec.MessageId.STEP_DONE]
     assert rig.estimate() == estimate
-    for array, earlier in zip(rig.link.navigation.estimator, before, strict=True):
-        assert array.tobytes() == earlier.tobytes()
+    assert estimator.tobytes() == before.tobytes()
+    assert rig.autopilots.histories.tobytes() == memory.tobytes()
 
 
 def test_sensors_out_of_range_are_dropped_and_counted(rig: SensorRig) -> None:
@@ -280,6 +282,6 @@ def test_another_plant_process_restarts_the_flight(rig: SensorRig) -> None:
     rig.send_all(0, run=8)
     outcomes = [rig.run() for _ in range(3)]
     assert Outcome.RESTARTED in outcomes
-    reset_link(rig.link)
+    reset_links(rig.autopilots)
     rig.send_all(0, run=8)
     assert is_answered(rig)

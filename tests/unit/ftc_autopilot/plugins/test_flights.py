@@ -21,10 +21,10 @@ from own_laws import (
 )
 from vehicle_bench import Bench
 
-from ftc_autopilot.control.controllers import Controllers, new_controllers, reset_controllers
-from ftc_autopilot.hot.checkpoint import VEHICLE, open_checkpoint, restore, save
-from ftc_autopilot.hot.link import checkpoint_records, new_link
-from ftc_autopilot.hot.navigation import new_navigation
+from ftc_autopilot.control.controllers import Controllers, reset_controllers
+from ftc_autopilot.hot.checkpoint import restore, save
+from ftc_autopilot.hot.restart import with_checkpoint
+from ftc_autopilot.hot.state import new_autopilots
 from ftc_autopilot.vehicle.param_table import parameters_of
 from gcs.fleet.in_process import begin, fly_in_process, fly_on
 from gcs.results.recording import Recording, Steps
@@ -123,16 +123,14 @@ def test_a_copy_of_a_flight_goes_on_as_the_flight_does(tmp_path: Path, way: str)
 def test_a_law_keeps_its_state_over_a_restart_of_its_process(tmp_path: Path, way: str) -> None:
     name = write_law(tmp_path, way)
     config = scenario(tmp_path, controller={"kind": name}).autopilot_config(1)
-    controllers = new_controllers([config])
-    link = new_link(1, config.neighbours, config.step_us, 0.25, 0, new_navigation(config))
-    records = checkpoint_records(link, controllers, np.zeros(1, VEHICLE))
-    saved = open_checkpoint(tmp_path / "checkpoint", records, "same")
-    state = controllers.states[0]["plugin"]["own"]["numbers"]
+    autopilot, _ = with_checkpoint(new_autopilots([config]), config, tmp_path / "checkpoint")
+    controllers = autopilot.controllers
+    state = controllers.uavs[0]["controller"]["plugin"]["own"]["numbers"]
     state[:2] = 2.5, np.int64(7).view("f8")
-    save(saved)
+    save(autopilot.checkpoint, autopilot.own, autopilot.edges)
     reset_controllers(controllers)
     assert state[0] == 0.0
-    assert restore(open_checkpoint(tmp_path / "checkpoint", records, "same"))
+    assert restore(autopilot.checkpoint, autopilot.own, autopilot.edges[0])
     assert state[0] == 2.5
     assert state.view("i8")[1] == 7
 
@@ -150,7 +148,7 @@ def test_its_numbers_are_parameters_of_the_vehicle(tmp_path: Path, way: str) -> 
     assert parameters["CTRL_LAW"].get() == 5
     assert parameters["TRIG_MODE"].get() == 8
     parameters["LIMIT_DEG"].set(15.0)
-    numbers = bench.controllers.parameters[0]["plugin"]["own"]["numbers"]
+    numbers = bench.controllers.uavs[0]["parameters"]["plugin"]["own"]["numbers"]
     assert numbers[3] == np.radians(15.0)
     parameters["TRIG_MODE"].set(0)
     parameters["TRIG_MODE"].set(8)
@@ -162,7 +160,7 @@ def test_the_mavlink_messages_of_its_state_are_made(tmp_path: Path) -> None:
     text = COMPILED.replace('("integral", "f8")', '("integral", "f8"), ("Phi_v", "f8")')
     (tmp_path / "mine.py").write_text(text)
     bench = Bench(scenario(tmp_path, controller={"kind": f"{tmp_path}/mine.py:Mine"}))
-    bench.controllers.states[0]["plugin"]["own"]["numbers"][1] = 3.5
+    bench.controllers.uavs[0]["controller"]["plugin"]["own"]["numbers"][1] = 3.5
     made: Any = {
         one.make(i).get_type(): one.make(i)
         for one in bench.vehicle.telemetry
@@ -257,7 +255,7 @@ FTC_LAW"""
     flown = scenario(tmp_path, 0.05, controller={"kind": name})
     flight = begin(flown)
     fly_on(flown, flight, Steps.room(50, 3).part)
-    numbers = flight.controllers.states["plugin"]["own"]["numbers"]
+    numbers = flight.controllers.uavs["controller"]["plugin"]["own"]["numbers"]
     steps = np.ascontiguousarray(numbers[:, 1]).view("i8")
     assert steps.tolist() == [int(flown.aircraft.mass_kg) + 50] * 3
 

@@ -54,8 +54,8 @@ class Trembling:
     def __init__(self, scenario: Scenario) -> None:
         self.bench = Bench(scenario)
         self.time_us = 20 * SECOND
-        self.report = self.bench.hot.navigation.estimator.report[0]
-        self.diagnosis = self.bench.controllers.states[0]["surviving"]["diagnosis"]
+        self.report = self.bench.hot.navigation["estimator"]["report"]
+        self.diagnosis = self.bench.controllers.uavs[0]["controller"]["surviving"]["diagnosis"]
         self.diagnosis["age"], self.report["aligned"] = 20.0, 1
         self.bench.run()
         self.heard()

@@ -14,7 +14,7 @@ from gcs.scenario.model import Scenario
 def test_a_law_without_adaptive_estimates_reports_none(scenario1: Scenario, law: str) -> None:
     flown = Scenario.model_validate(scenario1.model_dump() | {"controller": {"kind": law}})
     bench = Bench(flown)
-    bench.controllers.states[0]["proposed"]["beta_v"] = 2.5
+    bench.controllers.uavs[0]["controller"]["proposed"]["beta_v"] = 2.5
     message: Any = ControllerMessages(bench.hot, bench.controllers, flown.controller).adaptation()
     estimates = message.phi_v, message.g_v, message.beta_v, message.phi_omega, message.beta_omega
     if law == "proposed":

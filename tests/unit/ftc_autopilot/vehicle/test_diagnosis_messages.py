@@ -23,7 +23,7 @@ def bench(scenario1: Scenario) -> Bench:
 
 def diagnosed(bench: Bench) -> Any:
     """The diagnosis of the bench's vehicle, as if its law had run for 20 s."""
-    diagnosis = bench.controllers.states[0]["surviving"]["diagnosis"]
+    diagnosis = bench.controllers.uavs[0]["controller"]["surviving"]["diagnosis"]
     diagnosis["age"] = 20.0
     bench.hot.measured["time_usec"] = 20_000_000
     bench.run()
@@ -81,7 +81,7 @@ def test_a_new_flight_is_no_return_to_service(bench: Bench) -> None:
 
 def test_health_and_phase_follow_the_diagnosis(bench: Bench) -> None:
     makers = bench.vehicle.telemetry[0]
-    signals = bench.controllers.signals[0]
+    signals = bench.controllers.uavs[0]["signals"]
     signals["effectiveness"] = (1.0, 0.5, 1.0, 1.0)
     signals["offset"] = (*np.radians([0.0, -2.0, 7.0]), 50.0)
     signals["phase"] = (0, 1, 0, 0)

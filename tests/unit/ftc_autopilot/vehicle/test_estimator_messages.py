@@ -31,7 +31,7 @@ def bench(scenario1: Scenario) -> Bench:
 
 
 def report(bench: Bench) -> Any:
-    return bench.hot.navigation.estimator.report[0]
+    return bench.hot.navigation["estimator"]["report"]
 
 
 def made(bench: Bench, number: int) -> Any:
@@ -102,7 +102,7 @@ def test_an_excluded_imu_is_announced_and_gyros_are_unhealthy_when_none_is_left(
 def test_the_covariance_of_the_attitude_is_of_roll_pitch_and_yaw(bench: Bench) -> None:
     """In level flight to the east, a turn about north is a pitch, and one about east a roll."""
     bench.hot.measured["attitude"] = (0.0, 0.0, math.pi / 2.0)
-    P = bench.hot.navigation.estimator.filters[0]["P"]
+    P = bench.hot.navigation["estimator"]["filters"][0]["P"]
     P[0, 0], P[1, 1], P[2, 2] = 1e-4, 4e-4, 9e-4
     message = made(bench, dialect.MAVLINK_MSG_ID_ATTITUDE_QUATERNION_COV)
     covariance = np.reshape(message.covariance, (3, 3))

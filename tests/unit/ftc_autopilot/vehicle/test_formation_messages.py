@@ -20,8 +20,8 @@ REQUEST, FORMATION = dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAVLINK_MSG_ID_FTC
 def bench() -> Bench:
     bench = Bench(load_scenario("missions/hexagon"))
     bench.run()
-    begin_path(bench.controllers.guidance[0])
-    state = bench.controllers.formations[0]
+    begin_path(bench.controllers.uavs[0]["guidance"])
+    state = bench.controllers.uavs[0]["formation"]
     state["path_id"], state["xi"], state["distance"], state["nearest"] = 7, 120.0, 28.3, 2
     state["slot_of"] = range(64)
     said(bench)
@@ -47,7 +47,7 @@ def reported(bench: Bench) -> Any:
 
 
 def test_a_slot_is_ordered_and_taken_back(bench: Bench) -> None:
-    commanded = bench.controllers.formations[0]["commanded"]
+    commanded = bench.controllers.uavs[0]["formation"]["commanded"]
     assert bench.command(SET_SLOT, -60.0, 5.0, 10.0) == ACCEPTED
     assert commanded.tolist() == [-60.0, 5.0, 10.0]
     assert bench.command(SET_SLOT, math.nan, math.nan, math.nan) == ACCEPTED
@@ -70,7 +70,7 @@ def test_a_slot_that_cannot_be_is_refused(
     (ack,) = of_type(answers, "COMMAND_ACK")
     assert ack.result == DENIED
     assert "".join(text.text for text in of_type(answers, "STATUSTEXT")) == reason
-    assert all(map(math.isnan, bench.controllers.formations[0]["commanded"]))
+    assert all(map(math.isnan, bench.controllers.uavs[0]["formation"]["commanded"]))
 
 
 def test_who_is_in_no_formation_takes_no_slot(scenario1: Scenario) -> None:
@@ -80,7 +80,7 @@ def test_who_is_in_no_formation_takes_no_slot(scenario1: Scenario) -> None:
 
 
 def test_a_member_tells_how_it_sees_the_formation(bench: Bench) -> None:
-    state = bench.controllers.formations[0]
+    state = bench.controllers.uavs[0]["formation"]
     state["error"] = (0.5, -0.25, math.nan)
     enter(state["table"], 0, 4 * LOST + LEAVE)
     message = reported(bench)
@@ -93,7 +93,7 @@ def test_a_member_tells_how_it_sees_the_formation(bench: Bench) -> None:
 
 
 def test_changes_are_announced_once(bench: Bench) -> None:
-    state = bench.controllers.formations[0]
+    state = bench.controllers.uavs[0]["formation"]
     enter(state["table"], 0, 4 * LOST + STAY)
     enter(state["table"], 1, 4 * LOST + LEAVE)  # which UAV 2 announces itself
     enter(state["table"], 2, 4 * SILENT + LEAVE)
@@ -114,7 +114,7 @@ def test_changes_are_announced_once(bench: Bench) -> None:
 
 
 def test_evading_and_too_small_a_distance_are_announced(bench: Bench) -> None:
-    state = bench.controllers.formations[0]
+    state = bench.controllers.uavs[0]["formation"]
     state["evading"], state["distance"] = 1, 17.26
     assert said(bench) == ["evading, the nearest is UAV 2, 17.3 m away"]
     state["distance"] = 14.9
@@ -128,12 +128,12 @@ def test_policies_are_parameters(bench: Bench) -> None:
     assert value.param_value == STAY
     real = dialect.MAV_PARAM_TYPE_INT32
     bench.say(dialect.MAVLink_param_set_message(1, 1, b"FORM_ON_LOST", float(LEAVE), real))
-    assert bench.controllers.parameters[0]["formation"]["on_lost"] == LEAVE
+    assert bench.controllers.uavs[0]["parameters"]["formation"]["on_lost"] == LEAVE
 
 
 def test_slots_are_of_the_mission_only(bench: Bench) -> None:
     """A member that is ordered elsewhere flies there itself, not beside it."""
-    guidance = bench.controllers.guidance[0]
+    guidance = bench.controllers.uavs[0]["guidance"]
     assert guidance["in_slot"] == 1
     assert bench.command(ARM, 1.0) == ACCEPTED
     assert bench.command(dialect.MAV_CMD_DO_SET_MODE, 1.0, RTL) == ACCEPTED

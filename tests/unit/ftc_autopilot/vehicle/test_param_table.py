@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from ftc_autopilot.common.schedule import scheduled
-from ftc_autopilot.control.controllers import NOT_STARTED, Controllers, new_controllers
+from ftc_autopilot.control.controllers import NOT_STARTED
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.hot.hot_state import HotState
-from ftc_autopilot.hot.link import new_link
-from ftc_autopilot.hot.navigation import new_navigation
+from ftc_autopilot.hot.state import new_autopilots
 from ftc_autopilot.vehicle.param_table import parameters_of
 from gcs.scenario.model import Scenario
 from gcs.station.param_metadata import known_quantity
@@ -28,10 +27,8 @@ from mavlink_defs.services.param_server import (
 class Bench:
     def __init__(self, scenario: Scenario) -> None:
         config = scenario.autopilot_config(2)
-        self.controllers: Controllers = new_controllers([config])
-        self.hot = HotState(
-            new_link(2, config.neighbours, config.step_us, 0.25, 0, new_navigation(config))
-        )
+        autopilots = new_autopilots([config])
+        self.controllers, self.hot = autopilots.controllers, HotState(autopilots)
         found = parameters_of(config, self.hot, self.controllers)
         self.parameters = {parameter.name: parameter for parameter in found}
 
@@ -95,11 +92,11 @@ def test_the_papers_parameters_are_there(bench: Bench) -> None:
     ],
 )
 def test_a_value_out_of_range_is_refused(bench: Bench, name: str, value: float, text: str) -> None:
-    before = bench.controllers.parameters.copy()
+    before = bench.controllers.uavs["parameters"].copy()
     with pytest.raises(ParamValueError) as refusal:
         bench.set(name, value)
     assert refusal.value.text == text
-    assert bench.controllers.parameters == before
+    assert bench.controllers.uavs["parameters"] == before
 
 
 @pytest.mark.parametrize("kind", LAWS)
@@ -129,7 +126,7 @@ def test_the_value_of_a_scenario_is_within_the_bounds(scenario1: Scenario) -> No
 
 
 def test_what_is_set_is_flown(bench: Bench) -> None:
-    record = bench.controllers.parameters[0]
+    record = bench.controllers.uavs[0]["parameters"]
     bench.set("LAMBDA3", 4.0)
     bench.set("TRIG_MODE", 1)
     assert (record["common"]["lambda3"], record["mode"]) == (4.0, 1)
@@ -137,7 +134,7 @@ def test_what_is_set_is_flown(bench: Bench) -> None:
 
 @pytest.mark.parametrize("value", [0.0, 0.1, 0.7, 1.1, 9.3, float(np.float32(0.3)), 10.0])
 def test_an_angle_is_set_in_degrees_and_flown_in_radians(bench: Bench, value: float) -> None:
-    table = bench.controllers.parameters[0]["trigger"]["b2_rad"]
+    table = bench.controllers.uavs[0]["parameters"]["trigger"]["b2_rad"]
     bench.set("TRIG_B2_DEG", value)
     assert scheduled(table, 99.0)[0] == value * math.radians(1.0)
     assert np.float32(bench["TRIG_B2_DEG"].get()) == np.float32(value)
@@ -145,18 +142,18 @@ def test_an_angle_is_set_in_degrees_and_flown_in_radians(bench: Bench, value: fl
 
 
 def test_a_schedule_is_read_as_it_is_now_and_set_for_good(bench: Bench) -> None:
-    table = bench.controllers.parameters[0]["trigger"]["a2_n"]
-    bench.controllers.guidance[0]["start_step"] = 1000
+    table = bench.controllers.uavs[0]["parameters"]["trigger"]["a2_n"]
+    bench.controllers.uavs[0]["guidance"]["start_step"] = 1000
     bench.hot.step = 16_000
     assert bench["TRIG_A2_N"].get() == 1.0  # from 14 s on
-    bench.controllers.guidance[0]["start_step"] = NOT_STARTED
+    bench.controllers.uavs[0]["guidance"]["start_step"] = NOT_STARTED
     assert bench["TRIG_A2_N"].get() == 0.5
     bench.set("TRIG_A2_N", 2.0)
     assert [scheduled(table, t)[0] for t in (0.0, 14.0, 99.0)] == [2.0] * 3
 
 
 def test_one_axis_is_set_and_the_others_keep_their_schedule(bench: Bench) -> None:
-    table = bench.controllers.parameters[0]["proposed"]["K1"]
+    table = bench.controllers.uavs[0]["parameters"]["proposed"]["K1"]
     bench.set("K1_PITCH", 30.0)
     assert scheduled(table, 0.0) == (50.0, 30.0, 51.0)
     assert scheduled(table, 99.0) == (40.0, 30.0, 40.0)
@@ -164,8 +161,8 @@ def test_one_axis_is_set_and_the_others_keep_their_schedule(bench: Bench) -> Non
 
 def test_initial_values_can_be_set_until_the_law_has_read_them(bench: Bench) -> None:
     bench.set("BETA_V0", 2.0)
-    assert bench.controllers.parameters[0]["proposed"]["beta_v0"] == 2.0
-    bench.controllers.states[0]["steps"] = 1
+    assert bench.controllers.uavs[0]["parameters"]["proposed"]["beta_v0"] == 2.0
+    bench.controllers.uavs[0]["controller"]["steps"] = 1
     with pytest.raises(ParamValueError) as refusal:
         bench.set("BETA_V0", 3.0)
     assert refusal.value.error == dialect.MAV_PARAM_ERROR_READ_ONLY

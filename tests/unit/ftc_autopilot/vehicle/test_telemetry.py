@@ -10,10 +10,9 @@ import pytest
 from pymavlink.dialects.v20 import common
 
 from ftc_autopilot.common.geography import Origin, place_of
-from ftc_autopilot.control.controllers import new_controllers
+from ftc_autopilot.hot.drops import GCS
 from ftc_autopilot.hot.hot_state import HotState
-from ftc_autopilot.hot.link import GCS, new_link
-from ftc_autopilot.hot.navigation import new_navigation
+from ftc_autopilot.hot.state import new_autopilots
 from ftc_autopilot.vehicle.status_messages import VERSION
 from ftc_autopilot.vehicle.telemetry import DEFAULT_INTERVALS_US
 from ftc_autopilot.vehicle.vehicle import Vehicle
@@ -32,16 +31,14 @@ class Bench:
 
     def __init__(self, scenario: Scenario) -> None:
         config = scenario.autopilot_config(3)
-        self.controllers = new_controllers([config])
-        self.hot = HotState(
-            new_link(3, config.neighbours, config.step_us, 0.25, 0, new_navigation(config))
-        )
+        autopilots = new_autopilots([config])
+        self.controllers, self.hot = autopilots.controllers, HotState(autopilots)
         state = self.hot.measured
         state["position"] = (1000.0, 0.0, -120.0)
         state["velocity"] = (40.0, 0.0, 0.0)
         state["attitude"] = (0.0, math.radians(10.0), math.radians(45.0))
         state["time_usec"] = 5_000_000
-        self.controllers.actuators[0]["controls"][:4] = (0.5, -1.0, 1.0, 0.25)
+        self.controllers.uavs[0]["actuators"]["controls"][:4] = (0.5, -1.0, 1.0, 0.25)
         self.vehicle = Vehicle(config, self.hot, self.controllers, UNIX_S)
         (self.telemetry,) = self.vehicle.telemetry
         self.speaker = FramePacker(3, 1)
@@ -164,9 +161,9 @@ def test_version(bench: Bench) -> None:
 def test_no_state_is_too_strange_to_be_reported(value: float, bench: Bench) -> None:
     records = (
         bench.hot.measured,
-        bench.controllers.signals[0],
-        bench.controllers.states[0],
-        bench.controllers.actuators[0],
+        bench.controllers.uavs[0]["signals"],
+        bench.controllers.uavs[0]["controller"],
+        bench.controllers.uavs[0]["actuators"],
     )
     with np.errstate(all="ignore"):
         for record in records:

@@ -27,7 +27,7 @@ def test_after_arming_it_circles_at_its_place_before_time_runs(scenario1: Scenar
     assert bench.vehicle.modes.mode == LOITER
     begin = bench.vehicle.modes.path.point()
     assert (begin.north, begin.east, begin.height) == (30.0, 20.0, 110.0)
-    assert bench.controllers.guidance[0]["active"] == 1
+    assert bench.controllers.uavs[0]["guidance"]["active"] == 1
 
 
 def test_a_mission_cannot_start_without_a_profile(scenario1: Scenario) -> None:
@@ -38,10 +38,10 @@ def test_a_started_mission_flies_the_uploaded_profile(scenario1: Scenario) -> No
     bench = Bench(scenario1)
     assert bench.upload(scenario1) == dialect.MAV_MISSION_ACCEPTED
     assert bench.command(START) == ACCEPTED
-    guidance = bench.controllers.guidance[0]
+    guidance = bench.controllers.uavs[0]["guidance"]
     assert bench.vehicle.modes.mode == AUTO
     assert (guidance["follows"], guidance["start_step"]) == (Source.PROFILE, 0)
-    assert bench.controllers.profiles[0]["count"] == 3
+    assert bench.controllers.uavs[0]["profile"]["count"] == 3
 
 
 def test_a_mission_started_in_flight_begins_with_the_next_step(scenario1: Scenario) -> None:
@@ -51,7 +51,7 @@ def test_a_mission_started_in_flight_begins_with_the_next_step(scenario1: Scenar
     bench.run()
     bench.hot.step = 500
     bench.command(START)
-    assert bench.controllers.guidance[0]["start_step"] == 501
+    assert bench.controllers.uavs[0]["guidance"]["start_step"] == 501
 
 
 def test_a_mission_is_started_again_after_another_upload(scenario1: Scenario) -> None:
@@ -74,7 +74,7 @@ def test_mission_progress_follows_the_profile(scenario1: Scenario) -> None:
     said = bench.vehicle.gcs_messages()
     assert [m.seq for m in of_type(said, "MISSION_ITEM_REACHED")] == [1]
     assert {m.seq for m in of_type(said, "MISSION_CURRENT")} == {2}
-    assert bench.controllers.guidance[0]["start_step"] == 0
+    assert bench.controllers.uavs[0]["guidance"]["start_step"] == 0
 
 
 def test_setting_the_current_item_jumps_in_the_profile(scenario1: Scenario) -> None:
@@ -84,10 +84,10 @@ def test_setting_the_current_item_jumps_in_the_profile(scenario1: Scenario) -> N
     bench.run()
     bench.hot.step = 1000
     bench.say(dialect.MAVLink_mission_set_current_message(UAV, 1, 3))
-    assert bench.controllers.guidance[0]["start_step"] == 1000 - 15000
+    assert bench.controllers.uavs[0]["guidance"]["start_step"] == 1000 - 15000
     bench.hot.step = 1001
     bench.vehicle.handle_timer(bench.now)
-    assert bench.controllers.guidance[0]["start_step"] == 1000 - 15000
+    assert bench.controllers.uavs[0]["guidance"]["start_step"] == 1000 - 15000
     assert not of_type(bench.vehicle.gcs_messages(), "MISSION_ITEM_REACHED")
 
 
@@ -97,14 +97,14 @@ def test_disarming_in_flight_must_be_forced(scenario1: Scenario) -> None:
     bench.run()
     assert bench.command(ARM, 0.0) == DENIED
     assert bench.command(ARM, 0.0, 21196.0) == ACCEPTED
-    assert bench.controllers.guidance[0]["active"] == 0
+    assert bench.controllers.uavs[0]["guidance"]["active"] == 0
 
 
 def test_arming_again_restarts_the_law(scenario1: Scenario) -> None:
     bench = Bench(scenario1)
     bench.command(ARM, 1.0)
     bench.run()
-    controller = bench.controllers.states[0]
+    controller = bench.controllers.uavs[0]["controller"]
     controller["started"], controller["proposed"]["beta_v"] = 1, 5.0
     controller["steps"] = controller["events"][:] = 7
     bench.command(ARM, 1.0)  # is armed already
@@ -140,9 +140,9 @@ def test_after_a_restart_of_the_plant_everything_is_as_before_the_flight(
         dialect.MAV_STATE_STANDBY,
     )
     assert not heartbeat.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED
-    assert bench.controllers.guidance[0]["active"] == 0
+    assert bench.controllers.uavs[0]["guidance"]["active"] == 0
     assert bench.command(START) == ACCEPTED  # the profile is still there, and begins again
-    assert bench.controllers.guidance[0]["start_step"] == 0
+    assert bench.controllers.uavs[0]["guidance"]["start_step"] == 0
 
 
 @pytest.mark.parametrize("mode", [0.0, 5.0, 6.0, math.nan])
@@ -158,9 +158,9 @@ def test_guided_follows_set_points(scenario1: Scenario) -> None:
     half = math.radians(10.0) / 2.0
     q = [math.cos(half), math.sin(half), 0.0, 0.0]
     bench.say(dialect.MAVLink_set_attitude_target_message(0, UAV, 1, 0b111, q, 0, 0, 0, 0.0))
-    assert bench.controllers.guidance[0]["command"][1] == pytest.approx(math.radians(10.0))
+    assert bench.controllers.uavs[0]["guidance"]["command"][1] == pytest.approx(math.radians(10.0))
     assert bench.command(dialect.MAV_CMD_DO_CHANGE_SPEED, 0.0, 45.0) == ACCEPTED
-    assert bench.controllers.guidance[0]["command"][0] == 45.0
+    assert bench.controllers.uavs[0]["guidance"]["command"][0] == 45.0
     assert bench.command(dialect.MAV_CMD_DO_CHANGE_SPEED, 0.0, 450.0) == DENIED
 
 
@@ -261,9 +261,9 @@ def test_a_mission_begins_with_the_current_item_and_then_from_its_start(
     bench.upload(scenario1)
     assert bench.command(SET_CURRENT, 3.0) == ACCEPTED
     assert bench.command(START) == ACCEPTED
-    assert bench.controllers.guidance[0]["start_step"] == -15_000
+    assert bench.controllers.uavs[0]["guidance"]["start_step"] == -15_000
     assert bench.command(START) == ACCEPTED
-    assert bench.controllers.guidance[0]["start_step"] == 0
+    assert bench.controllers.uavs[0]["guidance"]["start_step"] == 0
 
 
 @pytest.mark.parametrize("params", [(2.0, 0.0), (0.0, 3.0)])
@@ -322,7 +322,7 @@ def test_mission_current_tells_the_state_of_the_mission(scenario1: Scenario) -> 
 def test_a_parameter_acts_between_two_steps_and_is_announced(scenario1: Scenario) -> None:
     bench = Bench(scenario1)
     said = bench.say(dialect.MAVLink_param_set_message(UAV, 1, b"LAMBDA3", 4.5, 9))
-    assert bench.controllers.parameters[0]["common"]["lambda3"] == 4.5
+    assert bench.controllers.uavs[0]["parameters"]["common"]["lambda3"] == 4.5
     (value,) = of_type(said, "PARAM_VALUE")
     assert (value.param_id, value.param_value) == ("LAMBDA3", 4.5)
     assert [m.text for m in of_type(said, "STATUSTEXT")] == ["LAMBDA3 is 4.5 now"]

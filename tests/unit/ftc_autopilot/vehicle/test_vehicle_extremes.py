@@ -105,5 +105,5 @@ def test_the_vehicle_still_flies_after_all_that(scenario1: Scenario) -> None:
             received = parse(GCS.pack(message_with(cls, case)))
             assert received is not None
             bench.vehicle.receive(received, bench.now)
-    assert all(math.isfinite(float(x)) for x in bench.controllers.guidance[0]["command"])
-    assert math.isfinite(float(bench.controllers.parameters[0]["proposed"]["K1"][0, 1]))
+    assert all(math.isfinite(float(x)) for x in bench.controllers.uavs[0]["guidance"]["command"])
+    assert math.isfinite(float(bench.controllers.uavs[0]["parameters"]["proposed"]["K1"][0, 1]))

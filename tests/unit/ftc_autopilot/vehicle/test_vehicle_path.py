@@ -36,7 +36,7 @@ class PathBench(Bench):
     def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)
         self.path = self.vehicle.modes.path
-        self.guidance = self.controllers.guidance[0]
+        self.guidance = self.controllers.uavs[0]["guidance"]
         self.put(0.0, 0.0)
 
     def put(self, north: float, east: float, height: float = 100.0) -> None:

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from vehicle_bench import ACCEPTED, ARM, START, UAV, Bench, of_type
 
 from ftc_autopilot.control.reference import profile_record, profile_segments
-from ftc_autopilot.hot.checkpoint import VEHICLE, open_checkpoint, restore, save
-from ftc_autopilot.hot.link import checkpoint_records
+from ftc_autopilot.hot.checkpoint import save
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.constants import AUTO
@@ -64,16 +63,14 @@ class Process(Bench):
     """One process of a vehicle with a file."""
 
     def __init__(self, scenario: Scenario, path: Path) -> None:
-        super().__init__(scenario)
-        self.vehicle_record = np.zeros(1, VEHICLE)
-        records = checkpoint_records(self.hot._both, self.controllers, self.vehicle_record)
-        self.checkpoint = open_checkpoint(path, records, "uav 1")
-        if restore(self.checkpoint):
-            self.vehicle.resume(self.vehicle_record[0])
+        super().__init__(scenario, checkpoint=path)
+        if self.resumes:
+            self.vehicle.resume(self.autopilots.own[0]["vehicle"])
 
     def save(self) -> None:
-        self.vehicle.save(self.vehicle_record[0])
-        save(self.checkpoint)
+        autopilots = self.autopilots
+        self.vehicle.save(autopilots.own[0]["vehicle"])
+        save(autopilots.checkpoint, autopilots.own, autopilots.edges)
 
     def reported(self) -> list[str]:
         self.now += 1.0
@@ -101,7 +98,7 @@ def test_profile_mode_arming_and_parameters_come_back(scenario1: Scenario, tmp_p
     first.run()
     first.hot.step = 9_000
     first.hot.measured["time_usec"] = 9_000_000
-    first.controllers.states["events"] = (5, 6, 7, 8)
+    first.controllers.uavs["controller"]["events"] = (5, 6, 7, 8)
     first.reported()
     first.save()
 

@@ -231,4 +231,4 @@ def test_a_fault_is_within_the_stops_of_the_aircraft_that_has_it():
     fault = FAULT | {"stuck_deg": 20.0}
     narrow = scenario(aircraft=wide | {"surface_limit_deg": 10.0}, uavs=uavs, faults=[fault])
     flight = Rig(narrow).flight
-    assert flight.fleet.faults[0]["value"][0] == pytest.approx(np.radians(20.0))
+    assert flight.fleet.uavs[0]["faults"]["value"][0] == pytest.approx(np.radians(20.0))

@@ -72,7 +72,7 @@ def test_each_uav_has_the_aircraft_that_it_names(tmp_path: Path) -> None:
     assert [one.stops_deg for one in flown] == [one.stops_deg for one in expected]
     flight = begin(scenario)
     for i, one in enumerate(expected):
-        assert flight.controllers.aircraft[i] == aircraft_record(one)
+        assert flight.controllers.uavs[i]["aircraft"] == aircraft_record(one)
     assert [scenario.planner(i).airspeeds.max_m_s for i in (1, 2)] == [30.0, 24.0]
 
 

@@ -7,13 +7,11 @@ import numpy as np
 import pytest
 
 from ftc_autopilot.config import AutopilotConfig
-from ftc_autopilot.control.controllers import new_controllers
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.triggers import MODES
 from ftc_autopilot.hot.hot_state import HotState
-from ftc_autopilot.hot.link import new_link
-from ftc_autopilot.hot.navigation import new_navigation
+from ftc_autopilot.hot.state import new_autopilots
 from ftc_autopilot.vehicle.param_table import parameters_of
 from gcs.scenario.model import Scenario
 from gcs.station.param_file import READ_ONLY
@@ -39,8 +37,8 @@ def held_by(scenario: Scenario, **keys: Any) -> tuple[Param, ...]:
     given = {"formation": {"slots": {2: {}}}, "guidance": {"kind": "path"}} | keys
     tree = scenario.autopilot_config(2).model_dump() | given
     config = AutopilotConfig.model_validate(tree)
-    hot = HotState(new_link(2, config.neighbours, config.step_us, 0.25, 0, new_navigation(config)))
-    found = parameters_of(config, hot, new_controllers([config]))
+    autopilots = new_autopilots([config])
+    found = parameters_of(config, HotState(autopilots), autopilots.controllers)
     return tuple(Param(p.name, decimal_of_float32(p.get()), p.type) for p in found)
 
 

@@ -1,54 +1,34 @@
-"""Tables of tuples of arrays, which compiled code indexes."""
-
-from typing import NamedTuple
+"""Bytes of records, which compiled and plain code read and write."""
 
 import numpy as np
 
 from mavlink_defs.runtime.jit import compiled
-from mavlink_defs.runtime.memory import borrowed, load_tuple, new_table, store_tuple
+from mavlink_defs.runtime.memory import bytes_of, plain_bytes_of
 
-
-class Inner(NamedTuple):
-    matrix: np.ndarray
-    number: int
-
-
-class Outer(NamedTuple):
-    values: np.ndarray
-    inner: Inner
-    factor: float
-
-
-def outer(k: int) -> Outer:
-    """Return arrays whose lengths and values depend on k."""
-    matrix = np.arange(2.0 * (k + 1)).reshape(k + 1, 2)
-    return Outer(np.full(k + 2, float(k)), Inner(matrix, 10 * k), 0.5 * k)
+INNER = np.dtype([("flag", "u1"), ("value", "<f8")])
+OUTER = np.dtype([("before", "<i8"), ("inner", INNER), ("after", "u1")])
 
 
 @compiled
-def add_to_all(table: np.ndarray, count: int, like: Outer) -> float:
-    """Add its inner number to the values of each; return the sum of all that there is."""
-    like = borrowed(like)
-    total = 0.0
-    for k in range(count):
-        one = load_tuple(table, k, like)
-        for j in range(len(one.values)):
-            one.values[j] += one.inner.number
-            total += one.values[j]
-        for row in range(one.inner.matrix.shape[0]):
-            total += one.inner.matrix[row, 1] * one.factor
+def raise_flag(rows: np.ndarray, i: int) -> int:
+    """Write the first byte of a nested record; return the sum of all of its bytes before."""
+    memory = bytes_of(rows[i]["inner"])
+    total = 0
+    for k in range(len(memory)):
+        total += int(memory[k])
+    memory[0] = 7
     return total
 
 
-def test_compiled_code_reads_and_writes_the_arrays_of_every_entry() -> None:
-    tuples = [outer(k) for k in range(3)]
-    table = new_table(len(tuples), tuples[0])
-    for k, one in enumerate(tuples):
-        store_tuple(table, k, one)
-    expected = sum(
-        float((one.values + one.inner.number).sum() + one.inner.matrix[:, 1].sum() * one.factor)
-        for one in tuples
-    )
-    assert add_to_all(table, len(tuples), tuples[0]) == expected
-    for k, one in enumerate(tuples):
-        assert one.values.tolist() == [11.0 * k] * (k + 2)
+def test_the_bytes_of_a_nested_record_are_its_own_memory() -> None:
+    rows = np.zeros(3, OUTER)
+    rows["before"], rows["after"] = -1, 9  # neighbours in memory, which stay as they are
+    rows["inner"]["value"] = 1.5
+    expected = sum(rows[1]["inner"].tobytes())
+    assert raise_flag(rows, 1) == expected
+    assert rows["inner"]["flag"].tolist() == [0, 7, 0]
+    memory = plain_bytes_of(rows[2]["inner"])
+    assert memory.tobytes() == rows[2]["inner"].tobytes()
+    memory[0] = 5
+    assert rows["inner"]["flag"].tolist() == [0, 7, 5]
+    assert (rows["before"].tolist(), rows["after"].tolist()) == ([-1] * 3, [9] * 3)

@@ -108,16 +108,16 @@ def flown(plant: PlantSection, aircraft: Aircraft, seconds: float) -> np.ndarray
     outside = Outside(config, fleet)
     states = np.empty((round(seconds * 1000), 12))
     for k in range(len(states)):
-        states[k] = fleet.states[0]
+        states[k] = fleet.uavs[0]["state"]
         t = k * 1e-3
         square = [
             math.copysign(1.0, math.sin(2.0 * math.pi * t / period)) for period in (1.0, 1.5, 2)
         ]
         trim = (0.0, -0.035, 0.0)
         for axis in range(3):
-            fleet.controls[0, axis] = trim[axis] + 0.02 * square[axis]
-        fleet.controls[0, 3] = 10.0 + 5.0 * square[2]
-        fleet.messages[0]["actuator_time_usec"] = k
+            fleet.uavs[0]["controls"][axis] = trim[axis] + 0.02 * square[axis]
+        fleet.uavs[0]["controls"][3] = 10.0 + 5.0 * square[2]
+        fleet.uavs[0]["message"]["actuator_time_usec"] = k
         lost = fly(fleet, k, 1000)
         if lost == ADVANCE:
             outside.advance()

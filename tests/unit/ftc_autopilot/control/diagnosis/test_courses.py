@@ -117,7 +117,7 @@ FAULTS = {
 def test_a_fault_in_flight(name: str, scenario1: Scenario) -> None:
     """One measurement comes after a gap."""
     plant = plant_of(scenario1)
-    add_fault(plant.faults[0], FAULTS[name], now_s=0.0)
+    add_fault(plant.uavs[0]["faults"], FAULTS[name], now_s=0.0)
     pilot = Pilot(Surviving().with_servos(SERVOS), PerChannel(), scenario1.aircraft, 0.004)
     gap_s = 0.9 if name == "aileron" else 0.6
     fly_along(Course(f"flight_{name}"), pilot, plant, 1.2, gap_s, delay=int(name == "rudder"))
@@ -129,19 +129,21 @@ def test_the_effectiveness_is_found_while_the_command_moves(
 ) -> None:
     """Without an alarm: of 40 % of the aileron's power lost, no test for a loss says anything."""
     plant = plant_of(scenario1, disturbance={})
-    add_fault(plant.faults[0], Fault(AILERON, rho, 0.0, 0.0, 0.2, math.inf), now_s=0.0)
+    add_fault(plant.uavs[0]["faults"], Fault(AILERON, rho, 0.0, 0.0, 0.2, math.inf), now_s=0.0)
     pilot = Pilot(Surviving().with_servos(SERVOS), PerChannel(), scenario1.aircraft, 0.004)
     random, course = np.random.default_rng(3), []
     command = trim = np.array([0.07, -0.02, 0.36, 900.0])
     for k in range(400):
         observe(plant, 0, k, STEP_US)
         pilot.state["held"] = command
-        signals = pilot.step(motion_of(plant.messages[0], plant.aircraft[0]), (45.0, 0.0, 0.1, 0.0))
+        signals = pilot.step(
+            motion_of(plant.uavs[0]["message"], plant.uavs[0]["aircraft"]), (45.0, 0.0, 0.1, 0.0)
+        )
         course.append(float(signals["effectiveness"][AILERON]))
         assert signals["phase"][AILERON] != LOST
         if k % 15 == 0:
             command = trim + np.array([random.uniform(-0.08, 0.08), 0.0, 0.0, 0.0])
-        plant.controls[0] = command
+        plant.uavs[0]["controls"] = command
         assert fly(plant, k, STEP_US) < 0
     assert course[45] == pytest.approx(1.0, abs=0.02)
     assert course[-1] == pytest.approx(rho, abs=0.1)  # a prior pulls it to 1

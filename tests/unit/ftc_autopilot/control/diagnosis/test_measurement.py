@@ -29,19 +29,19 @@ def flown(scenario: Scenario, commands: np.ndarray, fault: Fault | None = None) 
     tree = scenario.model_dump() | {"disturbance": {}, "faults": ()}
     plant = new_plant_state(Scenario.model_validate(tree).plant_config())
     if fault is not None:
-        add_fault(plant.faults[0], fault, now_s=0.0)
+        add_fault(plant.uavs[0]["faults"], fault, now_s=0.0)
     gains = np.zeros(1, record_dtype(DiagnosisParameters))[0]
     fill(gains, DiagnosisParameters().with_servos(ActuatorServos()))
     state = np.zeros(1, DIAGNOSIS)[0]
     commanded, measured = np.zeros((2, len(commands), 4))
     for step, command in enumerate(commands):
         observe(plant, 0, step, STEP_US)
-        motion = motion_of(plant.messages[0], plant.aircraft[0])
-        now = step_of(motion, step == 0, held=plant.controls[0].copy())
-        measure(now, plant.aircraft[0], gains, state)
+        motion = motion_of(plant.uavs[0]["message"], plant.uavs[0]["aircraft"])
+        now = step_of(motion, step == 0, held=plant.uavs[0]["controls"].copy())
+        measure(now, plant.uavs[0]["aircraft"], gains, state)
         commanded[step] = state["actuators"]["commanded"]
         measured[step] = state["actuators"]["measured"]
-        plant.controls[0] = command
+        plant.uavs[0]["controls"] = command
         assert fly(plant, step, STEP_US) < 0
     return commanded, measured
 
@@ -89,19 +89,19 @@ def test_the_commands_are_as_old_as_the_measurement(ahead: int, scenario1: Scena
     gains, state = servo(0.0), np.zeros(1, DIAGNOSIS)[0]
     plant = new_plant_state(scenario1.plant_config())
     observe(plant, 0, 0, STEP_US)
-    motion = motion_of(plant.messages[0], plant.aircraft[0])
+    motion = motion_of(plant.uavs[0]["message"], plant.uavs[0]["aircraft"])
     found, steps = [], 300
     for step in range(steps):
         now = step_of(motion, step == 0, held=1e-3 * step * np.array([1.0, 2.0, 3.0, 4.0]))
         now = now._replace(seen=now.seen._replace(ahead=ahead, links=max(ahead - 2, 0)))
-        measure(now, plant.aircraft[0], gains, state)
+        measure(now, plant.uavs[0]["aircraft"], gains, state)
         state["age"] += DT
         found.append(state["actuators"]["position"].copy())
     sent = steps - 1 - min(ahead, 127)
     assert found[-1][:3] == pytest.approx(1e-3 * sent * np.array([1.0, 2.0, 3.0]))
     assert found[-1][THROTTLE] == pytest.approx(4e-3 * (steps - 1 - min(max(ahead - 2, 0), 127)))
     state["actuators"]["dead_steps"] = 3
-    measure(now, plant.aircraft[0], gains, state)
+    measure(now, plant.uavs[0]["aircraft"], gains, state)
     sent = steps - min(ahead + 3, 127)
     assert state["actuators"]["position"][RUDDER] == pytest.approx(3e-3 * min(sent, steps - 1))
 
@@ -111,7 +111,7 @@ def test_the_throttle_s_dead_time_comes_on_top_of_the_links(scenario1: Scenario)
     gains["throttle_dead_time_s"] = 0.05
     plant = new_plant_state(scenario1.plant_config())
     observe(plant, 0, 0, STEP_US)
-    now = step_of(motion_of(plant.messages[0], plant.aircraft[0]))
+    now = step_of(motion_of(plant.uavs[0]["message"], plant.uavs[0]["aircraft"]))
     now = now._replace(seen=now.seen._replace(ahead=9, links=2))
     assert [steps_back(j, now, gains, state) for j in (RUDDER, THROTTLE)] == [9, 52]
 
@@ -155,7 +155,7 @@ def test_surfaces_share_a_dead_time_and_the_throttle_has_its_own(
     state = np.zeros(1, DIAGNOSIS)[0]
     plant = new_plant_state(scenario1.plant_config())
     observe(plant, 0, 0, STEP_US)
-    now = step_of(motion_of(plant.messages[0], plant.aircraft[0]))
-    _note_dead_time(shown_by, 12, now, plant.aircraft[0], servo(0.0), state)
+    now = step_of(motion_of(plant.uavs[0]["message"], plant.uavs[0]["aircraft"]))
+    _note_dead_time(shown_by, 12, now, plant.uavs[0]["aircraft"], servo(0.0), state)
     surfaces, throttle = (12, 0) if shown_by == RUDDER else (0, 12)
     assert state["actuators"]["dead_steps"].tolist() == [surfaces] * 3 + [throttle]

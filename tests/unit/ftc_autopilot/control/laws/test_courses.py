@@ -27,7 +27,7 @@ def along_course(
     steps = round(seconds / pilot.dt)
     for k in range(steps):
         t = k * pilot.dt
-        neighbours_at(t, pilot.nominal, pilot.neighbours)
+        neighbours_at(t, pilot.nominal, pilot.edges["known"])
         command = (43.0 if t < 0.3 * seconds else 46.0, 0.2, 0.05, 3.1 if t < 0.2 else -3.1)
         signals = pilot.step(motion_at(t, pilot.nominal, swing), command)
         if k in (0, 2) or (k + 1) % (steps // every) == 0:
@@ -118,7 +118,7 @@ def fly_tube(
 ) -> None:
     plant = plant_of(scenario)
     for fault in faults:
-        add_fault(plant.faults[0], fault, now_s=0.0)
+        add_fault(plant.uavs[0]["faults"], fault, now_s=0.0)
     pilot = Pilot(law.with_servos(SERVOS), trigger, scenario.aircraft, 0.004)
     fly_along(Course(f"tube_{name}"), pilot, plant, 1.0)
 
