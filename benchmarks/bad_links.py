@@ -35,8 +35,8 @@ from mavlink_defs.capture.impairing import Impairer
 from mavlink_defs.capture.impairment import Bursts, Impairment
 from mavlink_defs.faults import fault_from_params
 from mavlink_defs.framing.codec import ACTUATORS, SIM_STATE
-from sitl_plant.actuators import add_fault
-from sitl_plant.fleet import PlantState, fly, new_plant_state, observe, receive_controls
+from sitl_plant.actuators.faults import add_fault
+from sitl_plant.loop.fleet import PlantState, fly, new_plant_state, observe, receive_controls
 
 LINKS = {
     "loss 5 %": Impairment(loss=0.05),

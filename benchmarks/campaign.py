@@ -17,10 +17,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from gcs.lab.campaigns.model import Campaign
-from gcs.lab.campaigns.plan import plan
-from gcs.lab.campaigns.workers import Flown
-from gcs.lab.run import run_campaign
+from ftc_lab.campaigns.model import Campaign
+from ftc_lab.campaigns.plan import plan
+from ftc_lab.campaigns.workers import Flown
+from ftc_lab.run import run_campaign
 
 FLIGHTS, FEWER, SHORT = 1000, 200, 20_000
 

@@ -26,8 +26,9 @@ from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.framing.codec import SIM_STATE, SIM_STEP
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.rigid_body import R1
-from sitl_plant.sensing.sense import Sensing, new_sensing, sense
+from sitl_plant.airframe.rigid_body import R1
+from sitl_plant.loop.fleet import new_sensing
+from sitl_plant.sensing.sense import Sensing, sense
 
 EVERY = 100
 """Steps from sample to sample."""

@@ -26,17 +26,17 @@ from pathlib import Path
 import numpy as np
 
 from ftc_autopilot.control.reference import profile_record, profile_value
+from ftc_lab.reports.published_values import TABLE_IV
 from gcs.figures.style import SMALL, draw_curve, new_figure, save, style, tidy
 from gcs.fleet.in_process import fly_in_process
-from gcs.lab.reports.published_values import TABLE_IV
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES, UNITS, in_degrees
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.config.output_files import write_text
 from mavlink_defs.constants import ACTUATORS, N_CHANNELS, THROTTLE
 from mavlink_defs.faults import fault_from_params
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.actuators import add_fault
-from sitl_plant.fleet import PlantState, fly, new_plant_state
+from sitl_plant.actuators.faults import add_fault
+from sitl_plant.loop.fleet import PlantState, fly, new_plant_state
 
 _FOLLOWER_2 = 3
 _COARSE_US = 10_000

@@ -17,11 +17,11 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from benchmarks.campaign import flown
+from ftc_lab.campaigns.flights import fly_rows
+from ftc_lab.campaigns.model import Campaign
+from ftc_lab.campaigns.plan import plan, rows_of
 from gcs import fly
 from gcs.fleet.in_process import fly_and_summarise, fly_in_steps
-from gcs.lab.campaigns.flights import fly_rows
-from gcs.lab.campaigns.model import Campaign
-from gcs.lab.campaigns.plan import plan, rows_of
 from gcs.scenario.model import Scenario, load_scenario
 
 ROUNDS = 10

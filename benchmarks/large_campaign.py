@@ -17,13 +17,13 @@ from pathlib import Path
 
 import numpy as np
 
-from gcs.lab.campaigns.draws import draw_table
-from gcs.lab.campaigns.flights import fly_rows
-from gcs.lab.campaigns.mark import write_mark
-from gcs.lab.campaigns.model import load_campaign
-from gcs.lab.campaigns.plan import plan, rows_of
-from gcs.lab.campaigns.store import append_results, read_results, write_draws
-from gcs.lab.reports.campaign import write_report
+from ftc_lab.campaigns.draws import draw_table
+from ftc_lab.campaigns.flights import fly_rows
+from ftc_lab.campaigns.mark import write_mark
+from ftc_lab.campaigns.model import load_campaign
+from ftc_lab.campaigns.plan import plan, rows_of
+from ftc_lab.campaigns.store import append_results, read_results, write_draws
+from ftc_lab.reports.campaign import write_report
 from gcs.scenario.bundled import SCENARIOS
 
 _ROWS, _FILE_ROWS, _FLOWN = 1_000_000, 10_000, 16

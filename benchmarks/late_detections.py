@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ftc_lab.campaigns.again import scenario_of_row
+from ftc_lab.campaigns.store import read_results
 from gcs.fleet.in_process import fly_in_process
-from gcs.lab.campaigns.again import scenario_of_row
-from gcs.lab.campaigns.store import read_results
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import ACTUATORS
 

@@ -19,9 +19,9 @@ from benchmarks.airframes import AIRFRAMES, FROM_S, STUCK_DEG, designed, row
 from gcs.fleet.in_process import fly_in_process
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import AILERON, RUDDER
-from sitl_plant.aerodynamics import lateral
-from sitl_plant.aircraft import aircraft_record
-from sitl_plant.aircraft_config import Aircraft
+from sitl_plant.airframe.aerodynamics import lateral
+from sitl_plant.airframe.aircraft import aircraft_record
+from sitl_plant.airframe.config import Aircraft
 
 _DT = 1e-3
 _LONGEST_S = 4.0

@@ -27,9 +27,8 @@ from pathlib import Path
 from statistics import fmean, median
 from typing import Any, NamedTuple
 
-from gcs.fleet.in_process import fly_in_process
-from gcs.lab.baselines.baseline import Search
-from gcs.lab.baselines.senders import (
+from ftc_lab.baselines.baseline import Search
+from ftc_lab.baselines.senders import (
     FINE,
     YARDSTICKS,
     Verdict,
@@ -38,6 +37,7 @@ from gcs.lab.baselines.senders import (
     some_periods,
     worst_ratio,
 )
+from gcs.fleet.in_process import fly_in_process
 from gcs.results.figures import FlightSummary
 from gcs.results.summary import summarise
 from gcs.scenario.bundled import bundled_names

@@ -12,7 +12,7 @@ from ftc_autopilot.control.config import ControllerConfig
 from mavlink_defs import dialect
 from mavlink_defs.config.models import HostPort, Problems, SystemId, Title
 from mavlink_defs.config.quantity import quantity
-from sitl_plant.navigation_sensors import Navigation, NavigationSensors
+from sitl_plant.sensing.config import Navigation, NavigationSensors
 
 Identity: TypeAlias = Literal["ardupilot", "generic"]
 """Whose conventions a vehicle follows where they differ.

@@ -30,9 +30,9 @@ from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
 from mavlink_defs.framing.hot_link import Outcome
 from mavlink_defs.runtime.sockaddr import sockaddr
-from sitl_plant import link as plant_link
-from sitl_plant.fleet import fly
-from sitl_plant.process import Plant
+from sitl_plant.loop import link as plant_link
+from sitl_plant.loop.fleet import fly
+from sitl_plant.loop.process import Plant
 
 UAV = 2
 """The autopilot's system id: it has one neighbour, `NEIGHBOUR`."""

@@ -8,15 +8,15 @@ import os
 import resource
 import sys
 from functools import partial
-from importlib import import_module
 from typing import Annotated, Any, NoReturn
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from gcs.command_list import OWN, Command, command_of, load, registered
 from gcs.commands.options import ConnectOption, ThemeOption
 from gcs.errors import BadInput, GcsError, Interrupted
-from gcs.extras import LAB_PACKAGES, WEB_PACKAGES, load_lab, missing
+from gcs.extras import missing
 from gcs.outputs import remove_empty
 from gcs.stopping import ending_at_once, stop_as_ctrl_c
 from gcs.terminal import print_line
@@ -37,74 +37,6 @@ _NOT_WRITABLE = {
 _MISPLACED = {errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR}
 _SPACE = "free some space, or choose a writable folder; files written so far stay"
 
-PANELS: dict[str, dict[str, tuple[str, str]]] = {
-    "Fly": {
-        "new": ("new", "Write a commented scenario, or a whole project, to start from."),
-        "scenarios": ("scenarios", "List the bundled scenarios and additions."),
-        "fly": ("fly", "Fly a scenario to its end and record it."),
-        "up": ("up", "Start a fleet that flies until it is stopped (Ctrl-C)."),
-        "start": ("control", "Start flying the mission."),
-        "status": ("status", "Show link, mode, attitude, events and faults of each vehicle."),
-        "fault": ("fault", "Set, clear and list faults of actuators and sensors."),
-        "runs": ("runs", "List what was flown, write a page of it, and add notes."),
-        "compare": ("compare", "Compare two flights, or two campaigns."),
-    },
-    "Operate": {
-        "arm": ("control", "Arm vehicles; time begins when the whole fleet is armed."),
-        "disarm": ("control", "Disarm vehicles; in flight they refuse unless forced."),
-        "mode": ("control", "Change the mode: fly the mission, circle, or follow targets."),
-        "mission": ("mission", "Show, upload, download and fly missions."),
-        "formation": ("formation", "See the formation in space, and change slots."),
-        "profile": ("profile", "Upload, download and check reference profiles."),
-        "param": ("param", "List, read, set, save, load and compare parameters."),
-        "record": ("record", "Record every frame that vehicles send, until Ctrl-C."),
-        "log": ("log", "Replay a telemetry log in the dashboard."),
-        "web": ("web", "Serve the dashboard to browsers until Ctrl-C."),
-    },
-    "Study": {
-        "campaign": ("campaign", "Fly every draw of a campaign, on all cores or a cluster."),
-        "sweep": ("sweep", "Fly every combination of values, in process, on all cores."),
-        "baseline": (
-            "baseline",
-            "Find the slowest periodic senders that match a triggered flight.",
-        ),
-        "reproduce": ("reproduce", "Fly the paper's scenarios, compare with its results."),
-        "export": ("export", "Convert the recording of a flight for other programs."),
-    },
-    "Aircraft and laws": {
-        "aircraft": ("aircraft", "List the bundled aircraft, or show one: limits, trim, modes."),
-        "design": ("design", "Write a scenario for an aircraft, parameters derived from it."),
-        "identify": ("identify", "Identify an aircraft from a simulator or a recorded flight."),
-        "trim": ("trim", "Compute where an actuator may be stuck in level flight."),
-        "laws": ("laws", "List the control laws, ours and other packages', or show one."),
-        "triggers": ("triggers", "List the event triggers, ours and other packages', or show one."),
-        "guidance": ("guidance", "List the guidance laws, ours and other packages', or show one."),
-    },
-    "Wire": {
-        "wire": ("wire", "Count frames and bytes of a capture or a relay."),
-        "wireshark": ("wireshark", "Write a Wireshark dissector for all messages (Lua)."),
-        "key": ("key", "Make a key file for MAVLink 2 signing."),
-        "config": ("config", "Write the configurations of a fleet that spans several hosts."),
-        "ardupilot": ("ardupilot", "Let ArduPilot SITLs fly a scenario's aircraft."),
-    },
-}
-"""Module and one line of help of each command, in the order of the help.
-
-It is the first line of the command's own help, which is not imported for the help of `gcs`.
-"""
-COMMANDS = {name: entry for panel in PANELS.values() for name, entry in panel.items()}
-
-_LAB = {
-    *("aircraft", "baseline", "campaign", "compare", "design", "identify"),
-    *("reproduce", "sweep", "trim"),
-}
-"""Commands of `gcs.lab`."""
-_EXTRAS = {
-    **dict.fromkeys(("baseline", "campaign", "reproduce", "sweep"), ("lab", LAB_PACKAGES)),
-    "web": ("web", WEB_PACKAGES),
-}
-"""Commands that need an extra: its name, and the packages that they import."""
-
 _EPILOG = """
 Examples:
 
@@ -117,39 +49,38 @@ Examples:
 class _Commands(TyperGroup):
     """The commands, each imported when it is run; until then only its line of help is there.
 
-    What only talks to vehicles therefore neither imports nor waits for what flies them.
+    What only talks to vehicles therefore neither imports nor waits for what flies them. Other
+    packages are asked for theirs when a command is not one of ours, and for the help.
     """
 
     def __init__(self, **attributes: Any) -> None:
-        lines = {
-            name: TyperCommand(name, short_help=line, rich_help_panel=title)
-            for title, panel in PANELS.items()
-            for name, (_, line) in panel.items()
-        }
+        lines = {name: _line(name, command) for name, command in OWN.items()}
         super().__init__(**{**attributes, "commands": lines})
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        if args and args[0] in COMMANDS:
+        if args and args[0] not in OWN:
+            self.list_commands(ctx)  # for the suggestions as well
+        if args and args[0] in self.commands:
             self.load(args[0])
         return super().resolve_command(ctx, args)
 
-    def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Show the help, which marks what lacks an extra."""
-        for name, (extra, packages) in _EXTRAS.items():
-            if missing(packages):
-                line = COMMANDS[name][1]
-                self.commands[name].short_help = f"{line} Needs the extra `{extra}`."
-        _format_help(self, ctx, formatter)
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names of all commands, by panel."""
+        for name, point in registered().items():
+            try:
+                self.commands[name] = _line(name, command_of(point))
+            except BadInput as problem:
+                self.commands[name] = _line(name, Command("", f"{problem}."))
+        panels = list(dict.fromkeys(command.panel for command in OWN.values()))
+        order = {name: k for k, name in enumerate(panels)}
+        shown: Any = self.commands
+        return sorted(shown, key=lambda name: order.get(shown[name].rich_help_panel, len(panels)))
 
     def load(self, name: str) -> None:
         """Import a command."""
-        module, _ = COMMANDS[name]
+        command = OWN[name] if name in OWN else command_of(registered()[name])
         with ending_at_once():
-            home: Any = (
-                load_lab(f"commands.{module}", f"gcs {name}" if name in _EXTRAS else None)
-                if name in _LAB
-                else import_module(f"gcs.commands.{module}")
-            )
+            home: Any = load(name, command)
         gc.freeze()  # what is imported stays: to search it for garbage takes a tenth of a second
         holder = typer.Typer(rich_markup_mode="markdown")
         if hasattr(home, name) and not hasattr(home, "app"):
@@ -158,6 +89,13 @@ class _Commands(TyperGroup):
         else:
             holder.add_typer(home.app, name=name)
         self.commands[name] = _without_types(typer.main.get_group(holder).commands[name])
+
+
+def _line(name: str, command: Command) -> Any:
+    """Return what stands for a command in the help of `gcs`."""
+    lacks = command.extra and missing(command.packages)
+    needs = f" Needs the extra `{command.extra}`." if lacks else ""
+    return TyperCommand(name, short_help=command.line + needs, rich_help_panel=command.panel)
 
 
 app = typer.Typer(
@@ -235,8 +173,7 @@ def _without_types(command: Any) -> Any:
     while commands:
         one = commands.pop()
         commands += getattr(one, "commands", {}).values()
-        if not isinstance(one, _Commands):  # which marks what lacks an extra first
-            one.format_help = _format_help.__get__(one)
+        one.format_help = _format_help.__get__(one)
         for parameter in one.get_params(typer.Context(one)):
             if "float" in str(parameter.type_descriptor.annotation):
                 parameter.process_value = partial(_finite_only, parameter)
@@ -280,7 +217,7 @@ def whole_command() -> Any:
     """Return the command line with all commands imported, as its reference needs it."""
     command = typer.main.get_group(app)
     assert isinstance(command, _Commands)
-    for name in COMMANDS:
+    for name in (*OWN, *registered()):
         command.load(name)
     return _without_types(command)
 

@@ -26,14 +26,14 @@ def load_package(name: str, purpose: str, extra: str = "python") -> Any:
     Raises:
         BadInput: It is not installed.
     """
-    _check((name,), purpose, extra)
+    check_packages((name,), purpose, extra)
     return import_module(name)
 
 
 def load_lab(module: str, purpose: str | None = None) -> Any:
-    """Import a module of `gcs.lab`, by its name there.
+    """Import a module of `ftc_lab`, by its name there.
 
-    Nothing else of `gcs` may import what lies in `gcs.lab`.
+    Nothing else of `gcs` may import what lies in `ftc_lab`.
 
     Args:
         module: The module.
@@ -43,8 +43,8 @@ def load_lab(module: str, purpose: str | None = None) -> Any:
         BadInput: One of them is not installed.
     """
     if purpose is not None:
-        _check(LAB_PACKAGES, purpose, "lab")
-    return import_module(f"gcs.lab.{module}")
+        check_packages(LAB_PACKAGES, purpose, "lab")
+    return import_module(f"ftc_lab.{module}")
 
 
 def missing(packages: tuple[str, ...]) -> list[str]:
@@ -61,7 +61,17 @@ def install_command(extra: str) -> str:
     return f"pip install {' '.join(map(repr, named))}"
 
 
-def _check(packages: tuple[str, ...], purpose: str, extra: str) -> None:
+def check_packages(packages: tuple[str, ...], purpose: str, extra: str) -> None:
+    """Check that packages are installed.
+
+    Args:
+        packages: As they are imported.
+        purpose: What needs them, for the message.
+        extra: The extra that brings them.
+
+    Raises:
+        BadInput: Some are not.
+    """
     if absent := missing(packages):
         text = f"{purpose} needs {', '.join(absent)}, not installed here"
         raise BadInput(text, f"{install_command(extra)} (the extra `{extra}`)")

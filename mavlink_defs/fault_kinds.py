@@ -2,7 +2,8 @@
 
 The aircraft applies ``effectiveness * commanded`` plus what the fault's value adds. The kind says
 what that is, and how people name the value. Another kind takes an entry of FTC_FAULT_KIND in
-`ftc.xml`, one of `FAULT_KINDS` here, and a branch in `sitl_plant.actuators`, mostly of `offset`.
+`ftc.xml`, one of `FAULT_KINDS` here, and a branch in `sitl_plant.actuators.faults`, mostly of
+`offset`.
 """
 
 from collections.abc import Mapping

@@ -24,9 +24,9 @@ from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
 from ftc_autopilot.guidance.laws.base import GuidanceParameters
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.vehicle.param_table import law_tunables, trigger_tunables, tunables
-from gcs.lab.campaigns import distributions
-from gcs.lab.campaigns.model import Campaign, DrawnFault, Factor, Kept
-from gcs.lab.campaigns.sensor_faults import DrawnSensorFault
+from ftc_lab.campaigns import distributions
+from ftc_lab.campaigns.model import Campaign, DrawnFault, Factor, Kept
+from ftc_lab.campaigns.sensor_faults import DrawnSensorFault
 from gcs.scenario.mission import MissionSection
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import (
@@ -41,12 +41,12 @@ from mavlink_defs.capture.impairment import Impairment
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import Quantity, describe
 from scripts.docs_table import table
-from sitl_plant.aircraft_config import Aircraft, Uncertainty
+from sitl_plant.actuators.config import EngineServo, Servos, SurfaceServo
+from sitl_plant.air.config import Disturbance, Dryden, Sinusoid, Wind
+from sitl_plant.airframe.config import Aircraft, Uncertainty
+from sitl_plant.airframe.propulsion import Propulsion
 from sitl_plant.ardupilot.config import ArduPilot
-from sitl_plant.atmosphere import Dryden, Wind
-from sitl_plant.config import Disturbance, Sinusoid
-from sitl_plant.hardware import EngineServo, Sensor, Sensors, Servos, SurfaceServo
-from sitl_plant.navigation_sensors import (
+from sitl_plant.sensing.config import (
     Accelerometer,
     Barometer,
     Gnss,
@@ -54,9 +54,10 @@ from sitl_plant.navigation_sensors import (
     Magnetometer,
     NavigationSensors,
     Pitot,
+    Sensor,
+    Sensors,
 )
-from sitl_plant.plant_section import JsbSimPlant, PluginPlant
-from sitl_plant.propulsion import Propulsion
+from sitl_plant.simulators.config import JsbSimPlant, PluginPlant
 
 REFERENCE = Path(__file__).parents[1] / "docs" / "reference"
 SECTIONS: dict[str, type[BaseModel]] = {

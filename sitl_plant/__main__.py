@@ -7,7 +7,7 @@ def main() -> None:
     """Run the plant process and exit."""
     if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:  # as a shell has it in the background
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    from sitl_plant.process import main as process
+    from sitl_plant.loop.process import main as process
 
     process()
 

@@ -1,6 +1,6 @@
 """Configuration of the plant: initial states, disturbances, air, sensors, the link.
 
-The aircraft themselves are in `sitl_plant.aircraft_config`.
+The aircraft themselves are in `sitl_plant.airframe.config`.
 """
 
 from collections.abc import Iterator
@@ -11,52 +11,12 @@ from pydantic import Field, model_validator
 from mavlink_defs.config.models import HostPort, Loc, Model, Problems, SystemId, repeated
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.origin import Origin
-from sitl_plant.aircraft_config import Aircraft, Uncertainty
-from sitl_plant.atmosphere import Wind
-from sitl_plant.hardware import (
-    ActuatorServos,
-    Sensors,
-    navigation_problems,
-    sensor_problems,
-    servo_problems,
-)
-from sitl_plant.navigation_sensors import Navigation
-from sitl_plant.plant_section import OwnPlant, PlantSection
-
-
-class Sinusoid(Model):
-    """sin * sin(rate t) + cos * cos(rate t), in the unit of the disturbance it belongs to."""
-
-    sin: float = quantity("", default=0.0, doc="Amplitude of the sine.")
-    cos: float = quantity("", default=0.0, doc="Amplitude of the cosine.")
-    rate_rad_s: float = quantity("rad/s", ge=0.0, doc="Angular frequency; 0: constant.")
-
-
-_NONE = Sinusoid(rate_rad_s=0.0)
-
-
-class Axes(Model):
-    """One sinusoid for each body axis."""
-
-    x: Sinusoid = Field(default=_NONE, description="Along x, forward.")
-    y: Sinusoid = Field(default=_NONE, description="Along y, to the right.")
-    z: Sinusoid = Field(default=_NONE, description="Along z, down.")
-
-
-class Disturbance(Model):
-    """Disturbances d_v and d_omega of eqs. (2) and (4), functions of simulation time."""
-
-    acceleration_m_s2: Axes = Field(default=Axes(), description="d_v of (2) [m/s^2].")
-    angular_acceleration_rad_s2: Axes = Field(
-        default=Axes(), description="d_omega of (4) [rad/s^2]."
-    )
-
-
-def plant_problems(plant: PlantSection, step_us: int) -> Iterator[tuple[Loc, str]]:
-    """Yield place and text if a simulator's step does not divide the control period [µs]."""
-    if not isinstance(plant, OwnPlant) and plant.step_us and step_us % plant.step_us != 0:
-        text = f"expected a divisor of the control period of {step_us} us, got {plant.step_us}"
-        yield ("plant", "step_us"), text
+from sitl_plant.actuators.config import ActuatorServos, servo_problems
+from sitl_plant.air.config import Disturbance, Wind
+from sitl_plant.airframe.config import Aircraft, Uncertainty
+from sitl_plant.sensing.config import Navigation, Sensors
+from sitl_plant.sensing.observability import navigation_problems, sensor_problems
+from sitl_plant.simulators.config import OwnPlant, PlantSection, plant_problems
 
 
 def truth_problems(

@@ -10,8 +10,8 @@ from hypothesis import settings
 from gcs.fleet.precompile import compile_everything
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.runtime.code_cache import cache_is_cold
-from sitl_plant.aircraft import aircraft_record
-from sitl_plant.aircraft_config import Aircraft
+from sitl_plant.airframe.aircraft import aircraft_record
+from sitl_plant.airframe.config import Aircraft
 
 pytest_plugins = ["leftovers", "needs", "pytester", "warm_flights"]
 

@@ -6,10 +6,10 @@ import numpy as np
 
 from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_ABSOLUTE
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.aerodynamics import Aerodynamics, aerodynamics
-from sitl_plant.aircraft import AircraftRecord
-from sitl_plant.rigid_body import R2_inv, gravity_body
-from sitl_plant.thrust import made_thrust, thrust_moment
+from sitl_plant.airframe.aerodynamics import Aerodynamics, aerodynamics
+from sitl_plant.airframe.aircraft import AircraftRecord
+from sitl_plant.airframe.rigid_body import R2_inv, gravity_body
+from sitl_plant.airframe.thrust import made_thrust, thrust_moment
 from sitl_plant.vec3 import Vec3, add, dot, mul, sub, vec3
 
 

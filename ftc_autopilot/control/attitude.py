@@ -8,8 +8,8 @@ import numpy as np
 from ftc_autopilot.common.schedule import scheduled
 from ftc_autopilot.control.step import Step
 from mavlink_defs.runtime.jit import inlined
-from sitl_plant.aircraft import AircraftRecord
-from sitl_plant.rigid_body import R2, R2_inv, angular_acceleration
+from sitl_plant.airframe.aircraft import AircraftRecord
+from sitl_plant.airframe.rigid_body import R2, R2_inv, angular_acceleration
 from sitl_plant.vec3 import Vec3, add, dot, mat3, mul, mul_t, scale, sub, vec3
 
 

@@ -20,8 +20,8 @@ from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.plugins.loading import calling, plugin_of
 from mavlink_defs.config.models import HostPort, Loc, Model, Problems, SystemId, repeated
 from mavlink_defs.config.quantity import quantity, whole
-from sitl_plant.aircraft_config import Aircraft
-from sitl_plant.hardware import ActuatorServos
+from sitl_plant.actuators.config import ActuatorServos
+from sitl_plant.airframe.config import Aircraft
 
 
 def trigger_problems(

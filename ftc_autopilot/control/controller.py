@@ -46,7 +46,7 @@ from ftc_autopilot.guidance.laws import GUIDANCE_PARAMETERS, Guidance, guidance_
 from ftc_autopilot.plugins.models import PLUGIN, owned
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
-from sitl_plant.aircraft import AircraftRecord
+from sitl_plant.airframe.aircraft import AircraftRecord
 from sitl_plant.vec3 import Vec3
 
 NO_INTERVAL = 2**32 - 1
@@ -225,7 +225,7 @@ class Inputs(NamedTuple):
 class Records(NamedTuple):
     """The records of one UAV's controller."""
 
-    aircraft: AircraftRecord  # nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`
+    aircraft: AircraftRecord  # nominal aircraft, dtype `sitl_plant.airframe.aircraft.AIRCRAFT`
     parameters: ParametersRecord  # dtype `PARAMETERS`
     state: ControllerRecord  # dtype `CONTROLLER`, updated in place
     controls: np.ndarray  # HIL_ACTUATOR_CONTROLS.controls, updated in place

@@ -29,7 +29,7 @@ from ftc_autopilot.guidance.laws import GUIDANCE_STATE
 from ftc_autopilot.guidance.path import PATH
 from ftc_autopilot.plugins.loading import calling
 from mavlink_defs.framing.codec import ACTUATORS, NEIGHBOUR
-from sitl_plant.aircraft import AIRCRAFT, aircraft_record
+from sitl_plant.airframe.aircraft import AIRCRAFT, aircraft_record
 
 NOT_STARTED = -(2**62)
 

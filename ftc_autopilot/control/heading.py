@@ -27,9 +27,9 @@ from ftc_autopilot.control.reference import Reference
 from ftc_autopilot.control.step import Step
 from ftc_autopilot.control.synchronisation_errors import FormationErrors
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.aerodynamics import lateral
-from sitl_plant.aircraft import aircraft_record
-from sitl_plant.aircraft_config import Aircraft
+from sitl_plant.airframe.aerodynamics import lateral
+from sitl_plant.airframe.aircraft import aircraft_record
+from sitl_plant.airframe.config import Aircraft
 from sitl_plant.vec3 import clamp
 
 _LARGEST_GAIN = 27.0 / 256.0  # without overshoot, relative to the bandwidth of the reference

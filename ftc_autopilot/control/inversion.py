@@ -6,10 +6,10 @@ from ftc_autopilot.common.motion import Motion
 from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import RUDDER, SURFACES
 from mavlink_defs.runtime.jit import compiled, inlined
-from sitl_plant.aerodynamics import control_effectiveness, force
-from sitl_plant.aircraft import AircraftRecord, aircraft_record
-from sitl_plant.aircraft_config import Aircraft
-from sitl_plant.stops import has_actuator
+from sitl_plant.airframe.aerodynamics import control_effectiveness, force
+from sitl_plant.airframe.aircraft import AircraftRecord, aircraft_record
+from sitl_plant.airframe.config import Aircraft
+from sitl_plant.airframe.stops import has_actuator
 from sitl_plant.vec3 import Mat3, Vec3, add, dot, mat3, mul, scale, vec3
 
 _LEAST_EFFECT = 1e-3

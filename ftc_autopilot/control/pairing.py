@@ -14,9 +14,9 @@ import math
 
 import numpy as np
 
-from sitl_plant.aerodynamics import Lateral, control_effectiveness, lateral
-from sitl_plant.aircraft import aircraft_record
-from sitl_plant.aircraft_config import Aircraft
+from sitl_plant.airframe.aerodynamics import Lateral, control_effectiveness, lateral
+from sitl_plant.airframe.aircraft import aircraft_record
+from sitl_plant.airframe.config import Aircraft
 
 LEAST_RELATIVE_GAIN = 0.8
 """Below it aileron and rudder are coupled.

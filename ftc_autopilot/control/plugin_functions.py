@@ -40,7 +40,7 @@ from ftc_autopilot.plugins.memory import bytes_of, load, store, tuple_at
 from ftc_autopilot.plugins.models import PLUGIN
 from mavlink_defs.runtime.foreign import PluginError
 from mavlink_defs.runtime.jit import is_compiled
-from sitl_plant.aircraft import AIRCRAFT
+from sitl_plant.airframe.aircraft import AIRCRAFT
 
 _LIMITS = record_dtype(GuidanceParameters)
 carray: Any = vars(numba)["carray"]  # which type checkers do not see

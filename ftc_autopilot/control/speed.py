@@ -8,7 +8,7 @@ import numpy as np
 from ftc_autopilot.control.inversion import speed_terms
 from ftc_autopilot.control.step import Step
 from mavlink_defs.runtime.jit import inlined
-from sitl_plant.aircraft import AircraftRecord
+from sitl_plant.airframe.aircraft import AircraftRecord
 from sitl_plant.vec3 import dot
 
 

@@ -17,9 +17,15 @@ from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTT
 from mavlink_defs.framing.codec import SIM_STATE
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.memory import copy_record
-from sitl_plant.aerodynamics import aerodynamics
-from sitl_plant.aircraft import AircraftRecord
-from sitl_plant.rigid_body import STILL_AIR, State, advance, specific_force, state_derivative
+from sitl_plant.airframe.aerodynamics import aerodynamics
+from sitl_plant.airframe.aircraft import AircraftRecord
+from sitl_plant.airframe.rigid_body import (
+    STILL_AIR,
+    State,
+    advance,
+    specific_force,
+    state_derivative,
+)
 from sitl_plant.vec3 import add, sub, vec3
 
 LONGEST_S = 0.1

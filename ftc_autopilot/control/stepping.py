@@ -34,7 +34,7 @@ from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.framing.codec import RELAYED_AT, REPORT_AT
 from mavlink_defs.runtime.jit import compiled, inlined
 from mavlink_defs.runtime.memory import copy_record
-from sitl_plant.rigid_body import R1
+from sitl_plant.airframe.rigid_body import R1
 from sitl_plant.vec3 import mul, vec3
 
 _NO_SIGNALS = no_signals(1)

@@ -15,9 +15,9 @@ from ftc_autopilot.control.triggers import decide
 from ftc_autopilot.control.triggers.base import Candidates
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
-from sitl_plant.aircraft import AircraftRecord
-from sitl_plant.stops import has_actuator, position_of, range_of, share_of
-from sitl_plant.thrust import reach_of
+from sitl_plant.airframe.aircraft import AircraftRecord
+from sitl_plant.airframe.stops import has_actuator, position_of, range_of, share_of
+from sitl_plant.airframe.thrust import reach_of
 from sitl_plant.vec3 import clamp
 
 

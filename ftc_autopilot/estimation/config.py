@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from mavlink_defs.origin import Origin
-from sitl_plant.aerodynamics import lateral, lift_coefficient
-from sitl_plant.aircraft import aircraft_record
-from sitl_plant.aircraft_config import Aircraft
-from sitl_plant.navigation_sensors import NavigationSensors
+from sitl_plant.airframe.aerodynamics import lateral, lift_coefficient
+from sitl_plant.airframe.aircraft import aircraft_record
+from sitl_plant.airframe.config import Aircraft
+from sitl_plant.sensing.config import NavigationSensors
 from sitl_plant.sensing.errors import gauss_markov, white_noise
 from sitl_plant.sensing.geomagnetism import magnetic_field
 

@@ -50,7 +50,7 @@ from mavlink_defs.framing.codec import copy_step
 from mavlink_defs.origin import EARTH_RADIUS_M
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.memory import copy_record
-from sitl_plant.navigation_sensors import MAX_IMUS
+from sitl_plant.sensing.config import MAX_IMUS
 from sitl_plant.sensing.standard_air import altitude_of
 from sitl_plant.vec3 import Vec3
 

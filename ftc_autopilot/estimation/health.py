@@ -11,7 +11,7 @@ import numpy as np
 from ftc_autopilot.estimation.measurements import GATE
 from ftc_autopilot.estimation.state import N_SENSORS
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.navigation_sensors import NavigationSensors
+from sitl_plant.sensing.config import NavigationSensors
 from sitl_plant.sensing.units import periods_between
 
 WELL: Final = 0

@@ -27,7 +27,7 @@ from ftc_autopilot.estimation.state import (
     turn_world,
 )
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.navigation_sensors import MAX_IMUS
+from sitl_plant.sensing.config import MAX_IMUS
 from sitl_plant.vec3 import mul_t, vec3
 
 REPORT = np.dtype(

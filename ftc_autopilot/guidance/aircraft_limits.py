@@ -13,10 +13,10 @@ import numpy as np
 
 from ftc_autopilot.guidance.laws.base import GuidanceParameters
 from mavlink_defs.config.models import Loc
-from sitl_plant.aerodynamics import carried_linearly, drag
-from sitl_plant.aircraft import aircraft_record
-from sitl_plant.aircraft_config import Aircraft
-from sitl_plant.thrust import available_thrust
+from sitl_plant.airframe.aerodynamics import carried_linearly, drag
+from sitl_plant.airframe.aircraft import aircraft_record
+from sitl_plant.airframe.config import Aircraft
+from sitl_plant.airframe.thrust import available_thrust
 
 _HOME_M_S = 45.0
 """Airspeed at which the paper's aircraft has the limits `HOME`."""

@@ -11,7 +11,7 @@ from ftc_autopilot.guidance.laws.base import Intention, Situation
 from ftc_autopilot.guidance.places import choose_relayed, relay
 from ftc_autopilot.guidance.separation import keep_apart, nearest
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.rigid_body import R1
+from sitl_plant.airframe.rigid_body import R1
 from sitl_plant.vec3 import Vec3, mul, sub, vec3
 
 _EVADING_M_S = 0.5

@@ -3,9 +3,9 @@
 import math
 from typing import NamedTuple
 
-from sitl_plant.aerodynamics import carried_linearly
-from sitl_plant.aircraft import aircraft_record
-from sitl_plant.aircraft_config import Aircraft
+from sitl_plant.airframe.aerodynamics import carried_linearly
+from sitl_plant.airframe.aircraft import aircraft_record
+from sitl_plant.airframe.config import Aircraft
 
 _PLANNED_BANK = math.radians(20.0)
 """Bank of a turn whose radius is free [rad]."""

@@ -18,8 +18,8 @@ from ftc_autopilot.guidance.path import path_record
 from mavlink_defs.mission_files import mission_item
 from mavlink_defs.profile import AirspeedLimits
 from mavlink_defs.services.mission import MissionItem
-from sitl_plant.aircraft_config import Aircraft
-from sitl_plant.rigid_body import R1
+from sitl_plant.airframe.config import Aircraft
+from sitl_plant.airframe.rigid_body import R1
 from sitl_plant.vec3 import mul, vec3
 
 _CLIMB_RESERVE_DEG = 5.0

@@ -25,7 +25,7 @@ from mavlink_defs.framing.codec import HIL_GPS, HIL_SENSOR, SIM_STEP, copy_step
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.memory import copy_record
-from sitl_plant.navigation_sensors import MAX_IMUS
+from sitl_plant.sensing.config import MAX_IMUS
 
 _NONE = -1
 

@@ -14,7 +14,7 @@ from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS, RUDDER, THROTTLE
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.float32 import float32s
-from sitl_plant.stops import has_actuator
+from sitl_plant.airframe.stops import has_actuator
 
 _NOTHING = "nothing replaces it"
 _TAKEN_OVER = {

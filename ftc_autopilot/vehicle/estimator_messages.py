@@ -21,7 +21,7 @@ from ftc_autopilot.vehicle.state_messages import quaternion_of
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.float32 import float32s
-from sitl_plant.rigid_body import R1
+from sitl_plant.airframe.rigid_body import R1
 from sitl_plant.vec3 import mul, vec3
 
 # ESTIMATOR_STATUS_FLAGS and EKF_STATUS_FLAGS have the same values up to here

@@ -20,7 +20,7 @@ from mavlink_defs import dialect
 from mavlink_defs.constants import THROTTLE
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.float32 import float32s, whole_within
-from sitl_plant.rigid_body import R1
+from sitl_plant.airframe.rigid_body import R1
 from sitl_plant.vec3 import Vec3, mul
 
 _VECTORS = ("position", "velocity", "attitude", "rates", "specific_force", "wind")

@@ -43,7 +43,7 @@ def campaign(
 
     Returns:
         The results, one row per flight: what was drawn, `outcome`, and figures; see
-        `gcs.lab.campaigns.store.results_schema`. ``.to_pandas()`` makes a frame of it.
+        `ftc_lab.campaigns.store.results_schema`. ``.to_pandas()`` makes a frame of it.
 
     Raises:
         BadInput: The campaign or an argument cannot be used, or the extra `lab` is missing; with

@@ -24,8 +24,8 @@ from gcs.scenario.changes import with_changes
 from gcs.scenario.model import Scenario
 from gcs.scenario.plugins import prepare_plugins
 from gcs.scenario.settings import values_of
-from sitl_plant.observability import observability_warnings
-from sitl_plant.plant_section import OwnPlant
+from sitl_plant.sensing.observability import observability_warnings
+from sitl_plant.simulators.config import OwnPlant
 
 ScenarioArgument = Annotated[
     Path, typer.Argument(help="Scenario: a file, or a bundled one.", metavar="SCENARIO")
@@ -135,7 +135,7 @@ def check_simulators(scenario: Scenario) -> None:
     flown = [uav for uav in plant.uavs if not isinstance(uav.plant, OwnPlant)]
     if not flown:
         return
-    from sitl_plant.outside import simulator_of
+    from sitl_plant.loop.simulators import simulator_of
     from sitl_plant.simulators.base import SimulatorError
 
     try:

@@ -29,14 +29,15 @@ def print_help(command: Any, context: Any) -> None:
     if command.help:
         console.print(Padding(Markdown(cleandoc(command.help)), (0, 1, 1, 1)))
     options = getattr(command, "default", command)
-    for panel in (*_of_commands(command), *_of_parameters(options, context)):
+    for panel in (*_of_commands(command, context), *_of_parameters(options, context)):
         console.print(panel)
     if options.epilog:
         console.print(Padding(Markdown(cleandoc(options.epilog)), (0, 1)))
 
 
-def _of_commands(command: Any) -> Iterator[Panel]:
-    shown = [one for one in getattr(command, "commands", {}).values() if not one.hidden]
+def _of_commands(command: Any, context: Any) -> Iterator[Panel]:
+    names = command.list_commands(context) if hasattr(command, "commands") else ()
+    shown = [one for name in names if not (one := command.commands[name]).hidden]
     widest = max((len(one.name) for one in shown), default=0)
     for title, panel in _by_panel(shown, "Commands").items():
         rows = [

@@ -12,8 +12,8 @@ from mavlink_defs import dialect
 from mavlink_defs.framing.frames import FramePacker, parse
 from mavlink_defs.services.command import command_params
 from sitl_plant.ardupilot.peer import Address
+from sitl_plant.loop.service import AircraftService
 from sitl_plant.sensing.commands import sensor_commands
-from sitl_plant.service import AircraftService
 
 _HEARTBEAT_S = 1.0
 _GONE_S = 10.0  # silence after which a ground station gets no HEARTBEAT any more

@@ -23,7 +23,7 @@ from sitl_plant.ardupilot.launch import Launch, new_launch, out_of_body
 from sitl_plant.ardupilot.outputs import Outputs
 from sitl_plant.ardupilot.peer import Address, Frame, Peer
 from sitl_plant.ardupilot.protocol import LONGEST_STEP_US, Measured, answer
-from sitl_plant.fleet import (
+from sitl_plant.loop.fleet import (
     ADVANCE,
     PlantState,
     fly,
@@ -32,8 +32,8 @@ from sitl_plant.fleet import (
     observe,
     receive_controls,
 )
-from sitl_plant.outside import Outside, flown_by
-from sitl_plant.plant import time_s
+from sitl_plant.loop.period import time_s
+from sitl_plant.loop.simulators import Outside, flown_by
 from sitl_plant.simulators.base import SimulatorError
 from sitl_plant.vec3 import norm, sub, vec3
 

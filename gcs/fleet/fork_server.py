@@ -29,14 +29,14 @@ from pathlib import Path
 
 import ftc_autopilot.process
 import ftc_autopilot.warm_up
-import sitl_plant.process
-import sitl_plant.warm_up
+import sitl_plant.loop.process
+import sitl_plant.loop.warm_up
 from gcs.scenario.model import load_scenario
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.runtime.code_cache import cache_is_cold
 
 _PLANT, _AUTOPILOT = "sitl-plant", "ftc-autopilot"
-_MAIN = {_PLANT: sitl_plant.process.main, _AUTOPILOT: ftc_autopilot.process.main}
+_MAIN = {_PLANT: sitl_plant.loop.process.main, _AUTOPILOT: ftc_autopilot.process.main}
 
 
 def main() -> None:
@@ -90,7 +90,7 @@ def _load_compiled_code() -> None:
     if is_cold:
         return
     scenario = load_scenario("paper/scenario1")
-    sitl_plant.warm_up.call_everything(scenario.plant_config(speed=None))
+    sitl_plant.loop.warm_up.call_everything(scenario.plant_config(speed=None))
     ftc_autopilot.warm_up.call_everything(scenario.autopilot_config(scenario.uavs[0].id))
     gc.freeze()
 

@@ -37,8 +37,8 @@ from mavlink_defs.runtime.foreign import PluginError
 from mavlink_defs.runtime.jit import compiled, inlined
 from mavlink_defs.runtime.memory import borrowed, copy_record, copy_values
 from mavlink_defs.sensor_faults import SensorFault
-from sitl_plant.actuators import add_fault
-from sitl_plant.fleet import (
+from sitl_plant.actuators.faults import add_fault
+from sitl_plant.loop.fleet import (
     ADVANCE,
     PlantState,
     fly,
@@ -48,7 +48,7 @@ from sitl_plant.fleet import (
     observe,
     receive_controls,
 )
-from sitl_plant.outside import Outside, flown_by
+from sitl_plant.loop.simulators import Outside, flown_by
 from sitl_plant.sensing.commands import sensor_commands
 from sitl_plant.simulators.base import SimulatorError
 

@@ -23,7 +23,7 @@ from mavlink_defs.capture import relay_loop
 from mavlink_defs.capture.impairing import new_directions
 from mavlink_defs.capture.tap_counts import new_counts
 from mavlink_defs.runtime.code_cache import mark_cache_warm, not_cached
-from sitl_plant.warm_up import call_everything as call_plant
+from sitl_plant.loop.warm_up import call_everything as call_plant
 
 _COMPILER = os.path.dirname(llvmlite.__file__) + os.sep
 _LATER_S = 0.02

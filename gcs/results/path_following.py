@@ -16,7 +16,7 @@ from gcs.results.recording import Steps
 from gcs.scenario.model import Scenario
 from mavlink_defs.framing.codec import SIM_STATE, copy_step
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.fleet import PlantState, navigates, new_plant_state, observe
+from sitl_plant.loop.fleet import PlantState, navigates, new_plant_state, observe
 
 SETTLING_S = 10.0
 """A UAV's figures begin so long after it begins to follow the path; so long after its end a turn

@@ -103,7 +103,7 @@ class Recording:
         mode: How it was flown.
         step_us: Control period [µs].
         uav_ids: System ids, length n.
-        states: Shape (steps, n, 12), at the start of each step; see `sitl_plant.rigid_body.State`.
+        states: Shape (steps, n, 12), at the start of each step; see `rigid_body.State`.
         wind: Shape (steps, n, 3), velocity of the air at the start of each step, body axes [m/s].
         applied: Shape (steps, n, 4), applied at the start of each period: aileron, elevator,
             rudder, thrust.

@@ -255,7 +255,7 @@ def _complete(reader: "pa.ipc.RecordBatchStreamReader") -> Iterator["pa.RecordBa
 
 
 def read_recording(folder: Path | str) -> Recording:
-    """Read the full recording of a run folder into memory, as `gcs.lab.theory` needs it.
+    """Read the full recording of a run folder into memory, as `ftc_lab.theory` needs it.
 
     Raises:
         BadInput: There is none, it is not a full one, or it is torn.

@@ -31,8 +31,8 @@ from mavlink_defs.framing.codec import (
 )
 from mavlink_defs.framing.header import CRC_SIZE, HEADER_SIZE, SIGNATURE_SIZE
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.hardware import Sensor
-from sitl_plant.rigid_body import R1
+from sitl_plant.airframe.rigid_body import R1
+from sitl_plant.sensing.config import Sensor
 from sitl_plant.sensing.sense import NEW
 from sitl_plant.sensing.units import GNSS, Unit, units_of
 from sitl_plant.vec3 import mul, vec3

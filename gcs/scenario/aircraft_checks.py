@@ -6,17 +6,16 @@ from ftc_autopilot.control.config import law_problems
 from ftc_autopilot.control.laws import Controller
 from gcs.scenario.sections import Found, ScenarioUav
 from mavlink_defs.config.models import Problems
-from sitl_plant.aircraft_config import Aircraft, Uncertainty, true_aircraft
-from sitl_plant.config import Disturbance, plant_problems, truth_problems
-from sitl_plant.hardware import (
-    Sensors,
+from sitl_plant.actuators.config import (
     Servos,
-    navigation_problems,
-    sensor_problems,
     servo_problems,
 )
-from sitl_plant.navigation_sensors import Navigation
-from sitl_plant.plant_section import OwnPlant, PlantSection
+from sitl_plant.air.config import Disturbance
+from sitl_plant.airframe.config import Aircraft, Uncertainty, true_aircraft
+from sitl_plant.config import truth_problems
+from sitl_plant.sensing.config import Navigation, Sensors
+from sitl_plant.sensing.observability import navigation_problems, sensor_problems
+from sitl_plant.simulators.config import OwnPlant, PlantSection, plant_problems
 
 
 def uncertainty_problems(

@@ -15,8 +15,8 @@ from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import merged, read_inherited
 from mavlink_defs.config.models import ConfigError, Loc, Problem
 from mavlink_defs.config.written import WrittenDict, WrittenList, located
-from sitl_plant.aircraft_config import Aircraft, Coefficients
-from sitl_plant.plant_section import is_own
+from sitl_plant.airframe.config import Aircraft, Coefficients
+from sitl_plant.simulators.config import is_own
 
 _OPTIONAL = {key for key, field in Aircraft.model_fields.items() if not field.is_required()}
 _OPTIONAL_COEFFICIENTS = {

@@ -12,7 +12,7 @@ _SOURCES = (
     "mavlink_defs/*.xml",
     "sitl_plant/**/*.py",
     "ftc_autopilot/**/*.py",
-    "gcs/lab/campaigns/flights.py",
+    "ftc_lab/campaigns/flights.py",
     "gcs/fleet/in_process.py",
     "gcs/results/*.py",
     "gcs/scenario/*.py",

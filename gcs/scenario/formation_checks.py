@@ -14,7 +14,7 @@ from gcs.scenario.mission import MissionSection
 from gcs.scenario.sections import Found, Network
 from mavlink_defs.config.models import Loc
 from mavlink_defs.profile import ItemError
-from sitl_plant.aircraft_config import Aircraft
+from sitl_plant.airframe.config import Aircraft
 
 
 def network_problems(network: Network, ids: Sequence[int]) -> Found:

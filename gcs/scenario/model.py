@@ -73,14 +73,14 @@ from mavlink_defs.mission_files import is_mission_file
 from mavlink_defs.profile import MAX_SEGMENTS, AirspeedLimits, Segment, segments_to_items
 from mavlink_defs.sensor_faults import AnyFault
 from mavlink_defs.services.mission import MissionItem
-from sitl_plant.aircraft_config import Aircraft, Uncertainty, true_aircraft
+from sitl_plant.actuators.config import ActuatorServos, Servos
+from sitl_plant.air.config import Disturbance, Wind
+from sitl_plant.airframe.config import Aircraft, Uncertainty, true_aircraft
 from sitl_plant.ardupilot.config import ArduPilot
-from sitl_plant.atmosphere import Wind
-from sitl_plant.config import Disturbance, PlantConfig, PlantUav, Seed
-from sitl_plant.hardware import ActuatorServos, Sensors, Servos
-from sitl_plant.navigation_sensors import Navigation
-from sitl_plant.plant_section import OwnPlant, PlantSection
+from sitl_plant.config import PlantConfig, PlantUav, Seed
+from sitl_plant.sensing.config import Navigation, Sensors
 from sitl_plant.sensing.units import FAULT_NAMES, units_of
+from sitl_plant.simulators.config import OwnPlant, PlantSection
 
 
 class Scenario(Model):

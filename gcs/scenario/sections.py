@@ -28,10 +28,10 @@ from mavlink_defs.endpoint import EndpointError, parse_address
 from mavlink_defs.fault_spec import FaultSpec
 from mavlink_defs.profile import Segment
 from mavlink_defs.sensor_fault_spec import SensorFaultSpec
-from sitl_plant.aircraft_config import Aircraft
+from sitl_plant.actuators.config import Servos
+from sitl_plant.airframe.config import Aircraft
 from sitl_plant.config import InitialState
-from sitl_plant.hardware import Servos
-from sitl_plant.plant_section import PlantSection
+from sitl_plant.simulators.config import PlantSection
 
 Found: TypeAlias = Iterator[Problem | tuple[Loc, str]]
 

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sitl_plant.airframe.rigid_body import R1
 from sitl_plant.ardupilot.protocol import Measured
-from sitl_plant.rigid_body import R1
 from sitl_plant.vec3 import Vec3, norm, scale, sub, vec3
 
 
@@ -52,7 +52,7 @@ def new_launch(x: np.ndarray, air: np.ndarray, gravity: float, duration_s: float
     """Return the launch into an initial state.
 
     Args:
-        x: The state, shape (12,), see `sitl_plant.rigid_body.State`.
+        x: The state, shape (12,), see `sitl_plant.airframe.rigid_body.State`.
         air: Velocity of the air there, body axes, shape (3,) [m/s].
         gravity: Acceleration of gravity [m/s²].
         duration_s: How long it takes [s].

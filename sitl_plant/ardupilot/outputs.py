@@ -3,8 +3,8 @@
 import numpy as np
 
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
-from sitl_plant.aerodynamics import aerodynamics
-from sitl_plant.aircraft import AircraftRecord
+from sitl_plant.airframe.aerodynamics import aerodynamics
+from sitl_plant.airframe.aircraft import AircraftRecord
 from sitl_plant.ardupilot.config import ArduPilot, SurfaceOutput, ThrottleOutput
 
 _SURFACES = (AILERON, ELEVATOR, RUDDER)

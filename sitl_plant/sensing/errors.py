@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.gaussian import normal, normals
+from sitl_plant.air.gaussian import normal, normals
 
 AXES = 6
 """Most values in a sample: position and velocity of a GNSS receiver."""

@@ -32,7 +32,7 @@ from mavlink_defs.dialect import (
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.sensor_fault_kinds import MAX_DELAY_S, SENSOR_NAMES
 from mavlink_defs.sensor_faults import MAX_SENSOR_FAULTS, SensorFault
-from sitl_plant.gaussian import normal
+from sitl_plant.air.gaussian import normal
 
 VALUES = 6
 """Most quantities in a sample: a GPS has them."""

@@ -6,6 +6,7 @@ and its bit in `fields_updated` is not set.
 """
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -14,8 +15,8 @@ from mavlink_defs import dialect
 from mavlink_defs.framing.codec import HIL_GPS, HIL_SENSOR
 from mavlink_defs.origin import EARTH_RADIUS_M, Origin
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.config import PlantConfig
-from sitl_plant.rigid_body import R1
+from sitl_plant.airframe.rigid_body import R1
+from sitl_plant.sensing.config import NavigationSensors
 from sitl_plant.sensing.errors import AXES, CHANNELS, ERRORS, corrupt, is_due, turn_on
 from sitl_plant.sensing.failures import Failures, SensorRange, fail, new_failures
 from sitl_plant.sensing.geomagnetism import magnetic_field
@@ -102,22 +103,35 @@ class Sensing(NamedTuple):
     faults: Failures  # of the same sensors, in the same order
 
 
-def new_sensing(config: PlantConfig) -> Sensing:
-    """Return the sensors of a configuration's aircraft, before their first sample."""
-    navigation, n = config.sensors.navigation, len(config.uavs)
-    units = units_of(navigation, config.step_us)
-    systems = [uav.id for uav in config.uavs]
+def sensing_of(
+    navigation: NavigationSensors,
+    origin: Origin,
+    density_kg_m3: Mapping[int, float],
+    seed: int,
+    step_us: int,
+) -> Sensing:
+    """Return the sensors of aircraft before their first sample.
+
+    Args:
+        navigation: What each of them carries.
+        origin: Where north = east = down = 0 is.
+        density_kg_m3: Of the air in which each flies, by its system id.
+        seed: Of their errors.
+        step_us: Control period [µs].
+    """
+    n, systems = len(density_kg_m3), list(density_kg_m3)
+    units = units_of(navigation, step_us)
     sites = np.zeros(n, SITE)
-    for name, value in _site(config.origin).items():
+    for name, value in _site(origin).items():
         sites[name] = value
-    sites["density"] = [uav.aircraft.air_density_kg_m3 for uav in config.uavs]
+    sites["density"] = list(density_kg_m3.values())
     sites["hdop"], sites["vdop"] = navigation.gnss.hdop, navigation.gnss.vdop
     sites["satellites"] = navigation.gnss.satellites
-    sites["step_us"], sites["step"] = config.step_us, -1
+    sites["step_us"], sites["step"] = step_us, -1
     sensors = np.zeros((n, len(units)), ERRORS)
     for i, system in enumerate(systems):
         for k, unit in enumerate(units):
-            _set(sensors[i, k], unit, config.seed, system, config.step_us)
+            _set(sensors[i, k], unit, seed, system, step_us)
     imus = np.zeros((n, navigation.imus), HIL_SENSOR)
     imus["id"] = range(navigation.imus)
     depth = max(unit.late for unit in units) + 1
@@ -128,7 +142,7 @@ def new_sensing(config: PlantConfig) -> Sensing:
         sensors,
         np.zeros((n, len(units), AXES)),
         np.zeros((n, depth, _MOTION)),
-        new_failures([_range(unit) for unit in units], systems, config.seed, config.step_us),
+        new_failures([_range(unit) for unit in units], systems, seed, step_us),
     )
 
 

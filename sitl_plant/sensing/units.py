@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterator
 from typing import Final, NamedTuple, TypeAlias
 
-from sitl_plant.navigation_sensors import (
+from sitl_plant.sensing.config import (
     Accelerometer,
     Barometer,
     Gnss,

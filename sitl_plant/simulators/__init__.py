@@ -8,8 +8,8 @@ simulator.
 from importlib.metadata import entry_points
 
 from mavlink_defs.runtime.foreign import ForeignCode
-from sitl_plant.plant_section import JsbSimPlant, OwnPlant, PlantSection, PluginPlant
 from sitl_plant.simulators.base import Simulator, SimulatorError
+from sitl_plant.simulators.config import JsbSimPlant, OwnPlant, PlantSection, PluginPlant
 
 GROUP = "ftc_sitl.simulators"
 

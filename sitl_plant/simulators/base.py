@@ -6,7 +6,7 @@ the group of entry points `ftc_sitl.simulators`.
 
 from typing import NamedTuple, Protocol
 
-from sitl_plant.aircraft_config import Inertia
+from sitl_plant.airframe.config import Inertia
 from sitl_plant.vec3 import Vec3
 
 

@@ -15,10 +15,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from sitl_plant.aircraft_config import Inertia
-from sitl_plant.plant_section import JsbSimPlant
+from sitl_plant.airframe.config import Inertia
 from sitl_plant.simulators import jsbsim_aircraft
 from sitl_plant.simulators.base import Body, Motion, SimulatorError
+from sitl_plant.simulators.config import JsbSimPlant
 from sitl_plant.simulators.jsbsim_engine import Engine
 from sitl_plant.simulators.jsbsim_surfaces import Surface, surfaces_of
 from sitl_plant.simulators.jsbsim_units import FT, LBF, SLUG

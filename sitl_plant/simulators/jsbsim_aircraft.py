@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
-from sitl_plant.plant_section import JsbSimPlant, is_own
 from sitl_plant.simulators.base import SimulatorError
+from sitl_plant.simulators.config import JsbSimPlant, is_own
 
 THRUST = "external_reactions/ftc-thrust"
 """Property of the force that stands in for the engines."""

@@ -9,10 +9,10 @@ import math
 import numpy as np
 
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.aerodynamics import aerodynamics
-from sitl_plant.aircraft import AircraftRecord, aircraft_record
-from sitl_plant.aircraft_config import Aircraft
-from sitl_plant.rigid_body import (
+from sitl_plant.airframe.aerodynamics import aerodynamics
+from sitl_plant.airframe.aircraft import AircraftRecord, aircraft_record
+from sitl_plant.airframe.config import Aircraft
+from sitl_plant.airframe.rigid_body import (
     R1,
     STILL_AIR,
     Air,

@@ -12,7 +12,7 @@ from ftc_autopilot.control.diagnosis import DiagnosisParameters
 from ftc_autopilot.control.diagnosis.parameters import Limits
 from ftc_autopilot.control.diagnosis.state import ACTUATOR
 from ftc_autopilot.control.diagnosis.suspicions import monitor
-from sitl_plant.hardware import ActuatorServos
+from sitl_plant.actuators.config import ActuatorServos
 
 DT, FILTER_S = 1e-3, 0.01
 LIMITS = Limits(

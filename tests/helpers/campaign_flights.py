@@ -9,9 +9,9 @@ from typing import Any
 
 import yaml
 
-from gcs.lab.campaigns.flights import Flights, Row
-from gcs.lab.campaigns.model import Campaign
-from gcs.lab.campaigns.plan import Plan, plan
+from ftc_lab.campaigns.flights import Flights, Row
+from ftc_lab.campaigns.model import Campaign
+from ftc_lab.campaigns.plan import Plan, plan
 from gcs.scenario.model import Scenario
 
 SCENARIO_1 = Path(__file__).parents[2] / "scenarios" / "paper" / "scenario1.yaml"

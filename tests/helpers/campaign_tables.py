@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from gcs.lab.campaigns.mark import Mark, write_mark
-from gcs.lab.campaigns.model import Campaign
-from gcs.lab.campaigns.samples import Sample, samples_of
-from gcs.lab.campaigns.store import append_results, results_schema, write_draws
+from ftc_lab.campaigns.mark import Mark, write_mark
+from ftc_lab.campaigns.model import Campaign
+from ftc_lab.campaigns.samples import Sample, samples_of
+from ftc_lab.campaigns.store import append_results, results_schema, write_draws
 
 UAVS = (1, 2)
 FACTORS = ("mass", "cl_alpha", "idle")

@@ -28,10 +28,10 @@ from ftc_autopilot.control.step import Seen
 from gcs.scenario.model import Scenario
 from mavlink_defs.framing.codec import ACTUATORS, NEIGHBOUR, SIM_STATE
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.aircraft import aircraft_record
-from sitl_plant.aircraft_config import Aircraft
-from sitl_plant.fleet import PlantState, fly, new_plant_state, observe
-from sitl_plant.hardware import ActuatorServos
+from sitl_plant.actuators.config import ActuatorServos
+from sitl_plant.airframe.aircraft import aircraft_record
+from sitl_plant.airframe.config import Aircraft
+from sitl_plant.loop.fleet import PlantState, fly, new_plant_state, observe
 
 _RECORDED_AS = {"stops": "surface_limit"}
 """Names of fields when courses were recorded; the stops of all surfaces were one number."""

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sitl_plant.aircraft_config import Aircraft
+from sitl_plant.airframe.config import Aircraft
 
 needs_jsbsim = pytest.mark.skipif(
     find_spec("jsbsim") is None,

@@ -15,7 +15,7 @@ from mavlink_defs.config.inherit import merged
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.framing.codec import ACTUATORS as CONTROLS
 from mavlink_defs.framing.codec import SIM_STATE
-from sitl_plant.fleet import fly, observe, receive_controls
+from sitl_plant.loop.fleet import fly, observe, receive_controls
 
 When = Callable[[float], float]
 """When what is sent at a time arrives [s]."""

@@ -6,7 +6,7 @@ from pathlib import Path
 _MODULE = """
 import math
 
-from sitl_plant.aircraft_config import Inertia
+from sitl_plant.airframe.config import Inertia
 from sitl_plant.simulators.base import Body, Motion, SimulatorError
 
 

@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-from gcs.lab.campaigns.flights import fly_rows
-from gcs.lab.campaigns.folder import open_folder
-from gcs.lab.campaigns.grid import plan_grid
-from gcs.lab.campaigns.plan import rows_of
-from gcs.lab.campaigns.points import Point, read_points
-from gcs.lab.campaigns.store import append_results
+from ftc_lab.campaigns.flights import fly_rows
+from ftc_lab.campaigns.folder import open_folder
+from ftc_lab.campaigns.grid import plan_grid
+from ftc_lab.campaigns.plan import rows_of
+from ftc_lab.campaigns.points import Point, read_points
+from ftc_lab.campaigns.store import append_results
 from gcs.scenario.settings import parse_axes
 
 

@@ -23,8 +23,8 @@ from flying import (
     wait_until,
 )
 
-from gcs.lab.campaigns.mark import mark_of
-from gcs.lab.campaigns.store import read_results
+from ftc_lab.campaigns.mark import mark_of
+from ftc_lab.campaigns.store import read_results
 
 pytestmark = pytest.mark.sitl
 

@@ -11,7 +11,7 @@ import pytest
 from campaign_flights import write_campaign
 from flying import environment, run
 
-from gcs.lab.campaigns.store import read_results
+from ftc_lab.campaigns.store import read_results
 
 pytestmark = [pytest.mark.sitl, pytest.mark.slow]
 

@@ -17,7 +17,7 @@ from flying import (
 )
 from station import Up, up
 
-from gcs.lab.campaigns.store import read_results
+from ftc_lab.campaigns.store import read_results
 
 pytestmark = pytest.mark.sitl
 

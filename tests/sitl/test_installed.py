@@ -17,7 +17,7 @@ import numba
 import pytest
 from flying import assert_one_message, environment, summary_of
 
-from gcs.lab.reproduce import FILES
+from ftc_lab.reproduce import FILES
 
 pytestmark = pytest.mark.sitl
 
@@ -221,7 +221,7 @@ def test_a_bundled_scenario_flies_by_its_name(programs: Path, folder: Path) -> N
 
 
 def test_the_papers_scenarios_come_along(programs: Path, folder: Path) -> None:
-    code = "import inspect; from gcs.lab.commands.reproduce import reproduce as r; "
+    code = "import inspect; from ftc_lab.commands.reproduce import reproduce as r; "
     code += "print(inspect.signature(r).parameters['scenarios'].default)"
     paper = Path(run_well(programs, folder, "python", "-c", code).strip())
     assert paper.is_relative_to(programs.parent)

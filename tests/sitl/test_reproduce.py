@@ -10,11 +10,11 @@ import pytest
 from flying import SCENARIO_1, assert_one_message, run
 from typer.testing import CliRunner
 
+from ftc_lab import reproduce
+from ftc_lab.baselines.combinations import combinations, rivals
+from ftc_lab.reproduce import FILES
 from gcs.cli import app
 from gcs.errors import FlightLost
-from gcs.lab import reproduce
-from gcs.lab.baselines.combinations import combinations, rivals
-from gcs.lab.reproduce import FILES
 from gcs.scenario.model import load_scenario
 
 pytestmark = pytest.mark.sitl

@@ -11,10 +11,10 @@ from flying import SCENARIO_1
 from rich.console import Console
 from typer.testing import CliRunner
 
+from ftc_lab import reproduce
+from ftc_lab.figures import sweep
 from gcs.cli import app
 from gcs.fleet.in_process import fly_in_process
-from gcs.lab import reproduce
-from gcs.lab.figures import sweep
 from gcs.reports.flight import flight_tables
 
 pytestmark = pytest.mark.sitl

@@ -23,7 +23,7 @@ from flying import (
     write_scenario,
 )
 
-from gcs.lab.campaigns.store import read_results
+from ftc_lab.campaigns.store import read_results
 
 pytestmark = pytest.mark.sitl
 

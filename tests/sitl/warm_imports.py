@@ -9,17 +9,16 @@ import pandas  # noqa: F401 - pyarrow imports it
 import typer
 import warm  # noqa: F401 - each forked command runs a function of it
 
-import gcs.fleet.flight
-import gcs.fleet.preload  # flies once
-import gcs.lab.figures.campaign
-import gcs.lab.figures.sweep
-import gcs.lab.reports.campaign
-import gcs.lab.reports.sweep
-import gcs.lab.reproduce  # noqa: F401 - as the others: commands that are forked need it
-from gcs.cli import COMMANDS, app
+import ftc_lab.figures.campaign
+import ftc_lab.figures.sweep
+import ftc_lab.reports.campaign
+import ftc_lab.reports.sweep
+import ftc_lab.reproduce  # noqa: F401 - as the others: commands that are forked need it
+from gcs.cli import app
+from gcs.command_list import OWN, registered
 from gcs.fleet.fork_server import _load_compiled_code
 
 _group = typer.main.get_group(app)
-for _name in COMMANDS:
+for _name in (*OWN, *registered()):
     _group.load(_name)  # type: ignore[attr-defined]  # our own class
 _load_compiled_code()

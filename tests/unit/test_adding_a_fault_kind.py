@@ -26,7 +26,7 @@ EDITS = {
         ),
         (")\n}\n", ", SHOCK"),
     ],
-    "sitl_plant/actuators.py": [
+    "sitl_plant/actuators/faults.py": [
         ("\n@compiled\ndef offset", "from mavlink_defs.dialect import FTC_FAULT_KIND_SHOCK\n"),
         (
             "    wave: float",
@@ -42,7 +42,7 @@ faults:
   - {uav: 3, actuator: rudder, shock_deg: 4.0, start_s: 0.1}
 """
 USES = """
-from gcs.lab.campaigns.model import DrawnFault
+from ftc_lab.campaigns.model import DrawnFault
 from gcs.tui.fault_form import read_fault
 from mavlink_defs.dialect import MAVLink_ftc_fault_message
 from mavlink_defs.fault_kinds import FAULT_KINDS, FaultLimits

@@ -13,9 +13,9 @@ from ftc_autopilot.control.diagnosis.suspicions import monitor, watch_stop
 from ftc_autopilot.control.step import SignalsRecord, Step
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
-from sitl_plant.aircraft import AircraftRecord
-from sitl_plant.stops import range_of
-from sitl_plant.thrust import available_thrust
+from sitl_plant.airframe.aircraft import AircraftRecord
+from sitl_plant.airframe.stops import range_of
+from sitl_plant.airframe.thrust import available_thrust
 from sitl_plant.vec3 import clamp
 
 _FIRST_SIGMA = 0.2  # standard deviation of the residual at first, relative to the jump threshold

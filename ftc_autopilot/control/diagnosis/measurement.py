@@ -23,8 +23,8 @@ from ftc_autopilot.control.inversion import deflections_for, thrust_for
 from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
-from sitl_plant.aircraft import AircraftRecord
-from sitl_plant.thrust import made_thrust
+from sitl_plant.airframe.aircraft import AircraftRecord
+from sitl_plant.airframe.thrust import made_thrust
 from sitl_plant.vec3 import Vec3, add, clamp, cross, mat3, mul, scale, sub, vec3
 
 

@@ -10,7 +10,7 @@ from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.constants import RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.hardware import ActuatorServos
+from sitl_plant.actuators.config import ActuatorServos
 
 _Angle = Annotated[float, quantity("deg", gt=0.0, doc="Of one surface.")]
 _Time = Annotated[float, quantity("s", gt=0.0, doc="Of one surface.")]

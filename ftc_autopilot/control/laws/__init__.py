@@ -29,7 +29,7 @@ from ftc_autopilot.control.step import (
 from ftc_autopilot.plugins.loading import LAWS as GROUP
 from ftc_autopilot.plugins.models import PLUGIN, PLUGIN_TAG, is_plugin, model_of, owned
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.aircraft import AircraftRecord
+from sitl_plant.airframe.aircraft import AircraftRecord
 
 
 def _kind(value: Any) -> Any:

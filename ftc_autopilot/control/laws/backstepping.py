@@ -18,8 +18,8 @@ from ftc_autopilot.control.laws.base import TABLE_III_K1, TABLE_III_K2, Gains, L
 from ftc_autopilot.control.step import ALL, Command, Step
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.aircraft import AircraftRecord
-from sitl_plant.aircraft_config import Aircraft
+from sitl_plant.airframe.aircraft import AircraftRecord
+from sitl_plant.airframe.config import Aircraft
 from sitl_plant.vec3 import mat3, mul, scale, sub
 
 

@@ -10,8 +10,8 @@ from ftc_autopilot.common.records import fill, record_dtype
 from ftc_autopilot.control.triggers import trigger_of
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import quantity
-from sitl_plant.aircraft_config import Aircraft
-from sitl_plant.hardware import ActuatorServos
+from sitl_plant.actuators.config import ActuatorServos
+from sitl_plant.airframe.config import Aircraft
 
 _Gain = Annotated[float, quantity("1/s", gt=0.0, le=500.0, doc="Gain of one axis.")]
 Gains: TypeAlias = tuple[_Gain, _Gain, _Gain]

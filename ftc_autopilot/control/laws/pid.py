@@ -15,11 +15,11 @@ from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.step import ALL, Command, Step
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.aircraft import AircraftRecord
-from sitl_plant.aircraft_config import Aircraft
-from sitl_plant.rigid_body import R2
-from sitl_plant.stops import range_of
-from sitl_plant.thrust import available_thrust
+from sitl_plant.airframe.aircraft import AircraftRecord
+from sitl_plant.airframe.config import Aircraft
+from sitl_plant.airframe.rigid_body import R2
+from sitl_plant.airframe.stops import range_of
+from sitl_plant.airframe.thrust import available_thrust
 from sitl_plant.vec3 import Vec3, clamp, mul
 
 _TimeConstant = Annotated[float, quantity("s", gt=0.0, doc="Time constant of an attitude loop.")]

@@ -30,7 +30,7 @@ from ftc_autopilot.plugins.loading import LAWS
 from ftc_autopilot.plugins.memory import call, call_records, layout_of, tuple_at
 from ftc_autopilot.plugins.models import PLUGIN
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.aircraft import AIRCRAFT, AircraftRecord
+from sitl_plant.airframe.aircraft import AIRCRAFT, AircraftRecord
 from sitl_plant.vec3 import Vec3
 
 PARAMETER_BYTES, STATE_BYTES = 4096, 24576

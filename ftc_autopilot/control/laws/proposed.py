@@ -19,8 +19,8 @@ from ftc_autopilot.control.speed import SpeedLaw, speed_law
 from ftc_autopilot.control.step import ALL, Command, SignalsRecord, Step
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.aircraft import AircraftRecord
-from sitl_plant.aircraft_config import Aircraft
+from sitl_plant.airframe.aircraft import AircraftRecord
+from sitl_plant.airframe.config import Aircraft
 from sitl_plant.vec3 import clamp_each, sub, vec3
 
 

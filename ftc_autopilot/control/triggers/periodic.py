@@ -11,7 +11,7 @@ from mavlink_defs.config.models import Loc
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.constants import ACTUATORS, N_CHANNELS, Actuator
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.hardware import period_problems
+from sitl_plant.periods import period_problems
 
 Times: TypeAlias = tuple[float, float, float, float]
 """Times of the channels [s], as in FTC_ACTUATOR."""

@@ -16,7 +16,7 @@ from ftc_autopilot.control.triggers.static import per_channel
 from mavlink_defs.config.models import Loc
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.hardware import period_problems
+from sitl_plant.periods import period_problems
 
 
 class PeriodicEvent(TriggerParameters):

@@ -21,7 +21,7 @@ from mavlink_defs.config.models import Loc
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.hardware import period_problems
+from sitl_plant.periods import period_problems
 
 
 class SelfTriggered(TriggerParameters):

@@ -113,7 +113,7 @@ def guide(
         path: Record of dtype `ftc_autopilot.guidance.path.PATH` with at least one leg.
         near: Path parameter at the update before [m].
         coordination: Slot and corrections of the formation.
-        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
+        aircraft: Nominal aircraft, dtype `sitl_plant.airframe.aircraft.AIRCRAFT`.
         parameters: Record of dtype `GUIDANCE_PARAMETERS`.
         state: Record of dtype `GUIDANCE_STATE`; the law's own part is updated in place.
         command: Airspeed [m/s], roll, pitch, yaw [rad], shape (4,), written.

@@ -44,8 +44,8 @@ from ftc_autopilot.guidance.laws.base import GuidanceParameters, Intention, Pace
 from ftc_autopilot.guidance.path import PathPoint, height_at, locate, point_at
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.aerodynamics import carried_linearly, drag
-from sitl_plant.thrust import available_thrust
+from sitl_plant.airframe.aerodynamics import carried_linearly, drag
+from sitl_plant.airframe.thrust import available_thrust
 
 _APPROACH_MAX = math.radians(40.0)
 """Largest angle between the commanded course and the path [rad]."""
@@ -142,7 +142,7 @@ def path_law(
         path: Record of dtype `ftc_autopilot.guidance.path.PATH` with at least one leg.
         near: Path parameter at the update before [m].
         coordination: Slot and corrections.
-        aircraft: Nominal aircraft, dtype `sitl_plant.aircraft.AIRCRAFT`.
+        aircraft: Nominal aircraft, dtype `sitl_plant.airframe.aircraft.AIRCRAFT`.
         limits: Record made of `ftc_autopilot.guidance.laws.base.GuidanceParameters`.
         gains: Record made of what `PathFollowing` has beyond that.
         state: Record of dtype `PathFollowing.STATE`, updated in place.

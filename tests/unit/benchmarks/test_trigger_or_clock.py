@@ -10,7 +10,7 @@ from benchmarks.trigger_or_clock import (
     scenarios_of,
     sentences_of,
 )
-from gcs.lab.baselines.senders import Sender, Verdict, Yardstick, worst_ratio
+from ftc_lab.baselines.senders import Sender, Verdict, Yardstick, worst_ratio
 from gcs.scenario.bundled import bundled_names
 
 

@@ -23,10 +23,10 @@ from ftc_autopilot.guidance.formation import Policy
 from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
 from ftc_autopilot.vehicle.commands import _FOR_THE_SIMULATOR
 from ftc_autopilot.vehicle.vehicle import _IMPOSSIBLE
+from ftc_lab.campaigns.model import LOSS, Campaign
+from ftc_lab.campaigns.store import OUTCOMES
 from gcs.cli import _EXIT_DEFECT, whole_command
 from gcs.errors import GcsError
-from gcs.lab.campaigns.model import LOSS, Campaign
-from gcs.lab.campaigns.store import OUTCOMES
 from gcs.scenario.model import load_scenario
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS, MODE_NAMES

@@ -15,12 +15,12 @@ from lossy_network import GCS, VEHICLE, over_the_wire
 from typer.testing import CliRunner
 
 from ftc_autopilot import autopilot, process
+from ftc_lab.campaigns.gate import Check
+from ftc_lab.reports.gate import gate_markdown, junit
+from ftc_lab.reports.markdown import html_of, save_markdown
 from gcs import cli
 from gcs.commands.wire import _named_port
 from gcs.errors import BadInput, CommandRefused
-from gcs.lab.campaigns.gate import Check
-from gcs.lab.reports.gate import gate_markdown, junit
-from gcs.lab.reports.markdown import html_of, save_markdown
 from gcs.scenario.model import scenario_of, scenario_tree
 from gcs.scenario.profile_file import load_profile
 from gcs.tui.playback import Playback
@@ -31,7 +31,7 @@ from mavlink_defs.config.yaml_text import parse_yaml, yaml_of
 from mavlink_defs.framing.frames import text_chunks
 from mavlink_defs.services.param import ParamFinished, ParamReader
 from mavlink_defs.services.statustext import TextAssembler
-from sitl_plant import process as plant_process
+from sitl_plant.loop import process as plant_process
 
 UNSEEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}
 EVERY = "".join(

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from gcs.scenario.model import Scenario
 from mavlink_defs.config.files import dump, load
 from mavlink_defs.config.models import ConfigError
-from sitl_plant.aircraft_config import Coefficients, Inertia, Uncertainty, true_aircraft
+from sitl_plant.airframe.config import Coefficients, Inertia, Uncertainty, true_aircraft
 
 FACTORS = st.floats(0.01, 100.0)
 

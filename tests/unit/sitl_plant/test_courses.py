@@ -10,8 +10,8 @@ from courses import Course
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
 from mavlink_defs.faults import Fault
-from sitl_plant.actuators import add_fault
-from sitl_plant.fleet import fly, new_plant_state, observe
+from sitl_plant.actuators.faults import add_fault
+from sitl_plant.loop.fleet import fly, new_plant_state, observe
 
 _SURFACE = {
     "lag_s": 0.03,

@@ -15,7 +15,7 @@ from gcs.scenario.model import Scenario
 from mavlink_defs.config.files import dump, load
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.config.yaml_text import parse_yaml, yaml_of
-from sitl_plant.aircraft_config import Inertia, Uncertainty, true_aircraft
+from sitl_plant.airframe.config import Inertia, Uncertainty, true_aircraft
 from sitl_plant.config import PlantConfig
 
 ROOT = Path(__file__).parents[3]

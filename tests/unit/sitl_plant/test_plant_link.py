@@ -13,8 +13,8 @@ from mavlink_defs.endpoint import UdpAddress, bind_udp, set_receive_timeout
 from mavlink_defs.framing import codec
 from mavlink_defs.framing.hot_link import Outcome
 from mavlink_defs.runtime.sockaddr import sockaddr
-from sitl_plant.fleet import PlantState, new_plant_state
-from sitl_plant.link import PlantLink, due_time_s, new_link, run
+from sitl_plant.loop.fleet import PlantState, new_plant_state
+from sitl_plant.loop.link import PlantLink, due_time_s, new_link, run
 
 STEPS = 5
 

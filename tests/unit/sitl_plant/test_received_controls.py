@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.framing.codec import ACTUATORS
-from sitl_plant.fleet import new_plant_state, receive_controls
+from sitl_plant.loop.fleet import new_plant_state, receive_controls
 
 command = st.floats(-1.0, 1.0, width=32) | st.floats(width=32)
 

@@ -13,8 +13,8 @@ from mavlink_defs.dialect import FTC_SIM_FLAGS_GPS, FTC_SIM_FLAGS_LOCKSTEP, FTC_
 from mavlink_defs.endpoint import UdpAddress, bind_udp
 from mavlink_defs.framing.frames import parse
 from mavlink_defs.runtime.sockaddr import sockaddr
-from sitl_plant.fleet import fly, new_plant_state
-from sitl_plant.link import new_link, send_states
+from sitl_plant.loop.fleet import fly, new_plant_state
+from sitl_plant.loop.link import new_link, send_states
 
 STEPS = 401
 GYRO, BAROMETER = 0b11_1000, 0b1_1010_0000_0000

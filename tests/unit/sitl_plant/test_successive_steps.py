@@ -8,14 +8,20 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from gcs.scenario.model import Scenario
-from sitl_plant.actuators import no_faults
-from sitl_plant.atmosphere import Dryden
-from sitl_plant.fleet import fly, new_plant_state, observe
-from sitl_plant.gaussian import normal
-from sitl_plant.hardware import ActuatorServos
-from sitl_plant.rigid_body import STILL_AIR, load_state, state_derivative
-from sitl_plant.servo import begin_period, end_period, new_servos, positions, sent_commands
-from sitl_plant.turbulence import advance_turbulence, new_turbulence, start_turbulence
+from sitl_plant.actuators.config import ActuatorServos
+from sitl_plant.actuators.faults import no_faults
+from sitl_plant.actuators.servo import (
+    begin_period,
+    end_period,
+    new_servos,
+    positions,
+    sent_commands,
+)
+from sitl_plant.air.config import Dryden
+from sitl_plant.air.gaussian import normal
+from sitl_plant.air.turbulence import advance_turbulence, new_turbulence, start_turbulence
+from sitl_plant.airframe.rigid_body import STILL_AIR, load_state, state_derivative
+from sitl_plant.loop.fleet import fly, new_plant_state, observe
 
 STEP_US, DT = 4000, 4e-3
 CONTROLS = np.array([0.05, -0.04, 0.3, 800.0])

@@ -4,9 +4,16 @@ import numpy as np
 import pytest
 
 from gcs.scenario.model import Scenario
-from sitl_plant.aerodynamics import aerodynamics
-from sitl_plant.disturbance import disturbance_table, disturbances
-from sitl_plant.rigid_body import R1, R2, STILL_AIR, load_state, state_derivative, store_state
+from sitl_plant.air.disturbance import disturbance_table, disturbances
+from sitl_plant.airframe.aerodynamics import aerodynamics
+from sitl_plant.airframe.rigid_body import (
+    R1,
+    R2,
+    STILL_AIR,
+    load_state,
+    state_derivative,
+    store_state,
+)
 
 CASES = range(12)
 NONE = (0.0, 0.0, 0.0)

@@ -15,9 +15,9 @@ import numpy as np
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.aerodynamics import carried, lateral, longitudinal
-from sitl_plant.aircraft import aircraft_record
-from sitl_plant.aircraft_config import Aircraft
+from sitl_plant.airframe.aerodynamics import carried, lateral, longitudinal
+from sitl_plant.airframe.aircraft import aircraft_record
+from sitl_plant.airframe.config import Aircraft
 from sitl_plant.vec3 import clamp
 
 AIRSPEEDS = 6

@@ -7,7 +7,7 @@ import numpy as np
 from ftc_autopilot.control.attitude import filtered_derivative
 from ftc_autopilot.control.step import Step
 from mavlink_defs.runtime.jit import inlined
-from sitl_plant.rigid_body import R2
+from sitl_plant.airframe.rigid_body import R2
 from sitl_plant.vec3 import Vec3, clamp, mul, scale, sub, vec3
 
 _LOWEST = -0.75  # of the pitch reference [rad]

@@ -11,10 +11,10 @@ from ftc_autopilot.control.laws.surviving.gains import gain_at
 from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import AILERON, RUDDER
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.aerodynamics import lateral
-from sitl_plant.aircraft import AircraftRecord
-from sitl_plant.rigid_body import angular_acceleration
-from sitl_plant.stops import range_of
+from sitl_plant.airframe.aerodynamics import lateral
+from sitl_plant.airframe.aircraft import AircraftRecord
+from sitl_plant.airframe.rigid_body import angular_acceleration
+from sitl_plant.airframe.stops import range_of
 from sitl_plant.vec3 import Vec3, clamp, mat3, mul
 
 _AT_THE_STOP = 0.92  # of the stop

@@ -18,10 +18,10 @@ from ftc_autopilot.control.laws.surviving.longitudinal import pitch_trim, thrust
 from ftc_autopilot.control.step import ALL, Command, SignalsRecord, Step, Thresholds
 from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
-from sitl_plant.aircraft import AircraftRecord
-from sitl_plant.rigid_body import angular_acceleration
-from sitl_plant.stops import has_actuator, range_of, stop_beside
-from sitl_plant.thrust import available_thrust
+from sitl_plant.airframe.aircraft import AircraftRecord
+from sitl_plant.airframe.rigid_body import angular_acceleration
+from sitl_plant.airframe.stops import has_actuator, range_of, stop_beside
+from sitl_plant.airframe.thrust import available_thrust
 from sitl_plant.vec3 import mat3, mul, sub
 
 _LEAST_COSINE = 0.3  # of the roll angle, in the turn rate of a trim

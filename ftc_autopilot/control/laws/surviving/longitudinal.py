@@ -9,9 +9,9 @@ from ftc_autopilot.control.laws.surviving.gains import gain_at
 from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import ELEVATOR, THROTTLE
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.aerodynamics import balanced_alpha, carried, drag, drag_coefficient
-from sitl_plant.aircraft import AircraftRecord
-from sitl_plant.thrust import is_short
+from sitl_plant.airframe.aerodynamics import balanced_alpha, carried, drag, drag_coefficient
+from sitl_plant.airframe.aircraft import AircraftRecord
+from sitl_plant.airframe.thrust import is_short
 from sitl_plant.vec3 import clamp
 
 _ALPHA_MIN, _ALPHA_MAX = -0.1, 0.45  # of a trim [rad]

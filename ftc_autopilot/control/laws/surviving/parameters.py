@@ -19,8 +19,8 @@ from ftc_autopilot.control.laws.surviving.gains import (
     gains_of,
 )
 from mavlink_defs.config.quantity import quantity
-from sitl_plant.aircraft_config import Aircraft
-from sitl_plant.hardware import ActuatorServos
+from sitl_plant.actuators.config import ActuatorServos
+from sitl_plant.airframe.config import Aircraft
 
 _RateLimit = Annotated[float, quantity("deg/s", gt=0.0, doc="Limit of an Euler angle's rate.")]
 _AccelerationLimit = Annotated[

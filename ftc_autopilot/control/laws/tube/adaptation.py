@@ -22,8 +22,8 @@ from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
 from mavlink_defs.runtime.memory import copy_record
-from sitl_plant.aerodynamics import correct_derivatives, rate_damping
-from sitl_plant.aircraft import AircraftRecord
+from sitl_plant.airframe.aerodynamics import correct_derivatives, rate_damping
+from sitl_plant.airframe.aircraft import AircraftRecord
 from sitl_plant.vec3 import Vec3, clamp, mul
 
 AXES = 2

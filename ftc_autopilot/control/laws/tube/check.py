@@ -19,10 +19,10 @@ from ftc_autopilot.control.laws.tube.tube import build_tube, to_errors
 from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import AILERON, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
-from sitl_plant.aircraft import AircraftRecord
-from sitl_plant.rigid_body import angular_acceleration
-from sitl_plant.stops import range_of
-from sitl_plant.thrust import available_thrust, reach_of, thrust_moment
+from sitl_plant.airframe.aircraft import AircraftRecord
+from sitl_plant.airframe.rigid_body import angular_acceleration
+from sitl_plant.airframe.stops import range_of
+from sitl_plant.airframe.thrust import available_thrust, reach_of, thrust_moment
 from sitl_plant.vec3 import add, clamp, mat3, mul, scale, sub, vec3
 
 _ORDER = (AIRSPEED, YAW, ROLL, PITCH, YAW, ROLL)  # in which outputs are planned

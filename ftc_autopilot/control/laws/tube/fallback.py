@@ -14,9 +14,9 @@ from ftc_autopilot.control.diagnosis.suspicions import stop_suspected
 from ftc_autopilot.control.step import Command, Step, Thresholds
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
-from sitl_plant.aircraft import AircraftRecord
-from sitl_plant.stops import has_actuator
-from sitl_plant.thrust import reach_of
+from sitl_plant.airframe.aircraft import AircraftRecord
+from sitl_plant.airframe.stops import has_actuator
+from sitl_plant.airframe.thrust import reach_of
 from sitl_plant.vec3 import clamp
 
 _MOST_DOUBLINGS = 4

@@ -20,8 +20,8 @@ from ftc_autopilot.control.step import Command, SignalsRecord, Step
 from ftc_autopilot.control.triggers.base import in_steps
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
-from sitl_plant.aircraft import AircraftRecord
-from sitl_plant.stops import has_actuator, range_of
+from sitl_plant.airframe.aircraft import AircraftRecord
+from sitl_plant.airframe.stops import has_actuator, range_of
 from sitl_plant.vec3 import clamp
 
 _LONGEST_PERIOD_S = 0.03

@@ -11,10 +11,10 @@ import numpy as np
 from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import THROTTLE
 from mavlink_defs.runtime.jit import inlined
-from sitl_plant.aerodynamics import aerodynamics, force, moment
-from sitl_plant.aircraft import AircraftRecord
-from sitl_plant.rigid_body import angular_acceleration
-from sitl_plant.thrust import made_thrust, thrust_moment
+from sitl_plant.airframe.aerodynamics import aerodynamics, force, moment
+from sitl_plant.airframe.aircraft import AircraftRecord
+from sitl_plant.airframe.rigid_body import angular_acceleration
+from sitl_plant.airframe.thrust import made_thrust, thrust_moment
 from sitl_plant.vec3 import add, mat3, vec3
 
 

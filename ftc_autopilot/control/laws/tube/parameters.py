@@ -10,8 +10,8 @@ from ftc_autopilot.control.laws.surviving.parameters import FaultTolerant, Survi
 from ftc_autopilot.control.pairing import is_coupled, joint_moves
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
-from sitl_plant.aircraft import AIRCRAFT
-from sitl_plant.aircraft_config import Aircraft
+from sitl_plant.airframe.aircraft import AIRCRAFT
+from sitl_plant.airframe.config import Aircraft
 
 OUTPUTS = 4
 """Outputs that have a tube: airspeed [m/s], roll, pitch, yaw [rad]."""

@@ -7,9 +7,9 @@ import numpy as np
 
 from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.aircraft import AircraftRecord
-from sitl_plant.lag import lagged
-from sitl_plant.rigid_body import STILL_AIR, State, advance, state_derivative
+from sitl_plant.actuators.lag import lagged
+from sitl_plant.airframe.aircraft import AircraftRecord
+from sitl_plant.airframe.rigid_body import STILL_AIR, State, advance, state_derivative
 from sitl_plant.vec3 import Vec3, clamp, norm
 
 

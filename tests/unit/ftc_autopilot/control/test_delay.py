@@ -25,9 +25,9 @@ from ftc_autopilot.control.stepping import controller_step
 from gcs.fleet.in_process import fly_in_process
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from mavlink_defs.framing.codec import SIM_STATE
-from sitl_plant.aerodynamics import aerodynamics
-from sitl_plant.aircraft import aircraft_record
-from sitl_plant.rigid_body import STILL_AIR, load_state, specific_force, state_derivative
+from sitl_plant.airframe.aerodynamics import aerodynamics
+from sitl_plant.airframe.aircraft import aircraft_record
+from sitl_plant.airframe.rigid_body import STILL_AIR, load_state, specific_force, state_derivative
 from sitl_plant.vec3 import vec3
 
 STEP_US = 1000

@@ -22,9 +22,9 @@ from ftc_autopilot.control.triggers import MODES, TRIGGERS
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import ACTUATORS, N_CHANNELS
 from mavlink_defs.framing.codec import SIM_STATE
-from sitl_plant.aerodynamics import aerodynamics, control_effectiveness
-from sitl_plant.aircraft import COEFFICIENTS, aircraft_record
-from sitl_plant.aircraft_config import Aircraft
+from sitl_plant.airframe.aerodynamics import aerodynamics, control_effectiveness
+from sitl_plant.airframe.aircraft import COEFFICIENTS, aircraft_record
+from sitl_plant.airframe.config import Aircraft
 
 NO_RUDDER = {"cl_dr": 0.0, "cn_dr": 0.0}
 INVERTING = {"backstepping", "surviving", "tube"}

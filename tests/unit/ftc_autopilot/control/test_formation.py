@@ -17,7 +17,7 @@ from ftc_autopilot.control.synchronisation_errors import FormationErrors, format
 from ftc_autopilot.control.triggers.static import PerChannel
 from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE
 from mavlink_defs.framing.codec import NEIGHBOUR
-from sitl_plant.aerodynamics import aerodynamics
+from sitl_plant.airframe.aerodynamics import aerodynamics
 from sitl_plant.vec3 import Vec3
 
 LAW = Proposed()

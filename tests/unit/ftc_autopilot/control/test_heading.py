@@ -28,8 +28,8 @@ from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from mavlink_defs.config.inherit import merged
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.constants import ACTUATORS, RUDDER
-from sitl_plant.aircraft import aircraft_record
-from sitl_plant.aircraft_config import Aircraft
+from sitl_plant.airframe.aircraft import aircraft_record
+from sitl_plant.airframe.config import Aircraft
 
 G, OMEGA = 9.8, 2.5
 TUBE = {"controller": {"kind": "tube"}, "trigger": {"mode": "consequence"}}

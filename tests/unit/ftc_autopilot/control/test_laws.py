@@ -24,7 +24,7 @@ from gcs.fleet.in_process import fly_in_process
 from gcs.scenario.model import Scenario
 from mavlink_defs.config.models import Model
 from mavlink_defs.framing.codec import ACTUATORS, SIM_STATE
-from sitl_plant.rigid_body import R2, R2_inv, angular_acceleration, gravity_body
+from sitl_plant.airframe.rigid_body import R2, R2_inv, angular_acceleration, gravity_body
 from sitl_plant.vec3 import Vec3, mat3
 
 DT = 1e-3

@@ -34,12 +34,12 @@ from ftc_autopilot.control.triggers.static import Consequence, PerChannel
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
 from mavlink_defs.framing.codec import ACTUATORS, SIM_STATE
-from sitl_plant.aircraft import aircraft_record
-from sitl_plant.aircraft_config import Aircraft
-from sitl_plant.fleet import fly, new_plant_state, observe
-from sitl_plant.hardware import ActuatorServos
-from sitl_plant.rigid_body import STILL_AIR, gravity_body, state_derivative
-from sitl_plant.thrust import available_thrust
+from sitl_plant.actuators.config import ActuatorServos
+from sitl_plant.airframe.aircraft import aircraft_record
+from sitl_plant.airframe.config import Aircraft
+from sitl_plant.airframe.rigid_body import STILL_AIR, gravity_body, state_derivative
+from sitl_plant.airframe.thrust import available_thrust
+from sitl_plant.loop.fleet import fly, new_plant_state, observe
 
 STEP_US, DT = 1000, 1e-3
 LAWS = (Proposed, Backstepping, Pid, Surviving)

@@ -18,10 +18,10 @@ from ftc_autopilot.control.pairing import (
 from gcs.scenario.aircraft_file import load_aircraft
 from gcs.scenario.bundled import aircraft_names
 from mavlink_defs.config.inherit import merged
-from sitl_plant.aerodynamics import aerodynamics, force, moment
-from sitl_plant.aircraft import aircraft_record
-from sitl_plant.aircraft_config import Aircraft
-from sitl_plant.rigid_body import angular_acceleration
+from sitl_plant.airframe.aerodynamics import aerodynamics, force, moment
+from sitl_plant.airframe.aircraft import aircraft_record
+from sitl_plant.airframe.config import Aircraft
+from sitl_plant.airframe.rigid_body import angular_acceleration
 from sitl_plant.vec3 import Vec3, mat3
 
 COUPLED = "aerosonde_first_edition"

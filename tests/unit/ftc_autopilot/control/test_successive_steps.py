@@ -27,7 +27,7 @@ from ftc_autopilot.control.triggers.base import Candidates
 from ftc_autopilot.control.triggers.static import PerChannel
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
-from sitl_plant.hardware import ActuatorServos
+from sitl_plant.actuators.config import ActuatorServos
 
 DT = 1e-3
 LONG_S = 0.3

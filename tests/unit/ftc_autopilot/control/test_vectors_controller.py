@@ -20,7 +20,7 @@ from ftc_autopilot.control.step import Seen
 from ftc_autopilot.control.triggers.static import PerChannel
 from gcs.scenario.model import Scenario
 from mavlink_defs.framing.codec import NEIGHBOUR, SIM_STATE
-from sitl_plant.rigid_body import gravity_body
+from sitl_plant.airframe.rigid_body import gravity_body
 
 DT = 1e-3
 SCALARS = {

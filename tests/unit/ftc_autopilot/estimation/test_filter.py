@@ -27,7 +27,7 @@ from ftc_autopilot.estimation.state import (
     turn_world,
 )
 from gcs.scenario.model import Scenario
-from sitl_plant.rigid_body import R1
+from sitl_plant.airframe.rigid_body import R1
 
 _ANGLE = st.floats(-1.4, 1.4)
 _SMALL = st.tuples(*(st.floats(-0.5, 0.5),) * 3)

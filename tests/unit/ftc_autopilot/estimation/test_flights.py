@@ -21,7 +21,8 @@ from gcs.fleet.in_process import fly_in_process
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.framing.codec import SIM_STATE, SIM_STEP
-from sitl_plant.sensing.sense import new_sensing, sense
+from sitl_plant.loop.fleet import new_sensing
+from sitl_plant.sensing.sense import sense
 
 pytestmark = pytest.mark.slow
 

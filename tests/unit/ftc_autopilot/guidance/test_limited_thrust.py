@@ -14,9 +14,9 @@ from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.guidance.legs import Leg
 from ftc_autopilot.guidance.path import path_record
 from mavlink_defs.framing.codec import SIM_STATE
-from sitl_plant.aerodynamics import drag
-from sitl_plant.rigid_body import R1
-from sitl_plant.thrust import available_thrust
+from sitl_plant.airframe.aerodynamics import drag
+from sitl_plant.airframe.rigid_body import R1
+from sitl_plant.airframe.thrust import available_thrust
 from sitl_plant.vec3 import vec3
 
 DT, MOST = 0.02, math.radians(8.5)

@@ -17,7 +17,7 @@ from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.guidance.legs import Leg
 from ftc_autopilot.guidance.path import path_record
 from mavlink_defs.framing.codec import SIM_STATE
-from sitl_plant.rigid_body import R1
+from sitl_plant.airframe.rigid_body import R1
 from sitl_plant.vec3 import vec3
 
 DT, OMEGA = 0.02, 2.5

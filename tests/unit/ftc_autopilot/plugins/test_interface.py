@@ -18,7 +18,7 @@ from ftc_autopilot.control.triggers.plugin import TRIGGER_INPUT, TRIGGER_OUTPUT
 from ftc_autopilot.guidance.laws.plugin import GUIDANCE_INPUT, GUIDANCE_OUTPUT
 from ftc_autopilot.plugins.functions import ABI
 from ftc_autopilot.plugins.memory import bytes_of, layout_of, tuple_at
-from sitl_plant.aircraft import AIRCRAFT
+from sitl_plant.airframe.aircraft import AIRCRAFT
 
 STRUCTS = {
     "ftc_law_input": LAW_INPUT,

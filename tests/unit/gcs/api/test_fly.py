@@ -14,11 +14,11 @@ import pytest
 from typer.testing import CliRunner
 
 import gcs
+from ftc_lab.campaigns.flights import figures_of
 from gcs import BadInput, Flight, FlightLost, fly, load_scenario, open_run
 from gcs.cli import app
 from gcs.commands.common import changed_scenario
 from gcs.fleet.in_process import fly_in_process
-from gcs.lab.campaigns.flights import figures_of
 from gcs.results.columns import COLUMNS, LIGHT
 from gcs.results.quantities import PAPER_ORDER
 from gcs.scenario.bundled import bundled_names

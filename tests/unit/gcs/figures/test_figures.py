@@ -16,13 +16,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from ftc_autopilot.control.controller import no_signals
+from ftc_lab.figures.events import fig7, fig8, fig9
+from ftc_lab.figures.trajectories import fig5
 from gcs.figures.flown import PlottedFlight, fault_windows
 from gcs.figures.overview import draw_flight
 from gcs.figures.style import STYLES, decimated, draw_curve, frame, new_figure, save
 from gcs.figures.tracking import fig6, fig10, fig11
 from gcs.fleet.in_process import fly_in_process
-from gcs.lab.figures.events import fig7, fig8, fig9
-from gcs.lab.figures.trajectories import fig5
 from gcs.results.preview import Preview
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES
 from gcs.results.recording import events_of

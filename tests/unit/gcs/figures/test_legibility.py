@@ -21,6 +21,13 @@ from sweeping import swept
 
 import gcs
 from ftc_autopilot.control.laws import KINDS
+from ftc_lab.baselines.combinations import AIRCRAFT, Combination
+from ftc_lab.campaigns.findings import Findings, findings_of
+from ftc_lab.figures import sweep
+from ftc_lab.figures.campaign import distributions, importance, sobol_indices, two_factors
+from ftc_lab.figures.combinations import draw_combinations
+from ftc_lab.figures.events import fig7, fig8, fig9
+from ftc_lab.figures.trajectories import fig5
 from gcs.figures import mission, overview
 from gcs.figures.flown import PlottedFlight
 from gcs.figures.style import (
@@ -35,13 +42,6 @@ from gcs.figures.style import (
 )
 from gcs.figures.tracking import fig6, fig10, fig11
 from gcs.fleet.in_process import fly_in_process
-from gcs.lab.baselines.combinations import AIRCRAFT, Combination
-from gcs.lab.campaigns.findings import Findings, findings_of
-from gcs.lab.figures import sweep
-from gcs.lab.figures.campaign import distributions, importance, sobol_indices, two_factors
-from gcs.lab.figures.combinations import draw_combinations
-from gcs.lab.figures.events import fig7, fig8, fig9
-from gcs.lab.figures.trajectories import fig5
 from gcs.results.path_following import leaders_of, paths_of
 from gcs.results.preview import Preview
 from gcs.results.recording import Recording, events_of

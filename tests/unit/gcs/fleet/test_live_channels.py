@@ -19,7 +19,7 @@ from gcs.station.notifications import WARNING, Notification
 from mavlink_defs import dialect
 from mavlink_defs.fault_kinds import FaultLimits
 from mavlink_defs.faults import Fault
-from sitl_plant.rigid_body import R1
+from sitl_plant.airframe.rigid_body import R1
 
 LIMITS = FaultLimits(((-20.0, 20.0), (-30.0, 10.0), (0.0, 0.0)), 80.0)
 

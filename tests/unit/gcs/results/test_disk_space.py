@@ -8,12 +8,12 @@ from types import SimpleNamespace
 
 import pytest
 
+from ftc_lab.baselines.senders import periodic_base
 from gcs import cli
 from gcs.figures.overview import draw_flight
 from gcs.fleet.flight import fly_over_udp
 from gcs.fleet.in_process import fly_in_steps
 from gcs.fleet.ports import on_free_ports
-from gcs.lab.baselines.senders import periodic_base
 from gcs.results.choices import Record
 from gcs.results.disk_space import folder_bytes
 from gcs.results.recorder import FlightRecorder

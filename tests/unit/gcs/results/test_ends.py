@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ftc_lab.campaigns.conditions import happened
+from ftc_lab.campaigns.flights import figures_of, outcome_of
 from gcs.fleet.in_process import fly_in_process, fly_in_steps
-from gcs.lab.campaigns.conditions import happened
-from gcs.lab.campaigns.flights import figures_of, outcome_of
 from gcs.reports.flight import flight_tables
 from gcs.results.figures import FlightSummary
 from gcs.results.summary import summarise, summary_of

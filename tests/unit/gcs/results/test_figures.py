@@ -9,13 +9,13 @@ import pytest
 from campaign_flights import planned
 from sweeping import swept
 
+from ftc_lab.baselines.combinations import Combination
+from ftc_lab.campaigns.flights import fly_rows
+from ftc_lab.campaigns.plan import row_of
+from ftc_lab.reports.combinations import combinations_csv
+from ftc_lab.reports.sweep import write_csv
+from ftc_lab.reproduce import write_summaries
 from gcs.fleet.in_process import fly_in_process
-from gcs.lab.baselines.combinations import Combination
-from gcs.lab.campaigns.flights import fly_rows
-from gcs.lab.campaigns.plan import row_of
-from gcs.lab.reports.combinations import combinations_csv
-from gcs.lab.reports.sweep import write_csv
-from gcs.lab.reproduce import write_summaries
 from gcs.results.figures import UAV_FIGURES, Figure, FlightSummary, UavSummary
 from gcs.results.run_folder import read_summary, save_summary
 from gcs.results.summary import summarise

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ftc_lab.theory import check_theory
 from gcs.errors import BadInput
 from gcs.fleet.in_process import fly_in_process, fly_in_steps
-from gcs.lab.theory import check_theory
 from gcs.results.choices import Record
 from gcs.results.columns import LIGHT
 from gcs.results.recorder import FlightRecorder, trajectory_bytes

@@ -14,13 +14,13 @@ from run_folders import make_run
 from sweeping import swept
 from typer.testing import CliRunner
 
+from ftc_lab.campaigns.flights import fly_rows
+from ftc_lab.campaigns.folder import open_folder
+from ftc_lab.campaigns.mark import MARK
+from ftc_lab.campaigns.plan import rows_of
+from ftc_lab.campaigns.store import alone_in, append_results, read_results
 from gcs.cli import app
 from gcs.errors import BadInput, FlightLost, Interrupted
-from gcs.lab.campaigns.flights import fly_rows
-from gcs.lab.campaigns.folder import open_folder
-from gcs.lab.campaigns.mark import MARK
-from gcs.lab.campaigns.plan import rows_of
-from gcs.lab.campaigns.store import alone_in, append_results, read_results
 from gcs.results.flight_mark import FLIGHT, FlightMark, is_under_way, marked, read_mark
 from gcs.results.run_folder import read_summary, save_summary
 from gcs.results.store import EVENTS, TRAJECTORY, EventStream, read_table

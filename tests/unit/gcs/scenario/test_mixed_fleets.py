@@ -17,7 +17,7 @@ from mavlink_defs.config.inherit import merged
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.constants import RUDDER
 from mavlink_defs.faults import InvalidParam, fault_from_params
-from sitl_plant.aircraft import aircraft_record
+from sitl_plant.airframe.aircraft import aircraft_record
 
 MIXED = """
 extends: airframes/aerosonde

@@ -8,7 +8,7 @@ import yaml
 
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.config.models import ConfigError
-from sitl_plant.plant_section import JsbSimPlant, OwnPlant, PluginPlant
+from sitl_plant.simulators.config import JsbSimPlant, OwnPlant, PluginPlant
 
 C172P = {"kind": "jsbsim", "aircraft": "c172p"}
 

@@ -110,7 +110,7 @@ def test_as_many_as_fit_and_no_more() -> None:
 
 
 def test_actuators_are_not_handed_the_faults_of_sensors() -> None:
-    from sitl_plant.fleet import new_plant_state
+    from sitl_plant.loop.fleet import new_plant_state
 
     with_fault = scenario({"uav": 3, "actuator": "rudder", "effectiveness": 0.5, "start_s": 1.0})
     fleet = new_plant_state(with_fault.plant_config())

@@ -9,7 +9,7 @@ import pytest
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from gcs.lab.campaigns.model import Campaign, load_campaign
+from ftc_lab.campaigns.model import Campaign, load_campaign
 from gcs.scenario.model import Scenario, load_scenario
 from gcs.scenario.profile_file import ProfileFile, load_profile
 from mavlink_defs.config.models import AtMost, ConfigError

@@ -19,7 +19,7 @@ from mavlink_defs.framing.frames import FramePacker, parse
 from mavlink_defs.services.command_server import CommandServer
 from mavlink_defs.services.fault_list import FaultLister, FaultsListed
 from mavlink_defs.services.machine import SystemId
-from sitl_plant.actuators import add_fault, clear_faults, no_faults
+from sitl_plant.actuators.faults import add_fault, clear_faults, no_faults
 
 STATION, VEHICLE = SystemId(255, 77), SystemId(3, 1)
 NAN, INF = math.nan, math.inf

@@ -18,7 +18,7 @@ from gcs.cli import app
 from gcs.errors import BadInput, CommandRefused
 from gcs.fleet.ardupilot_faults import FaultStation
 from gcs.scenario.model import load_scenario
-from sitl_plant.fleet import new_plant_state
+from sitl_plant.loop.fleet import new_plant_state
 
 SCENARIO = load_scenario("sensor_faults/pitot_off")
 

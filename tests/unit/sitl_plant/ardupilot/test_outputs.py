@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from sitl_plant.aerodynamics import aerodynamics, moment
-from sitl_plant.aircraft import aircraft_record
+from sitl_plant.airframe.aerodynamics import aerodynamics, moment
+from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.ardupilot.config import ArduPilot, SurfaceOutput
 from sitl_plant.ardupilot.outputs import Outputs, surface_share
 

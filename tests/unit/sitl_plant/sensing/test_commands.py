@@ -11,10 +11,10 @@ from mavlink_defs.framing.frames import FramePacker, parse
 from mavlink_defs.sensor_fault_kinds import SENSOR_UNITS
 from mavlink_defs.sensor_faults import MAX_SENSOR_FAULTS
 from mavlink_defs.services.fault_list import FaultList
-from sitl_plant.actuators import no_faults
+from sitl_plant.actuators.faults import no_faults
+from sitl_plant.loop.service import AircraftService
 from sitl_plant.sensing.commands import SensorFaultCommands
 from sitl_plant.sensing.failures import SensorRange, new_failures
-from sitl_plant.service import AircraftService
 
 UAV, COMPONENT = 3, 25
 NOW_S = 10.0

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sitl_plant.navigation_sensors import NavigationSensors
+from sitl_plant.sensing.config import NavigationSensors
 from sitl_plant.sensing.errors import AXES, ERRORS, corrupt, turn_on
 from sitl_plant.sensing.units import GNSS, GYRO, units_of
 

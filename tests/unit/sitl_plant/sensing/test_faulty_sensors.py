@@ -10,7 +10,7 @@ from gcs.scenario.model import load_scenario
 from mavlink_defs import dialect
 from mavlink_defs.framing.codec import SIM_STATE
 from mavlink_defs.sensor_fault_spec import SensorFaultSpec
-from sitl_plant.fleet import new_plant_state
+from sitl_plant.loop.fleet import new_plant_state
 from sitl_plant.sensing.commands import sensor_commands
 from sitl_plant.sensing.sense import sense
 

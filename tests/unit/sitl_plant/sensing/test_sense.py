@@ -11,8 +11,9 @@ from mavlink_defs import dialect
 from mavlink_defs.framing.codec import SIM_STATE
 from mavlink_defs.origin import Origin
 from sitl_plant.config import PlantConfig
+from sitl_plant.loop.fleet import new_sensing
 from sitl_plant.sensing.geomagnetism import magnetic_field
-from sitl_plant.sensing.sense import Sensing, new_sensing, sense
+from sitl_plant.sensing.sense import Sensing, sense
 
 STEP_US = 1000
 IMU = 0b111111  # accelerometer and gyro

@@ -24,10 +24,10 @@ from jsbsim_aircraft import (
 )
 
 from gcs.scenario.aircraft_file import load_aircraft
-from sitl_plant.plant_section import JsbSimPlant
-from sitl_plant.rigid_body import R1
+from sitl_plant.airframe.rigid_body import R1
 from sitl_plant.simulators import new_simulator
 from sitl_plant.simulators.base import Motion, Simulator, SimulatorError
+from sitl_plant.simulators.config import JsbSimPlant
 from sitl_plant.vec3 import Vec3, mul
 
 pytestmark = needs_jsbsim
@@ -304,7 +304,7 @@ def test_an_aircraft_that_misses_a_property_does_not_end_the_process() -> None:
     """The destructor of JSBSim would, after such an error."""
     code = (
         "import gc\n"
-        "from sitl_plant.plant_section import JsbSimPlant\n"
+        "from sitl_plant.simulators.config import JsbSimPlant\n"
         "from sitl_plant.simulators import new_simulator\n"
         "from sitl_plant.simulators.base import SimulatorError\n"
         "try:\n    new_simulator(JsbSimPlant(kind='jsbsim', aircraft='Camel'), 300.0)\n"

@@ -8,16 +8,16 @@ import pytest
 from jsbsim_aircraft import needs_jsbsim, write_aircraft
 
 from gcs.scenario.aircraft_file import load_aircraft
-from sitl_plant.aerodynamics import aerodynamics, moment
-from sitl_plant.aircraft import aircraft_record
-from sitl_plant.aircraft_config import Aircraft
+from sitl_plant.airframe.aerodynamics import aerodynamics, moment
+from sitl_plant.airframe.aircraft import aircraft_record
+from sitl_plant.airframe.config import Aircraft
+from sitl_plant.airframe.rigid_body import specific_force
 from sitl_plant.config import InitialState, PlantConfig, PlantUav
-from sitl_plant.fleet import ADVANCE, fly, new_plant_state
-from sitl_plant.outside import Outside
-from sitl_plant.plant_section import JsbSimPlant, OwnPlant, PlantSection
-from sitl_plant.rigid_body import specific_force
+from sitl_plant.loop.fleet import ADVANCE, fly, new_plant_state
+from sitl_plant.loop.simulators import Outside
 from sitl_plant.simulators import new_simulator
 from sitl_plant.simulators.base import Motion, Simulator
+from sitl_plant.simulators.config import JsbSimPlant, OwnPlant, PlantSection
 from sitl_plant.vec3 import Vec3
 
 pytestmark = needs_jsbsim

@@ -7,7 +7,7 @@ import pytest
 
 from gcs.fleet.in_process import fly_in_process
 from gcs.scenario.model import load_scenario
-from sitl_plant.config import Disturbance
+from sitl_plant.air.config import Disturbance
 from sitl_plant.simulators.base import Motion
 from sitl_plant.simulators.own import OwnSimulator
 from sitl_plant.vec3 import vec3

@@ -20,8 +20,8 @@ from ftc_autopilot.control.triggers.static import PerChannel
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
 from mavlink_defs.faults import Fault
-from sitl_plant.actuators import add_fault
-from sitl_plant.fleet import fly, observe
+from sitl_plant.actuators.faults import add_fault
+from sitl_plant.loop.fleet import fly, observe
 
 DT, STOP = 0.002, math.radians(35.0)
 GAINS = np.zeros(1, record_dtype(DiagnosisParameters))[0]

@@ -13,7 +13,7 @@ from ftc_autopilot.control.diagnosis.decisions import decide, phase_of
 from ftc_autopilot.control.diagnosis.parameters import DiagnosisParameters
 from ftc_autopilot.control.diagnosis.state import ACTUATOR
 from ftc_autopilot.control.diagnosis.suspicions import monitor
-from sitl_plant.hardware import ActuatorServos
+from sitl_plant.actuators.config import ActuatorServos
 
 DEGREE = math.radians(1.0)
 LIMITS = actuators.LIMITS._replace(

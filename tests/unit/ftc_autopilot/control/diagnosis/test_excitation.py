@@ -9,7 +9,7 @@ from ftc_autopilot.common.records import fill, record_dtype
 from ftc_autopilot.control.diagnosis import DIAGNOSIS, DiagnosisParameters
 from ftc_autopilot.control.diagnosis.excitation import dithered, dithered_thrust, probe, probed
 from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
-from sitl_plant.hardware import ActuatorServos
+from sitl_plant.actuators.config import ActuatorServos
 
 GAINS = np.zeros(1, record_dtype(DiagnosisParameters))[0]
 fill(GAINS, DiagnosisParameters().with_servos(ActuatorServos()))

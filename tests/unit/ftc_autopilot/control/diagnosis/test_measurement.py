@@ -16,9 +16,9 @@ from ftc_autopilot.control.diagnosis.measurement import measure, servo_step, ste
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import RUDDER, THROTTLE
 from mavlink_defs.faults import Fault
-from sitl_plant.actuators import add_fault
-from sitl_plant.fleet import fly, new_plant_state, observe
-from sitl_plant.hardware import ActuatorServos
+from sitl_plant.actuators.config import ActuatorServos
+from sitl_plant.actuators.faults import add_fault
+from sitl_plant.loop.fleet import fly, new_plant_state, observe
 
 STEP_US, DT, STEPS = 1000, 1e-3, 800
 TRIM = np.array([0.07, -0.02, 0.36, 900.0])

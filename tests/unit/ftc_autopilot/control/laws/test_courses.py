@@ -17,7 +17,7 @@ from ftc_autopilot.control.triggers.static import Consequence, PerChannel
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
 from mavlink_defs.faults import Fault
-from sitl_plant.actuators import add_fault
+from sitl_plant.actuators.faults import add_fault
 
 
 def along_course(

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from ftc_lab.campaigns.flights import Flights, Row, fly_rows
+from ftc_lab.campaigns.model import load_campaign
+from ftc_lab.campaigns.plan import plan, rows_of
 from gcs.fleet.in_process import fly_in_process
-from gcs.lab.campaigns.flights import Flights, Row, fly_rows
-from gcs.lab.campaigns.model import load_campaign
-from gcs.lab.campaigns.plan import plan, rows_of
 from gcs.results.summary import summarise
 
 CAMPAIGNS = Path(__file__).parents[5] / "scenarios" / "campaigns"

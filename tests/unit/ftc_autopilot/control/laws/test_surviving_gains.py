@@ -12,9 +12,9 @@ from ftc_autopilot.control.laws.surviving.gains import (
     longitudinal_gain,
 )
 from gcs.scenario.model import Scenario
-from sitl_plant.aircraft import aircraft_record
-from sitl_plant.aircraft_config import Aircraft
-from sitl_plant.rigid_body import STILL_AIR, state_derivative
+from sitl_plant.airframe.aircraft import aircraft_record
+from sitl_plant.airframe.config import Aircraft
+from sitl_plant.airframe.rigid_body import STILL_AIR, state_derivative
 
 NONE = (0.0, 0.0, 0.0)
 

@@ -29,9 +29,9 @@ from ftc_autopilot.control.triggers.static import PerChannel
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
 from mavlink_defs.framing.codec import SIM_STATE
-from sitl_plant.aerodynamics import force
-from sitl_plant.hardware import ActuatorServos
-from sitl_plant.rigid_body import STILL_AIR, state_derivative
+from sitl_plant.actuators.config import ActuatorServos
+from sitl_plant.airframe.aerodynamics import force
+from sitl_plant.airframe.rigid_body import STILL_AIR, state_derivative
 
 STOP = math.radians(35.0)
 

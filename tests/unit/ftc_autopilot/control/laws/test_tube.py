@@ -8,8 +8,8 @@ from shared_flights import fly_sharing_the_start
 
 from ftc_autopilot.control.diagnosis import LOST
 from ftc_autopilot.control.laws.tube import Tube
+from ftc_lab.baselines.senders import worst_ratio
 from gcs.fleet.in_process import fly_in_process
-from gcs.lab.baselines.senders import worst_ratio
 from gcs.results.recording import Recording
 from gcs.results.summary import summarise
 from gcs.scenario.bundled import SCENARIOS

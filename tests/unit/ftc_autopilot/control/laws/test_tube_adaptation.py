@@ -13,14 +13,14 @@ from ftc_autopilot.control.controller import parameter_record
 from ftc_autopilot.control.laws.tube import Tube
 from ftc_autopilot.control.laws.tube.adaptation import adapt
 from ftc_autopilot.control.triggers.static import Consequence
+from ftc_lab.campaigns.model import load_campaign
+from ftc_lab.campaigns.plan import plan, rows_of
 from gcs.fleet.in_process import fly_in_process
-from gcs.lab.campaigns.model import load_campaign
-from gcs.lab.campaigns.plan import plan, rows_of
 from gcs.results.summary import summarise
 from gcs.scenario.model import scenario_of
 from mavlink_defs.config.inherit import merged
 from mavlink_defs.framing.codec import SIM_STATE
-from sitl_plant.hardware import ActuatorServos
+from sitl_plant.actuators.config import ActuatorServos
 
 CAMPAIGN = Path(__file__).parents[5] / "scenarios" / "campaigns" / "tube.yaml"
 PERIOD = 0.004

@@ -10,10 +10,10 @@ import pytest
 
 from ftc_autopilot.control.diagnosis import LOST
 from ftc_autopilot.control.laws.tube import parameters
+from ftc_lab.design.airframe import airframe_of
+from ftc_lab.design.rules import Conditions
+from ftc_lab.design.scenario import design_of, plain, tree_of
 from gcs.fleet.in_process import fly_in_process
-from gcs.lab.design.airframe import airframe_of
-from gcs.lab.design.rules import Conditions
-from gcs.lab.design.scenario import design_of, plain, tree_of
 from gcs.results.figures import UavSummary
 from gcs.results.recording import Recording
 from gcs.results.summary import summarise

@@ -31,9 +31,9 @@ from ftc_autopilot.control.synchronisation_errors import FormationErrors
 from ftc_autopilot.control.triggers.static import Consequence
 from gcs.scenario.model import Scenario
 from mavlink_defs.framing.codec import SIM_STATE
-from sitl_plant.hardware import ActuatorServos
-from sitl_plant.lag import lagged
-from sitl_plant.rigid_body import STILL_AIR, load_state, state_derivative
+from sitl_plant.actuators.config import ActuatorServos
+from sitl_plant.actuators.lag import lagged
+from sitl_plant.airframe.rigid_body import STILL_AIR, load_state, state_derivative
 
 DT = 1e-3
 STATE = (NOTHING, (45.0, 0.5, 2.5), (0.05, 0.1, 0.3), (0.02, -0.03, 0.01))

@@ -1,0 +1,239 @@
+"""Campaign files: a base scenario, what is drawn, and how often.
+
+Errors of a file are found as in a scenario, all at once; what needs the scenario
+(keys, ranges) is checked by `ftc_lab.campaigns.plan`.
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+
+from pydantic import (
+    AfterValidator,
+    Discriminator,
+    Field,
+    StringConstraints,
+    Tag,
+    model_validator,
+)
+
+from ftc_lab.campaigns.distributions import Choice, Distribution, support
+from ftc_lab.campaigns.sensor_faults import DrawnSensorFault
+from gcs.scenario.settings import is_number
+from mavlink_defs.config.files import read, validate
+from mavlink_defs.config.inherit import with_values
+from mavlink_defs.config.models import (
+    AtMost,
+    ConfigError,
+    Loc,
+    Model,
+    Problem,
+    Problems,
+    Prose,
+    SystemId,
+    Title,
+    repeated,
+)
+from mavlink_defs.config.quantity import quantity, whole
+from mavlink_defs.constants import ACTUATORS, LAST_SYSTEM, Actuator
+from mavlink_defs.fault_kinds import FAULT_KINDS, MAX_FREQUENCY_HZ
+from mavlink_defs.visible import visible
+
+Design = Literal["grid", "random", "latin_hypercube", "sobol", "saltelli"]
+LOSS = "loss"
+if TYPE_CHECKING:
+    DrawnKind: TypeAlias = str
+else:
+    DrawnKind = Literal[LOSS, *FAULT_KINDS]
+
+Name = Annotated[str, StringConstraints(pattern=r"^[\w.\[\]-]+$")]
+VariantName = Annotated[
+    str, StringConstraints(pattern=r"^[^`|\x00-\x1f]+$"), AfterValidator(visible)
+]
+
+
+class Factor(Model):
+    """One drawn value, laid over one key of the scenario."""
+
+    key: str | None = Field(
+        default=None, description="Key of the scenario, as in trigger.b2_deg; the name by default."
+    )
+    draw: Distribution = Field(description="Distribution of the value.")
+    relative: bool = Field(
+        default=False, strict=True, description="Multiply the scenario's value by the drawn one."
+    )
+
+
+class DrawnFault(Model):
+    """One fault of one actuator, every part of it drawn.
+
+    A severity is signed, in shares: of a loss, what the command loses (sign without meaning); of
+    a bias or a stuck position, the value by the actuator's limit (a stuck throttle: its size).
+    """
+
+    uavs: Annotated[tuple[SystemId, ...], AtMost(LAST_SYSTEM)] = Field(
+        default=(), description="UAVs that it may hit, as likely each; all of them by default."
+    )
+    actuators: Annotated[tuple[Actuator, ...], AtMost(len(ACTUATORS))] = Field(
+        default=ACTUATORS, min_length=1, description="Actuators that it may hit, as likely each."
+    )
+    kinds: Annotated[dict[DrawnKind, Distribution], AtMost(1 + len(FAULT_KINDS))] = Field(
+        min_length=1, description="Kinds of fault, as likely each, with their severity."
+    )
+    start_s: Distribution = Field(description="Onset [s of simulated time].")
+    lasts_s: Distribution | None = Field(
+        default=None, description="Length of the fault [s]; none: for good."
+    )
+    frequency_hz: Distribution | None = Field(
+        default=None, description="Frequency of the value, or of on and off [Hz]; none: constant."
+    )
+
+    @model_validator(mode="after")
+    def _numbers_in_range(self) -> "DrawnFault":
+        Problems.check(self._found())
+        return self
+
+    def _found(self) -> "list[tuple[Loc, str]]":
+        found: list[tuple[Loc, str]] = []
+        for key in ("uavs", "actuators"):
+            found += [((key, i), text) for i, text in repeated(getattr(self, key))]
+        drawn: list[tuple[Loc, Distribution | None, float, float, str]] = [
+            *((("kinds", kind), by, -1.0, 1.0, "") for kind, by in self.kinds.items()),
+            (("start_s",), self.start_s, 0.0, float("inf"), " s"),
+            (("lasts_s",), self.lasts_s, 1e-6, float("inf"), " s"),
+            (("frequency_hz",), self.frequency_hz, 0.0, MAX_FREQUENCY_HZ, " Hz"),
+        ]
+        for loc, distribution, low, high, unit in drawn:
+            for value in () if distribution is None else support(distribution):
+                if not is_number(value) or not low <= value <= high:
+                    text = f"draws {value!r}, expected within [{low:g}, {high:g}]{unit}"
+                    found.append((loc, text))
+        return found
+
+
+def _part(fault: Any) -> str:
+    """Return the tag of a drawn fault: whether a sensor or an actuator fails."""
+    has_sensors = "sensors" in fault if isinstance(fault, dict) else hasattr(fault, "sensors")
+    return "<sensor>" if has_sensors else "<actuator>"
+
+
+AnyDrawnFault = Annotated[
+    Annotated[DrawnFault, Tag("<actuator>")] | Annotated[DrawnSensorFault, Tag("<sensor>")],
+    Discriminator(_part),
+]
+"""A drawn fault: of a sensor if it has the key `sensors`."""
+
+
+class Kept(Model):
+    """Flights whose trajectories are kept, in ``flights/ROW``."""
+
+    worst: int = whole("", ge=0, default=0, doc="How many of the worst flights per figure.")
+    figures: Annotated[tuple[str, ...], AtMost(1000)] = Field(
+        default=(), description="Columns of the results, as in uav3.iae_roll; the largest is worst."
+    )
+    failures: int = whole("", ge=0, default=0, doc="How many flights of each failed outcome.")
+    share: float = quantity("", ge=0.0, le=1.0, default=0.0, doc="Random share of all flights.")
+
+    @model_validator(mode="after")
+    def _worst_of_something(self) -> "Kept":
+        if self.worst and not self.figures:
+            raise Problems([(("figures",), "missing; expected columns of the results, with worst")])
+        return self
+
+
+class Campaign(Model):
+    """Many flights of one scenario, with values drawn from distributions."""
+
+    name: Title = Field(min_length=1, description="Name of the campaign.")
+    description: Prose = Field(default="", description="Purpose, in a line or more.")
+    scenario: str = Field(
+        min_length=1, description="The base: a file beside this one, or a bundled scenario."
+    )
+    seed: int = whole("", ge=0, le=2**32 - 1, default=1, doc="Seed of every draw.")
+    draws: int | None = whole(
+        "",
+        ge=1,
+        le=100_000_000,
+        default=None,
+        doc="Draws, each flown by every variant; of saltelli, base points. Not of a grid.",
+    )
+    design: Design = Field(
+        default="random",
+        description="How values are drawn together; a grid takes every combination of choices.",
+    )
+    factors: Annotated[dict[Name, Factor], AtMost(1000)] = Field(
+        default={}, description="Drawn values, by name."
+    )
+    faults: Annotated[dict[Name, AnyDrawnFault], AtMost(1000)] = Field(
+        default={}, description="Drawn faults, by name; one with `sensors` is of a sensor."
+    )
+    variants: Annotated[dict[VariantName, dict[str, Any]], AtMost(1000)] = Field(
+        default={"base": {}},
+        min_length=1,
+        description="Changes of the scenario that fly the same draws, by name, as after `extends`.",
+    )
+    keep: Kept = Field(default=Kept(), description="Flights whose trajectories are kept.")
+
+    @property
+    def drawn(self) -> dict[tuple[str, ...], Distribution]:
+        """Every distribution of the campaign, by its place in the file."""
+        found: dict[tuple[str, ...], Distribution] = {
+            ("factors", name, "draw"): factor.draw for name, factor in self.factors.items()
+        }
+        for name, fault in self.faults.items():
+            place = ("faults", name)
+            found[*place, "start_s"] = fault.start_s
+            if fault.lasts_s is not None:
+                found[*place, "lasts_s"] = fault.lasts_s
+            if fault.frequency_hz is not None:
+                found[*place, "frequency_hz"] = fault.frequency_hz
+            found |= {(*place, "kinds", kind): by for kind, by in fault.kinds.items() if by}
+        return found
+
+    @model_validator(mode="after")
+    def _parts_fit_together(self) -> "Campaign":
+        Problems.check(self._found())
+        return self
+
+    def _found(self) -> list[tuple[Loc, str]]:
+        found: list[tuple[Loc, str]] = []
+        if not self.factors and not self.faults and self.design != "grid":
+            found.append((("factors",), "missing; expected factors or faults to draw"))
+        if self.design == "grid":
+            if self.draws is not None:
+                found.append((("draws",), "a grid has as many as its choices combine to"))
+            found += [
+                (place, f"expected kind 'choice' in a grid, got {by.kind!r}")
+                for place, by in self.drawn.items()
+                if not isinstance(by, Choice)
+            ]
+        elif self.draws is None:
+            found.append((("draws",), "missing; expected a whole number"))
+        elif self.design in {"sobol", "saltelli"} and self.draws.bit_count() != 1:
+            text = f"expected a power of two with {self.design}, got {self.draws}"
+            found.append((("draws",), text))
+        return found
+
+
+def load_campaign(path: Path | str, draws: int | None = None) -> Campaign:
+    """Read a campaign file and check what can be checked without its scenario.
+
+    Args:
+        path: The file.
+        draws: Number of draws instead of the file's.
+
+    Raises:
+        ConfigError: It cannot be used; every problem is named.
+    """
+    return validate(path, campaign_tree(path, draws), Campaign)
+
+
+def campaign_tree(path: Path | str, draws: int | None = None) -> dict[Any, Any]:
+    """Read a campaign file as plain data that is not checked yet; arguments as `load_campaign`.
+
+    Raises:
+        ConfigError: It cannot be read, is not a YAML mapping, or is a scenario.
+    """
+    tree = read(path)
+    if "scenario" not in tree and tree.keys() & {"aircraft", "extends"}:
+        raise ConfigError(path, [Problem((), "a scenario, not a campaign; see gcs fly")])
+    return tree if draws is None else with_values(tree, {"draws": draws}, "--draws")

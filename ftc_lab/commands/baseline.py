@@ -1,0 +1,205 @@
+"""``gcs baseline``: what a trigger saves against periodic senders that are as good."""
+
+import json
+import math
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich import box
+
+from ftc_lab.commands.flights import JobsOption
+from gcs.commands.common import (
+    QuietOption,
+    ScenarioArgument,
+    SetOption,
+    WithOption,
+    changed_scenario,
+    check_simulators,
+    warm_up,
+)
+from gcs.commands.progress import working
+from gcs.errors import BadInput, FlightLost, Interrupted
+from gcs.terminal import console_of, numbers, print_json, table_of, texts
+
+if TYPE_CHECKING:
+    from gcs.results.figures import FlightSummary
+    from gcs.scenario.model import Scenario
+
+_LONGEST_US = 1_000_000
+
+EPILOG = """
+Examples:
+
+- gcs baseline paper/scenario1
+- gcs baseline paper/scenario1 --set controller.kind=pid --no-per-channel
+- gcs baseline paper/scenario1 --against controller.kind=pid
+- gcs baseline paper/scenario1 --aircraft 40 --json | jq .saved
+
+Exit status: 0 done (that no periodic sender is as good is a result, too), 1 the triggered flight
+was lost or a file cannot be written, 2 bad input, 130 Ctrl-C.
+"""
+
+
+def baseline(
+    scenario: ScenarioArgument,
+    additions: WithOption = None,
+    settings: SetOption = None,
+    against: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A key of the scenario and its value for the periodic senders, such as their law.",
+            metavar="KEY=VALUE",
+        ),
+    ] = None,
+    tolerance: Annotated[
+        float,
+        typer.Option(
+            help="By how much an IAE against the filtered reference may exceed the triggered "
+            "flight's [%].",
+            min=0.0,
+            metavar="%",
+        ),
+    ] = 1.0,
+    longest: Annotated[
+        float | None,
+        typer.Option(
+            help="Longest period that is flown [ms], 1000 by default; at most the whole flight.",
+            metavar="MS",
+        ),
+    ] = None,
+    no_per_channel: Annotated[
+        bool,
+        typer.Option("--no-per-channel", help="Do not search for a period for each channel."),
+    ] = False,
+    aircraft: Annotated[
+        int,
+        typer.Option(min=0, metavar="NUMBER", help="Number of uncertain aircraft to fly as well."),
+    ] = 0,
+    campaign: Annotated[
+        Path | None,
+        typer.Option(
+            help="Campaign that draws those aircraft: a file, or a bundled one; "
+            "campaigns/uncertainty by default.",
+            metavar="CAMPAIGN",
+        ),
+    ] = None,
+    keep: Annotated[
+        float,
+        typer.Option(
+            help="Share of those aircraft that must be kept [%].",
+            min=0.0,
+            max=100.0,
+            metavar="%",
+        ),
+    ] = 95.0,
+    within: Annotated[
+        float,
+        typer.Option(
+            help="An aircraft is kept if no IAE against the filtered reference is larger than this "
+            "multiple of the IAE in the nominal aircraft's triggered flight.",
+            min=1.0,
+            metavar="FACTOR",
+        ),
+    ] = 2.0,
+    jobs: JobsOption = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder, new or empty; runs/baseline-NAME-DATE-TIME by default.", metavar="FOLDER"
+        ),
+    ] = None,
+    quiet: QuietOption = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print baseline.json on standard output instead.")
+    ] = False,
+) -> None:
+    """Find the slowest periodic senders that match a triggered flight.
+
+    Flies the scenario with its trigger, then the same law sending by the clock: with one period
+    for all channels, with one for each, and, with --aircraft, on aircraft that differ from the
+    nominal one. All in process. The folder gets baseline.json and baseline.md.
+    """
+    from ftc_lab.baselines.baseline import Search, find_baseline, find_robust
+    from ftc_lab.baselines.senders import periodic_base, worst_ratio
+    from ftc_lab.campaigns.model import load_campaign
+    from ftc_lab.reports.baseline import COLUMNS, baseline_report, baseline_rows, baseline_sentences
+    from ftc_lab.reports.markdown import save_markdown
+    from gcs.results.run_folder import make_run_folder
+    from gcs.scenario.bundled import find_scenario
+    from gcs.scenario.settings import values_of
+    from mavlink_defs.config.output_files import write_text
+
+    console = console_of(quiet=quiet)
+    triggered = changed_scenario(scenario, additions, settings)
+    base = periodic_base(triggered, scenario, values_of(against or (), "--against"))
+    steps = _longest(triggered, longest)
+    if campaign is not None and not aircraft:
+        raise BadInput("--campaign draws no aircraft", "give their number with --aircraft")
+    file = find_scenario(campaign or Path("campaigns/uncertainty"))
+    drawn = load_campaign(file, draws=aircraft) if aircraft else None
+    check_simulators(triggered)
+    folder = make_run_folder(out, f"baseline-{triggered.name}")
+    warm_up(triggered, console)
+    pool = ThreadPoolExecutor(jobs or os.cpu_count() or 1)
+    try:
+        with working(console) as work:
+            task = work.add("searching for the slowest equal senders", unit="flights")
+            reference = _fly(triggered)
+            if worst_ratio(reference, reference) is None:
+                reason = reference.loss or "it lost its attitude or heading"
+                raise FlightLost(
+                    f"the triggered flight is no reference: {reason}",
+                    "choose a scenario that its law and trigger complete",
+                )
+            ratio = 1.0 + tolerance / 100.0
+            search = Search(base, reference, ratio, partial(pool.map, _fly), task.advance)
+            found = find_baseline(triggered, search, steps, each_channel=not no_per_channel)
+            if drawn is not None:
+                robust = find_robust(triggered, search, drawn, file, steps, within, keep / 100.0)
+                found = replace(found, robustness=robust)
+    except KeyboardInterrupt:
+        raise Interrupted("interrupted; nothing is stored") from None
+    finally:
+        pool.shutdown(cancel_futures=True)
+    text = json.dumps(found.to_json(), indent=2) + "\n"
+    write_text(folder / "baseline.json", text)
+    save_markdown(folder / "baseline.md", baseline_report(found))
+    if as_json:
+        print_json(found.to_json(), indent=2)
+        return
+    headings = (texts(COLUMNS[0]), *map(numbers, COLUMNS[1:]))
+    shown = table_of(*headings, title=f"Baselines of {found.scenario}", box=box.SIMPLE_HEAD)
+    for row in baseline_rows(found):
+        shown.add_row(*row)
+    output = console_of(stderr=False, quiet=quiet)
+    output.print(shown)
+    for sentence in baseline_sentences(found):
+        output.print(sentence)
+    output.print(f"results in {folder}", soft_wrap=True)
+
+
+def _longest(scenario: "Scenario", requested_ms: float | None) -> int:
+    """Return the longest period in control periods."""
+    if requested_ms is None:
+        return min(max(round(_LONGEST_US / scenario.step_us), 1), scenario.steps)
+    ratio = 1e3 * requested_ms / scenario.step_us
+    steps = round(ratio) if math.isfinite(ratio) else 0
+    if not 1 <= steps <= scenario.steps:
+        period, whole = scenario.step_us / 1e3, scenario.duration_s * 1e3
+        raise BadInput(
+            f"--longest is {requested_ms:g} ms, expected from {period:g} ms, the control period, "
+            f"to {whole:g} ms, the flight"
+        )
+    return steps
+
+
+def _fly(scenario: "Scenario") -> "FlightSummary":
+    from gcs.fleet.in_process import fly_in_process
+    from gcs.results.summary import summarise
+
+    return summarise(fly_in_process(scenario), scenario)

@@ -1,0 +1,133 @@
+"""``gcs campaign``: fly many draws of a scenario, here or on a cluster."""
+
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+
+from ftc_lab.commands.flights import JobsOption, fly_plan, interruptible
+from gcs.commands.common import QuietOption, check_simulators
+from gcs.commands.progress import working
+from gcs.errors import GcsError
+from gcs.terminal import Terminal, console_of, numbers, table_of, texts
+
+if TYPE_CHECKING:
+    from ftc_lab.campaigns.plan import Plan
+
+EPILOG = """
+Examples:
+
+- gcs campaign campaigns/uncertainty
+- gcs campaign my.yaml --draws 59 --out runs/robust
+- gcs campaign my.yaml --scheduler tcp://cluster:8786
+- gcs campaign my.yaml --until 'p(attitude_lost) < 0.05 at 95 %'
+- gcs fly --campaign runs/robust --row 17
+
+Exit status: 0 every draw is flown (lost flights are results, too), 1 a flight could not be
+computed, the scheduler was lost or results cannot be written, 2 bad input, 70 a defect of
+ftc-sitl, 130 Ctrl-C; the same command continues.
+"""
+
+
+def campaign(
+    file: Annotated[
+        Path, typer.Argument(help="Campaign: a file, or a bundled one.", metavar="CAMPAIGN")
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of the campaign, new or to continue; runs/campaign-NAME-DIGEST by "
+            "default, the same for the same campaign and code.",
+            metavar="FOLDER",
+        ),
+    ] = None,
+    draws: Annotated[
+        int | None,
+        typer.Option(min=1, metavar="NUMBER", help="Draws per variant instead of the file's."),
+    ] = None,
+    jobs: JobsOption = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            help="Dask scheduler whose workers fly, instead of this machine.",
+            metavar="tcp://HOST:PORT",
+        ),
+    ] = None,
+    until: Annotated[
+        str | None,
+        typer.Option(
+            help="Stop as soon as this is shown or refuted for every variant, as in "
+            "'p(attitude_lost) < 0.05 at 95 %'.",
+            metavar="CONDITION",
+        ),
+    ] = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Fly every draw of a campaign, on all cores or a cluster.
+
+    All draws are checked before the first flight. The folder gets a table in Parquet, one row per
+    flight, stored every few seconds: after any interruption, the same command continues there.
+    """
+    from ftc_lab.campaigns.folder import default_folder
+    from ftc_lab.campaigns.plan import load_plan
+    from ftc_lab.campaigns.until import begin_campaign, stopping_condition, verdict_lines
+    from ftc_lab.campaigns.workers import check_scheduler
+    from gcs.errors import BadInput
+    from gcs.scenario.bundled import find_scenario
+
+    if jobs is not None and scheduler is not None:
+        raise BadInput("--jobs starts workers here; --scheduler has its own", "leave one out")
+    if scheduler is not None:
+        check_scheduler(scheduler)
+    console = console_of(quiet=quiet)
+    path = find_scenario(file)
+    with working(console, "checking every draw"):
+        planned = load_plan(path, draws)
+    if planned.example is not None:
+        check_simulators(planned.example)
+    folder = out or default_folder(planned.mark)
+    enough = begin_campaign(planned, folder, until)
+    with interruptible(folder, planned.draws.num_rows):
+        if not enough():
+            fly_plan(planned, folder, jobs, console, scheduler, enough)
+        _keep(planned, folder, console)
+    if until is not None:
+        output = console_of(stderr=False, quiet=quiet)
+        for line in verdict_lines(folder, stopping_condition(until, planned.mark.campaign)):
+            output.print(line, soft_wrap=True)
+    _report(folder, console)
+
+
+def _keep(planned: "Plan", folder: Path, console: Terminal) -> None:
+    from ftc_lab.campaigns.again import keep_flights
+
+    with working(console) as work:
+        task = work.add("flying chosen flights again, for their trajectories", unit="flights")
+        for done, chosen in keep_flights(folder, planned.flights):
+            task.show(done, total=chosen)
+
+
+def _report(folder: Path, console: Terminal) -> None:
+    from ftc_lab.campaigns.samples import read_samples
+    from ftc_lab.campaigns.store import OUTCOMES
+    from ftc_lab.reports.campaign import write_report
+
+    samples = read_samples(folder)
+    counts = {name: Counter(own.outcome.tolist()) for name, own in samples.items()}
+    shown = [name for name in OUTCOMES if any(own[name] for own in counts.values())]
+    table = table_of(texts("variant"), *(numbers(name.replace("_", " ")) for name in shown))
+    for variant, own in counts.items():
+        table.add_row(variant, *(str(own[name]) for name in shown))
+    output = console_of(stderr=False, quiet=console.quiet)
+    output.print(f"All {sum(map(len, samples.values()))} flights that ended:")
+    output.print(table)
+    with working(console, "writing the report"):
+        page = write_report(folder)
+    output.print(f"results in {folder}; open {page}", soft_wrap=True)
+    failed = [own.take(np.flatnonzero(own.outcome == "failed")) for own in samples.values()]
+    if count := sum(map(len, failed)):
+        reason = next(own.texts("reason")[0] for own in failed if len(own))
+        total = sum(map(len, samples.values()))
+        raise GcsError(f"{count} of {total} flights could not be computed: {reason}")

@@ -1,0 +1,233 @@
+"""``gcs design``: a scenario for an aircraft, every parameter derived from it."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ftc_autopilot.control.laws import KINDS
+from ftc_lab.written_files import check_out
+from gcs.commands.common import QuietOption, check_simulators, flight_progress, warm_up
+from gcs.commands.options import options_of, with_options
+from gcs.errors import BadInput, FlightLost
+from gcs.outputs import write_file
+from gcs.results.quantities import PAPER_ORDER, QUANTITIES, UNITS, percent
+from gcs.terminal import Terminal, console_of, numbers, print_line, table_of, texts
+from mavlink_defs.config.yaml_text import parse_yaml
+
+if TYPE_CHECKING:
+    from ftc_lab.design.scenario import Design
+    from gcs.results.figures import FlightSummary
+    from gcs.scenario.model import Scenario
+
+EPILOG = """
+Examples:
+
+- gcs design aerosonde --law tube
+- gcs design my.yaml --law surviving --servo-lag 0.02 --servo-rate 400 --gyro-noise 0.3 -o mine.yaml
+- gcs design aerosonde --law tube --airspeed 28 --fly
+
+Exit status: 0 written or flown, 1 the flight was lost, 2 bad input, or no law can fly the aircraft.
+"""
+
+_MARK = "# Written by: gcs design "
+DEFAULT_LAW = "surviving"
+
+
+@dataclass(frozen=True)
+class DesignOptions:
+    """Options of ``gcs design``."""
+
+    law: Annotated[str, typer.Option(help=f"Control law: {', '.join(KINDS)}.", metavar="NAME")] = (
+        DEFAULT_LAW
+    )
+    airspeed: Annotated[
+        float | None,
+        typer.Option(
+            help="Cruising speed [m/s]; by default the aircraft's, or the middle of its range.",
+            metavar="M/S",
+        ),
+    ] = None
+    servo_lag: Annotated[
+        float, typer.Option(help="Lag of the surfaces' servos [s].", min=0.0, max=1.0, metavar="S")
+    ] = 0.0
+    servo_rate: Annotated[
+        float | None,
+        typer.Option(
+            help="Rate limit of these servos [deg/s]; without it, none.", min=1.0, metavar="DEG/S"
+        ),
+    ] = None
+    engine_lag: Annotated[
+        float, typer.Option(help="Lag of the thrust [s].", min=0.0, max=10.0, metavar="S")
+    ] = 0.0
+    gyro_noise: Annotated[
+        float,
+        typer.Option(
+            help="White noise of a gyro's sample [deg/s].", min=0.0, max=100.0, metavar="DEG/S"
+        ),
+    ] = 0.0
+    gyro_delay: Annotated[
+        float, typer.Option(help="Age of a gyro's sample [s].", min=0.0, max=0.1, metavar="S")
+    ] = 0.0
+    uavs: Annotated[
+        int,
+        typer.Option(
+            help="Number of UAVs, which fly in formation.", min=1, max=30, metavar="NUMBER"
+        ),
+    ] = 1
+    plant: Annotated[
+        str | None,
+        typer.Option(
+            help="Section `plant` of the scenario, as in '{kind: jsbsim, aircraft: c172p}': what "
+            "flies, if it is not these coefficients.",
+            metavar="YAML",
+        ),
+    ] = None
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", "-o", help="Scenario file; without it the text is printed.", metavar="FILE"
+        ),
+    ] = None
+    fly: Annotated[
+        bool, typer.Option("--fly", help="Fly it, in process, and print what came out.")
+    ] = False
+    quiet: QuietOption = False
+
+    def command(self, aircraft: str) -> str:
+        """Return the command that makes the same scenario, wherever it is written."""
+        numbers = {
+            "--airspeed": self.airspeed,
+            "--servo-lag": self.servo_lag or None,
+            "--servo-rate": self.servo_rate,
+            "--engine-lag": self.engine_lag or None,
+            "--gyro-noise": self.gyro_noise or None,
+            "--gyro-delay": self.gyro_delay or None,
+            "--uavs": self.uavs if self.uavs > 1 else None,
+        }
+        given = [f"{name} {value:g}" for name, value in numbers.items() if value is not None]
+        plant = [] if self.plant is None else [f"--plant '{self.plant}'"]
+        return " ".join([f"gcs design {aircraft} --law {self.law}", *given, *plant])
+
+
+@with_options("options", options_of(DesignOptions), DesignOptions)
+def design(
+    aircraft: Annotated[
+        str, typer.Argument(help="A bundled aircraft or a file.", metavar="AIRCRAFT")
+    ],
+    *,
+    options: DesignOptions,
+) -> None:
+    """Write a scenario for an aircraft, parameters derived from it.
+
+    Law, trigger, diagnosis and guidance have defaults that were found on the paper's aircraft. Each
+    is multiplied as its unit says, by the aircraft's own time scale, airspeed and mass; what
+    servos, noise, stops and thrust ask for has rules of its own. Each line of the scenario says
+    which. It flies the paper's scenario 1, its steps no larger than the aircraft can fly.
+
+    An aircraft that no law can fly in this way is refused, with the reason: a check of `gcs
+    aircraft` that it does not meet.
+    """
+    from ftc_lab.design.scenario import plain, text_of, tree_of
+    from gcs.scenario.model import scenario_of
+
+    check_out(options.out, _MARK, "a design")
+    made = _design(aircraft, options)
+    console = console_of(quiet=options.quiet)
+    text = text_of(made, options.command(Path(aircraft).name))
+    scenario = scenario_of(options.out or "the design", plain(tree_of(made)))
+    check_simulators(scenario)
+    for warning in made.warnings:
+        console.print(f"warning: {warning}", soft_wrap=True)
+    if options.out is not None:
+        write_file(options.out, text)
+        console.print(f"{options.out} written; `gcs fly {options.out}` flies it", soft_wrap=True)
+    elif not options.fly:
+        print_line(text.rstrip("\n"))
+    if options.fly:
+        _fly(made, scenario, console_of(stderr=False, quiet=options.quiet), console)
+
+
+def _design(aircraft: str, options: DesignOptions) -> "Design":
+    from ftc_lab.design.airframe import airframe_of
+    from ftc_lab.design.rules import Conditions
+    from ftc_lab.design.scenario import design_of
+    from gcs.scenario.aircraft_file import load_aircraft
+
+    if options.law not in KINDS:
+        raise BadInput(f"--law is {options.law!r}, expected one of {', '.join(KINDS)}")
+    loaded = load_aircraft(aircraft)
+    is_file = Path(aircraft).exists() and not Path(aircraft).is_dir()
+    name = Path(aircraft).stem if is_file else aircraft.removesuffix(".yaml")
+    key = name
+    if is_file:
+        folder = Path() if options.out is None else options.out.parent
+        key = Path(os.path.relpath(aircraft, folder)).as_posix()
+    given = Conditions(
+        options.servo_lag,
+        options.servo_rate,
+        options.engine_lag,
+        options.gyro_noise,
+        options.gyro_delay,
+    )
+    airframe = airframe_of(name, loaded, options.airspeed)
+    plant = _section(options.plant)
+    return design_of(airframe, options.law, given, aircraft_key=key, uavs=options.uavs, plant=plant)
+
+
+def _section(text: str | None) -> dict[str, Any] | None:
+    if text is None:
+        return None
+    try:
+        section = parse_yaml(text)
+    except Exception:  # of YAML, of whatever kind
+        section = None
+    if not isinstance(section, dict):
+        raise BadInput(
+            f"--plant is {text!r}, expected a section in YAML",
+            "as in --plant '{kind: jsbsim, aircraft: c172p}'",
+        )
+    return dict(section)
+
+
+def _fly(made: "Design", scenario: "Scenario", output: Terminal, console: Terminal) -> None:
+    from gcs.fleet.in_process import fly_in_process
+    from gcs.results.summary import summarise
+
+    warm_up(scenario, console)
+    with flight_progress(scenario, console) as on_progress:
+        recording = fly_in_process(scenario, on_progress)
+    summary = summarise(recording, scenario)
+    _print(made, scenario, summary, output)
+    if summary.loss is not None:
+        raise FlightLost(summary.loss)
+
+
+def _print(
+    made: "Design", scenario: "Scenario", summary: "FlightSummary", output: Terminal
+) -> None:
+    from ftc_lab.design.scenario import steps_deg
+
+    figures = [numbers(name) for name in (*PAPER_ORDER, "saved")]
+    table = table_of(texts("UAV"), *figures, title=f"Events in {summary.steps} control periods")
+    for uav in summary.uavs:
+        events = [str(uav.channels[name].events) for name in PAPER_ORDER]
+        table.add_row(str(uav.id), *events, percent(uav.saving))
+    output.print(table)
+    figures = [numbers(f"{name}\n[{UNITS[name]}]") for name in QUANTITIES]
+    table = table_of(texts("UAV"), *figures, title="Largest error after 1 s, and the steps asked")
+    for uav in summary.uavs:
+        errors = [uav.max_error[name] for name in QUANTITIES]
+        table.add_row(str(uav.id), *("-" if e is None else f"{e:.2f}" for e in errors))
+    speeds = [segment.airspeed_m_s for segment in scenario.profile]
+    steps = [max(speeds) - min(speeds), *(value for value, _ in steps_deg(made).values())]
+    table.add_row("asked", *(f"{step:.2f}" for step in steps), style="bold")
+    output.print(table)
+    for uav in summary.uavs:
+        for decision in uav.diagnosis:
+            output.print(
+                f"UAV {uav.id} diagnosed its {decision.actuator} as {decision.phase} at "
+                f"{decision.time_s:.3f} s, without a fault"
+            )

@@ -1,0 +1,114 @@
+"""Least squares of the aerodynamic coefficients, with confidence intervals.
+
+Errors of one experiment are not independent: what the model does not have is wrong in all of its
+windows alike. So the covariance is estimated by experiments, not by windows (Liang and Zeger,
+"Longitudinal data analysis using generalized linear models", Biometrika 73, 1986).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ftc_lab.identification.readings import Windows
+from sitl_plant.airframe.config import TERMS
+
+CONFIDENCE = 0.95
+"""Of an interval."""
+_WIDE = 0.3  # half of an interval by the value, from which on a recording says too little
+_CONSTANT = 1e-6  # of a coefficient: less variation than this is rounding
+_ROUNDING = 1e-9  # singular values below this share of the largest are none
+
+
+class Estimate(NamedTuple):
+    """A coefficient."""
+
+    value: float
+    half_width: float  # of its confidence interval; infinite if the flight does not show it
+    is_nominal: bool = False  # at its nominal value
+
+
+class Residual(NamedTuple):
+    """What a force or moment has that the coefficients do not explain."""
+
+    rms: float  # of the coefficient
+    share: float  # of its standard deviation
+
+
+class Fit(NamedTuple):
+    """All coefficients, and what is left over of each force and moment."""
+
+    estimates: dict[str, Estimate]
+    residuals: dict[str, Residual]
+
+
+def fit(windows: Windows, nominal: dict[str, float] | None = None) -> Fit:
+    """Fit every coefficient.
+
+    Args:
+        windows: What was measured.
+        nominal: Coefficients that stay as they are where the flight does not show them: whose
+            interval would be wider than 0.3 of the value. None: all are fitted.
+    """
+    estimates: dict[str, Estimate] = {}
+    residuals: dict[str, Residual] = {}
+    for axis, regressors in TERMS.items():
+        free = dict(regressors)
+        y = windows.coefficients[axis]
+        left = y
+        while True:
+            found, left = _solved(windows, free, y)
+            worst = max(free, key=lambda name: _width(found[name], nominal, name), default=None)
+            if nominal is None or worst is None:
+                break
+            if _width(found[worst], nominal, worst) <= _WIDE:
+                break
+            y = y - nominal[worst] * windows.regressors[free.pop(worst)]
+            estimates[worst] = Estimate(nominal[worst], found[worst].half_width, is_nominal=True)
+        estimates |= found
+        rms = float(np.sqrt(np.mean(left**2)))
+        measured = windows.coefficients[axis]
+        size = max(float(np.std(measured)), _CONSTANT * float(np.sqrt(np.mean(measured**2))))
+        residuals[axis] = Residual(rms, rms / size if size > 0.0 else 0.0)
+    ordered = {name: estimates[name] for names in TERMS.values() for name in names}
+    return Fit(ordered, residuals)
+
+
+def _width(found: Estimate, nominal: dict[str, float] | None, name: str) -> float:
+    if nominal is None:
+        return 0.0
+    return found.half_width / max(abs(found.value), abs(nominal[name]), 1e-12)
+
+
+def _solved(
+    windows: Windows, free: dict[str, str], y: np.ndarray
+) -> tuple[dict[str, Estimate], np.ndarray]:
+    """Return estimates by name, and the residuals of all windows."""
+    from scipy.stats import t as students_t
+
+    if not free:
+        return {}, y
+    A = np.column_stack([windows.regressors[one] for one in free.values()])
+    size = np.sqrt(np.mean(A**2, axis=0))
+    size[size == 0.0] = 1.0
+    U, singular, Vt = np.linalg.svd(A / size, full_matrices=False)
+    is_seen = singular > _ROUNDING * max(float(singular[0]), 1e-300)
+    inverse = (Vt[is_seen].T / singular[is_seen]) @ U[:, is_seen].T
+    theta = inverse @ y
+    left = y - (A / size) @ theta
+    groups = np.unique(windows.group)
+    scores = np.stack(
+        [inverse[:, windows.group == one] @ left[windows.group == one] for one in groups]
+    )
+    freedom = max(len(groups) - len(free), 1)
+    correction = len(groups) / freedom
+    deviation = np.sqrt(correction * np.sum(scores**2, axis=0))
+    unseen = (
+        np.abs(Vt[~is_seen]).max(axis=0) > 1e-6 if not is_seen.all() else np.zeros(len(free), bool)
+    )
+    widths = students_t.ppf(0.5 + CONFIDENCE / 2.0, freedom) * deviation
+    widths[unseen] = np.inf
+    found = {
+        name: Estimate(float(value), float(width))
+        for name, value, width in zip(free, theta / size, widths / size, strict=True)
+    }
+    return found, left

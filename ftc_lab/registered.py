@@ -1,0 +1,45 @@
+"""The commands of the lab, as `gcs` finds them by entry points of `ftc_sitl.commands`."""
+
+from gcs.command_list import Command
+from gcs.extras import LAB_PACKAGES
+
+
+def _command(name: str, line: str, panel: str, needs_packages: bool = False) -> Command:
+    extra = ("lab", LAB_PACKAGES) if needs_packages else ("", ())
+    return Command(f"ftc_lab.commands.{name}", line, panel, *extra)
+
+
+compare = _command("compare", "Compare two flights, or two campaigns.", "Fly")
+campaign = _command(
+    "campaign", "Fly every draw of a campaign, on all cores or a cluster.", "Study", True
+)
+sweep = _command(
+    "sweep", "Fly every combination of values, in process, on all cores.", "Study", True
+)
+baseline = _command(
+    "baseline",
+    "Find the slowest periodic senders that match a triggered flight.",
+    "Study",
+    True,
+)
+reproduce = _command(
+    "reproduce", "Fly the paper's scenarios, compare with its results.", "Study", True
+)
+aircraft = _command(
+    "aircraft",
+    "List the bundled aircraft, or show one: limits, trim, modes.",
+    "Aircraft and laws",
+)
+design = _command(
+    "design",
+    "Write a scenario for an aircraft, parameters derived from it.",
+    "Aircraft and laws",
+)
+identify = _command(
+    "identify",
+    "Identify an aircraft from a simulator or a recorded flight.",
+    "Aircraft and laws",
+)
+trim = _command(
+    "trim", "Compute where an actuator may be stuck in level flight.", "Aircraft and laws"
+)

@@ -1,0 +1,215 @@
+"""Steady flight with one actuator stuck: what no controller can do better than.
+
+At a given roll angle, everything follows from v̇ = 0, ω̇ = 0 and no climb. With aileron or rudder
+stuck, the airspeed can be chosen and the aircraft turns; with elevator or throttle stuck, it can
+fly straight and the airspeed follows.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mavlink_defs.constants import ACTUATORS, AILERON, RUDDER, SURFACES, THROTTLE, Actuator
+from sitl_plant.airframe.aircraft import aircraft_record
+from sitl_plant.airframe.config import Aircraft
+from sitl_plant.airframe.rigid_body import R1, R2, STILL_AIR, state_derivative
+from sitl_plant.airframe.thrust import available_thrust, with_any_thrust
+from sitl_plant.vec3 import mul
+
+_CHOSEN_AIRSPEED = (AILERON, RUDDER)
+_NEWTONS = 1000.0  # thrust is of the order of one in the solver's unit
+_METRES_S = 50.0
+_TOLERANCE = 1e-9
+_ENDS = 1e-3  # deg or N
+ANY_SIDESLIP_DEG = 90.0
+"""A limit that no sideslip exceeds."""
+
+
+@dataclass(frozen=True)
+class Trim:
+    """A steady, level flight.
+
+    Attributes:
+        stuck: Actuator whose position is given.
+        airspeed_m_s: Airspeed.
+        aileron_deg: Deflection, as the two others.
+        elevator_deg: Deflection.
+        rudder_deg: Deflection.
+        thrust_n: Thrust.
+        alpha_deg: Angle of attack.
+        beta_deg: Angle of sideslip.
+        roll_deg: Roll angle, given.
+        pitch_deg: Pitch angle.
+        turn_rate_deg_s: Rate of the yaw angle.
+        beyond: What would have to exceed the aircraft's limits; none: the flight is possible.
+    """
+
+    stuck: Actuator
+    airspeed_m_s: float
+    aileron_deg: float
+    elevator_deg: float
+    rudder_deg: float
+    thrust_n: float
+    alpha_deg: float
+    beta_deg: float
+    roll_deg: float
+    pitch_deg: float
+    turn_rate_deg_s: float
+    beyond: tuple[str, ...]
+
+    @property
+    def position(self) -> float:
+        """Position of the stuck actuator [deg, of the throttle N]."""
+        positions = (self.aileron_deg, self.elevator_deg, self.rudder_deg, self.thrust_n)
+        return positions[ACTUATORS.index(self.stuck)]
+
+
+def trim_stuck(
+    aircraft: Aircraft,
+    stuck: Actuator,
+    position: float,
+    airspeed_m_s: float = _METRES_S,
+    roll_deg: float = 0.0,
+    sideslip_limit_deg: float = ANY_SIDESLIP_DEG,
+) -> Trim | None:
+    """Return the level flight with one actuator stuck; None if the equations have no solution.
+
+    Args:
+        aircraft: The aircraft.
+        stuck: The actuator.
+        position: Where it is stuck [deg, throttle N].
+        airspeed_m_s: Airspeed; where it follows from the position, the one to begin the search at.
+        roll_deg: Roll angle; without a rudder, the one that balances the aircraft is found.
+        sideslip_limit_deg: Largest sideslip of a flight that is possible: the coefficients are
+            linear, and say nothing of an aircraft at right angles to the air.
+    """
+    from scipy.optimize import root
+
+    record, channel = aircraft_record(aircraft), ACTUATORS.index(stuck)
+    if channel != THROTTLE:
+        record = with_any_thrust(record)
+    value = position / _NEWTONS if channel == THROTTLE else math.radians(position)
+    turns = channel in _CHOSEN_AIRSPEED
+    roll = math.radians(roll_deg)
+
+    balanced_by_bank = not aircraft.has("rudder") and channel != RUDDER
+
+    def unpacked(x: np.ndarray) -> tuple[float, float, float, float, float, float, list[float]]:
+        alpha, beta, pitch, last, *others = x
+        controls = [float(other) for other in others]
+        controls.insert(channel, value)
+        controls[THROTTLE] *= _NEWTONS
+        bank = roll
+        if balanced_by_bank:
+            bank, controls[RUDDER] = controls[RUDDER], 0.0
+        V, turn = (airspeed_m_s, last) if turns else (_METRES_S * last, 0.0)
+        return float(alpha), float(beta), bank, float(pitch), float(V), float(turn), controls
+
+    def unrest(x: np.ndarray) -> list[float]:
+        alpha, beta, bank, pitch, V, turn, (da, de, dr, thrust) = unpacked(x)
+        v = (
+            V * math.cos(alpha) * math.cos(beta),
+            V * math.sin(beta),
+            V * math.sin(alpha) * math.cos(beta),
+        )
+        phi = (bank, pitch, 0.0)
+        state = ((0.0, 0.0, 0.0), v, phi, mul(R2(phi), (0.0, 0.0, turn)))
+        rest = (0.0, 0.0, 0.0)
+        _, v_dot, _, omega_dot = state_derivative(
+            state, thrust, (da, de, dr), rest, rest, STILL_AIR, record
+        )
+        return [*v_dot, *omega_dot, mul(R1(phi), v)[2]]
+
+    begin = [0.05, 0.0, 0.05, 0.0 if turns else airspeed_m_s / _METRES_S, 0.0, 0.0, 0.0]
+    if channel != THROTTLE:
+        begin[-1] = 1.0
+    found = root(unrest, begin, tol=_TOLERANCE)
+    if not found.success or max(map(abs, unrest(found.x))) > math.sqrt(_TOLERANCE):
+        return None
+    alpha, beta, bank, pitch, V, turn, (da, de, dr, thrust) = unpacked(found.x)
+    return Trim(
+        stuck=stuck,
+        airspeed_m_s=V,
+        aileron_deg=math.degrees(da),
+        elevator_deg=math.degrees(de),
+        rudder_deg=math.degrees(dr),
+        thrust_n=thrust,
+        alpha_deg=math.degrees(alpha),
+        beta_deg=math.degrees(beta),
+        roll_deg=math.degrees(bank) if balanced_by_bank else roll_deg,
+        pitch_deg=math.degrees(pitch),
+        turn_rate_deg_s=math.degrees(turn),
+        beyond=(
+            *_beyond(aircraft, channel, V, (da, de, dr), thrust),
+            *(("sideslip",) if abs(math.degrees(beta)) > sideslip_limit_deg else ()),
+        ),
+    )
+
+
+def _beyond(
+    aircraft: Aircraft, stuck: int, V: float, delta: tuple[float, ...], thrust: float
+) -> tuple[str, ...]:
+    found: list[str] = [
+        name
+        for channel, (name, stops) in enumerate(zip(SURFACES, aircraft.stops_deg, strict=True))
+        if channel != stuck and not stops[0] <= math.degrees(delta[channel]) <= stops[1]
+    ]
+    most = available_thrust(V, aircraft_record(aircraft))
+    if not 0.0 <= thrust <= most and stuck != THROTTLE:
+        found.append("throttle")
+    if not aircraft.airspeed_min_m_s <= V <= aircraft.airspeed_max_m_s:
+        found.append("airspeed")
+    return tuple(found)
+
+
+def stuck_range(
+    aircraft: Aircraft,
+    stuck: Actuator,
+    airspeed_m_s: float = _METRES_S,
+    roll_deg: float = 0.0,
+    sideslip_limit_deg: float = ANY_SIDESLIP_DEG,
+    step: float = 1.0,
+) -> tuple[Trim, Trim] | None:
+    """Return the level flights at both ends of the range of positions that can be flown, or None.
+
+    The range is the longest one of positions `step` [deg, throttle 20 N] apart; its ends are then
+    searched by bisection, unless they are the actuator's own.
+    """
+    if stuck == "throttle":
+        low, high, step = 0.0, aircraft.thrust_limit_n, 20.0 * step
+    else:
+        low, high = aircraft.stops_deg[ACTUATORS.index(stuck)]
+
+    def flown(position: float) -> Trim | None:
+        trim = trim_stuck(aircraft, stuck, position, airspeed_m_s, roll_deg, sideslip_limit_deg)
+        return trim if trim is not None and not trim.beyond else None
+
+    grid = [float(x) for x in np.arange(low, high + step / 2.0, step)]
+    found = [flown(position) for position in grid]
+    first, length = _longest([trim is not None for trim in found])
+    if length == 0:
+        return None
+    ends = []
+    for inside, outside in ((first, first - 1), (first + length - 1, first + length)):
+        best = found[inside]
+        if best is not None and 0 <= outside < len(grid):
+            near, far = grid[inside], grid[outside]
+            while abs(far - near) > _ENDS:
+                middle = (near + far) / 2.0
+                trim = flown(middle)
+                near, far, best = (middle, far, trim) if trim else (near, middle, best)
+        ends.append(best)
+    return ends[0], ends[1]  # type: ignore[return-value]  # both were flown
+
+
+def _longest(flags: list[bool]) -> tuple[int, int]:
+    """Return begin and length of the longest run of true values."""
+    best, begin = (0, 0), None
+    for i, flag in enumerate([*flags, False]):
+        if flag and begin is None:
+            begin = i
+        elif not flag and begin is not None:
+            best = max(best, (begin, i - begin), key=lambda run: run[1])
+            begin = None
+    return best

@@ -1,0 +1,121 @@
+"""The commands of `gcs`: its own, and those that other packages register.
+
+A package registers one by an entry point of the group `ftc_sitl.commands`: its name is the
+command's, and it leads to a `Command`, in a module that imports nothing else of weight.
+"""
+
+from collections.abc import Mapping
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from gcs.errors import BadInput
+from gcs.extras import WEB_PACKAGES, check_packages
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
+GROUP = "ftc_sitl.commands"
+
+
+class Command(NamedTuple):
+    """A command, which is imported when it is run; until then only its line of help is there."""
+
+    module: str
+    """It has a function of the command's name and its epilog, `EPILOG`; or a typer `app`."""
+    line: str
+    """Of help: the first line of the command's own."""
+    panel: str = "Other packages"
+    """Of the help."""
+    extra: str = ""
+    """What it needs besides the core, one of ftc-sitl's extras, and the packages of that."""
+    packages: tuple[str, ...] = ()
+
+
+def _panel(title: str, **commands: tuple[str, str]) -> dict[str, Command]:
+    return {
+        name: Command(f"gcs.commands.{module}", line, title)
+        for name, (module, line) in commands.items()
+    }
+
+
+OWN: Mapping[str, Command] = {
+    **_panel(
+        "Fly",
+        new=("new", "Write a commented scenario, or a whole project, to start from."),
+        scenarios=("scenarios", "List the bundled scenarios and additions."),
+        fly=("fly", "Fly a scenario to its end and record it."),
+        up=("up", "Start a fleet that flies until it is stopped (Ctrl-C)."),
+        start=("control", "Start flying the mission."),
+        status=("status", "Show link, mode, attitude, events and faults of each vehicle."),
+        fault=("fault", "Set, clear and list faults of actuators and sensors."),
+        runs=("runs", "List what was flown, write a page of it, and add notes."),
+    ),
+    **_panel(
+        "Operate",
+        arm=("control", "Arm vehicles; time begins when the whole fleet is armed."),
+        disarm=("control", "Disarm vehicles; in flight they refuse unless forced."),
+        mode=("control", "Change the mode: fly the mission, circle, or follow targets."),
+        mission=("mission", "Show, upload, download and fly missions."),
+        formation=("formation", "See the formation in space, and change slots."),
+        profile=("profile", "Upload, download and check reference profiles."),
+        param=("param", "List, read, set, save, load and compare parameters."),
+        record=("record", "Record every frame that vehicles send, until Ctrl-C."),
+        log=("log", "Replay a telemetry log in the dashboard."),
+        web=("web", "Serve the dashboard to browsers until Ctrl-C."),
+    ),
+    **_panel("Study", export=("export", "Convert the recording of a flight for other programs.")),
+    **_panel(
+        "Aircraft and laws",
+        laws=("laws", "List the control laws, ours and other packages', or show one."),
+        triggers=("triggers", "List the event triggers, ours and other packages', or show one."),
+        guidance=("guidance", "List the guidance laws, ours and other packages', or show one."),
+    ),
+    **_panel(
+        "Wire",
+        wire=("wire", "Count frames and bytes of a capture or a relay."),
+        wireshark=("wireshark", "Write a Wireshark dissector for all messages (Lua)."),
+        key=("key", "Make a key file for MAVLink 2 signing."),
+        config=("config", "Write the configurations of a fleet that spans several hosts."),
+        ardupilot=("ardupilot", "Let ArduPilot SITLs fly a scenario's aircraft."),
+    ),
+}
+"""Our commands, in the order of the help."""
+OWN = {**OWN, "web": OWN["web"]._replace(extra="web", packages=WEB_PACKAGES)}
+
+
+def registered() -> dict[str, "EntryPoint"]:
+    """Return the commands of other packages, by name; none of them takes the name of our own."""
+    from importlib.metadata import entry_points  # takes time, of every command
+
+    return {point.name: point for point in entry_points(group=GROUP) if point.name not in OWN}
+
+
+def command_of(point: "EntryPoint") -> Command:
+    """Return a command that another package registers.
+
+    Raises:
+        BadInput: It cannot be imported, or is something else.
+    """
+    whose = f"the command {point.name!r} of {point.value}"
+    if point.dist is not None:
+        whose += f" ({point.dist.name} {point.dist.version})"
+    try:
+        found = point.load()
+    except (Exception, SystemExit) as problem:
+        text = f"{whose} cannot be imported: {type(problem).__name__}: {problem}"
+        raise BadInput(text, "mend or remove that package") from problem
+    if not isinstance(found, Command):
+        text = f"{whose}: expected a `gcs.command_list.Command`, got {type(found).__name__}"
+        raise BadInput(text, "mend or remove that package")
+    return found
+
+
+def load(name: str, command: Command) -> Any:
+    """Import the module of a command.
+
+    Raises:
+        BadInput: It needs packages that are not installed.
+    """
+    if command.extra:
+        check_packages(command.packages, f"gcs {name}", command.extra)
+    return import_module(command.module)

@@ -1,0 +1,1 @@
+"""Faults of actuators, and what lies between a command and them: servos, lags."""

@@ -1,0 +1,1 @@
+"""The air around the aircraft: wind, turbulence, disturbances."""

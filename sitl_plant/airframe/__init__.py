@@ -1,0 +1,1 @@
+"""The rigid body and the forces of air and engine on it, with its parameters."""

@@ -1,0 +1,238 @@
+"""One aircraft of the plant over one control period.
+
+The actuator command is held over the period (zero-order hold) and followed by the servos; faults
+and stops act on what these do. Eqs. (1) to (4) are integrated by the classical Runge-Kutta method
+of fourth order with the period as its step.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
+from mavlink_defs.runtime.jit import compiled
+from sitl_plant.actuators.faults import apply_faults
+from sitl_plant.actuators.servo import end_period, positions
+from sitl_plant.air.disturbance import Disturbances
+from sitl_plant.air.wind import air_around
+from sitl_plant.airframe.aerodynamics import aerodynamics
+from sitl_plant.airframe.aircraft import AircraftRecord
+from sitl_plant.airframe.rigid_body import (
+    R1,
+    Air,
+    State,
+    advance,
+    load_state,
+    specific_force,
+    state_derivative,
+    store_state,
+)
+from sitl_plant.airframe.thrust import made_thrust
+from sitl_plant.vec3 import Vec3, add, mul, norm, sub, vec3
+
+PITCH_MAX_RAD = math.radians(89.0)
+AIRSPEED_MIN_M_S = 3.0
+AIRSPEED_MAX_M_S = 300.0
+
+
+class Environment(NamedTuple):
+    """An aircraft and what acts on it beside its commands."""
+
+    servos: np.void  # dtype SERVOS
+    faults: np.ndarray  # (MAX_FAULTS,), dtype FAULT
+    wind: np.void  # dtype WIND
+    turbulence: np.void  # dtype TURBULENCE
+    aircraft: AircraftRecord  # dtype AIRCRAFT
+
+
+@compiled
+def time_s(step: int, step_us: int) -> float:
+    """Return the simulation time of a step [s]: the double nearest to the decimal number."""
+    return step * step_us / 1e6
+
+
+@compiled
+def rk4_step(
+    state: State,
+    t: float,
+    dt: float,
+    disturbed: tuple[Disturbances, Disturbances, Disturbances],
+    environment: Environment,
+) -> State:
+    """Integrate eqs. (1) to (4) from t to t + dt [s].
+
+    Args:
+        state: State at t.
+        t: Start of the interval [s].
+        dt: Its length [s].
+        disturbed: As `sitl_plant.air.disturbance.disturbances_over` returns it: the same for all
+            aircraft, so that it is evaluated once.
+        environment: The aircraft and what acts on it.
+    """
+    middle = t + 0.5 * dt
+    at_start, at_middle, at_end = disturbed
+    k1 = _slope(state, t, t, at_start, environment)
+    k2 = _slope(advance(state, 0.5 * dt, k1), middle, t, at_middle, environment)
+    k3 = _slope(advance(state, 0.5 * dt, k2), middle, t, at_middle, environment)
+    k4 = _slope(advance(state, dt, k3), t + dt, t, at_end, environment)
+    state = advance(advance(state, dt / 6.0, k1), dt / 3.0, k2)
+    return advance(advance(state, dt / 3.0, k3), dt / 6.0, k4)
+
+
+@compiled
+def _slope(
+    state: State,
+    t: float,
+    interval_start: float,
+    disturbed: Disturbances,
+    environment: Environment,
+) -> State:
+    aircraft = environment.aircraft
+    moved = positions(environment.servos, t - interval_start)
+    da, de, dr, thrust = apply_faults(moved, t, interval_start, environment.faults, aircraft)
+    d_v, d_omega = disturbed
+    air = air_around(environment.wind, environment.turbulence, state[0], state[2], t)
+    return state_derivative(state, thrust, (da, de, dr), d_v, d_omega, air, aircraft)
+
+
+@compiled
+def step_aircraft(
+    x: np.ndarray,
+    t: float,
+    dt: float,
+    disturbed: tuple[Disturbances, Disturbances, Disturbances],
+    environment: Environment,
+    V: float,
+    applied: np.ndarray,
+) -> None:
+    """Advance one aircraft and its servos in place by one control period.
+
+    Args:
+        x: State, shape (12,), in the order of `State`.
+        t: Start of the period [s].
+        dt: Control period [s].
+        disturbed: Disturbances at the period's start, middle and end.
+        environment: The aircraft and what acts on it; its servos have begun the period.
+        V: Airspeed at the start of the period [m/s].
+        applied: True positions and thrust then, shape (4,), written.
+    """
+    moved = positions(environment.servos, 0.0)
+    real = apply_faults(moved, t, t, environment.faults, environment.aircraft)
+    for i in range(N_CHANNELS):
+        applied[i] = real[i]
+    applied[THROTTLE] = made_thrust(real[THROTTLE], V, environment.aircraft)
+    store_state(rk4_step(load_state(x), t, dt, disturbed, environment), x)
+    end_period(environment.servos, dt)
+
+
+@compiled
+def actuators_over(
+    t: float,
+    dt: float,
+    environment: Environment,
+    V: float,
+    applied: np.ndarray,
+    at_end: np.ndarray,
+) -> None:
+    """Take the servos of one aircraft to the end of a control period, without any motion of it.
+
+    Args:
+        t: Start of the period [s].
+        dt: Control period [s].
+        environment: The aircraft and what acts on it; its servos have begun the period.
+        V: Airspeed [m/s].
+        applied: True positions and thrust at the start of the period, shape (4,), written.
+        at_end: The same at its end.
+    """
+    aircraft, faults = environment.aircraft, environment.faults
+    begun = apply_faults(positions(environment.servos, 0.0), t, t, faults, aircraft)
+    ended = apply_faults(positions(environment.servos, dt), t + dt, t, faults, aircraft)
+    for i in range(N_CHANNELS):
+        applied[i], at_end[i] = begun[i], ended[i]
+    applied[THROTTLE] = made_thrust(begun[THROTTLE], V, aircraft)
+    at_end[THROTTLE] = made_thrust(ended[THROTTLE], V, aircraft)
+    end_period(environment.servos, dt)
+
+
+@compiled
+def specific_force_at(
+    x: np.ndarray,
+    step: int,
+    step_us: int,
+    d_v: Vec3,
+    surrounding: Air,
+    environment: Environment,
+) -> Vec3:
+    """Return the specific force at a step [m/s²], body axes.
+
+    The actuators count as they are at this instant: at the end of the period that ends here.
+
+    Args:
+        x: State, shape (12,).
+        step: Step number.
+        step_us: Control period [µs].
+        d_v: Disturbance of the acceleration at the step [m/s²].
+        surrounding: Motion of the air at the step.
+        environment: The aircraft and what acts on it.
+    """
+    servos, aircraft = environment.servos, environment.aircraft
+    t = time_s(step, step_us)
+    _, v, _, omega = load_state(x)
+    moved = servos["output"][0], servos["output"][1], servos["output"][2], servos["output"][3]
+    real = apply_faults(moved, t, time_s(step - 1, step_us), environment.faults, aircraft)
+    air = aerodynamics(sub(v, surrounding[0]), sub(omega, surrounding[1]), aircraft)
+    delta = real[AILERON], real[ELEVATOR], real[RUDDER]
+    return add(specific_force(air, delta, real[THROTTLE], aircraft), d_v)
+
+
+@compiled
+def is_below_ground(x: np.ndarray) -> bool:
+    """Return whether a state, shape (12,), is below the ground, a plane at the origin's height."""
+    return bool(x[2] > 0.0)
+
+
+@compiled
+def is_lost(x: np.ndarray, wind: np.ndarray) -> bool:
+    """Return whether a state, shape (12,), has left the range in which the model is valid.
+
+    That is: a number is not finite, the pitch angle is beyond ±89° (Euler angles), or the
+    airspeed is outside 3 to 300 m/s.
+
+    Args:
+        x: The state.
+        wind: Velocity of the air, body axes [m/s], shape (3,).
+    """
+    for i in range(12):
+        if not math.isfinite(x[i]):
+            return True
+    V = norm(sub(vec3(x[3:6]), vec3(wind)))
+    return abs(x[7]) > PITCH_MAX_RAD or V < AIRSPEED_MIN_M_S or V > AIRSPEED_MAX_M_S
+
+
+def describe_loss(x: np.ndarray, wind: np.ndarray, stall: float = 0.0) -> str:
+    """Describe in what way a state is lost, or the hit of the ground, and whether it had stalled.
+
+    Args:
+        x: As of `is_lost`.
+        wind: As of `is_lost`.
+        stall: Angle of attack at which the aircraft stalls [rad]; 0: none is known.
+    """
+    if not np.isfinite(x).all():
+        return "its state is not finite"
+    through = sub(vec3(x[3:6]), vec3(wind))
+    alpha = math.atan2(through[2], through[0])
+    stalled = ""
+    if 0.0 < stall < abs(alpha):
+        angles = f"{math.degrees(alpha):.1f}°, its stall is at {math.degrees(stall):.1f}°"
+        stalled = f"; it had stalled: angle of attack {angles}"
+    if not is_lost(x, wind):
+        return f"it hit the ground, sinking at {_sink_rate_m_s(x):.1f} m/s{stalled}"
+    pitch_deg, V = math.degrees(x[7]), norm(through)
+    limits = f"pitch {pitch_deg:.1f}° (limit ±89°), airspeed {V:.1f} m/s (limits 3 to 300 m/s)"
+    return f"{limits}{stalled}"
+
+
+def _sink_rate_m_s(x: np.ndarray) -> float:
+    """Return the rate of descent of a state, shape (12,) [m/s]."""
+    return mul(R1(vec3(x[6:9])), vec3(x[3:6]))[2]
