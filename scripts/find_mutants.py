@@ -32,7 +32,7 @@ _CONTROL = tuple(
 )
 _PLANT = tuple(
     f"{_P}/{name}"
-    for name in ("test_vectors_plant", "test_successive_steps", "test_plant", "test_courses")
+    for name in ("test_vectors_plant", "test_successive_steps", "loop/test_period", "test_courses")
 )
 _TRIGGERS = (*_CONTROL, f"{_C}/triggers/test_triggers", f"{_C}/test_trigger")
 _DIAGNOSIS = (
@@ -87,18 +87,18 @@ TESTS = {
     f"{_C}/diagnosis/suspicions.py": _DIAGNOSIS,
     f"{_C}/diagnosis/diagnose.py": (f"{_C}/diagnosis/test_measurement", *_DIAGNOSIS),
     f"{_C}/diagnosis/excitation.py": (f"{_C}/diagnosis/test_excitation", *_DIAGNOSIS),
-    f"{_P}/aerodynamics.py": (*_PLANT, f"{_P}/test_aerodynamics"),
-    f"{_P}/rigid_body.py": (*_PLANT, f"{_P}/test_rigid_body"),
-    f"{_P}/servo.py": (*_PLANT, f"{_P}/test_servo"),
-    f"{_P}/actuators.py": (*_PLANT, f"{_P}/test_actuators"),
-    f"{_P}/lag.py": (*_PLANT, f"{_P}/test_servo"),
-    f"{_P}/wind.py": (*_PLANT, f"{_P}/test_wind"),
-    f"{_P}/turbulence.py": (*_PLANT, f"{_P}/test_turbulence"),
-    f"{_P}/plant.py": (*_PLANT, f"{_P}/test_rigid_body"),
-    f"{_P}/sensors.py": (*_PLANT, f"{_P}/test_sensors"),
-    f"{_P}/disturbance.py": _PLANT,
+    f"{_P}/airframe/aerodynamics.py": (*_PLANT, f"{_P}/airframe/test_aerodynamics"),
+    f"{_P}/airframe/rigid_body.py": (*_PLANT, f"{_P}/airframe/test_rigid_body"),
+    f"{_P}/actuators/servo.py": (*_PLANT, f"{_P}/actuators/test_servo"),
+    f"{_P}/actuators/faults.py": (*_PLANT, f"{_P}/actuators/test_faults"),
+    f"{_P}/actuators/lag.py": (*_PLANT, f"{_P}/actuators/test_servo"),
+    f"{_P}/air/wind.py": (*_PLANT, f"{_P}/air/test_wind"),
+    f"{_P}/air/turbulence.py": (*_PLANT, f"{_P}/air/test_turbulence"),
+    f"{_P}/loop/period.py": (*_PLANT, f"{_P}/airframe/test_rigid_body"),
+    f"{_P}/sensing/true_state.py": (*_PLANT, f"{_P}/sensing/test_true_state"),
+    f"{_P}/air/disturbance.py": _PLANT,
     f"{_P}/vec3.py": _PLANT,
-    f"{_P}/gaussian.py": (f"{_P}/test_gaussian",),
+    f"{_P}/air/gaussian.py": (f"{_P}/air/test_gaussian",),
 }
 """Modules with equations, and the tests of each under tests/unit."""
 LONGEST_S = 3

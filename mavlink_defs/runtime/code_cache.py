@@ -41,7 +41,7 @@ from numba.core import caching
 
 from mavlink_defs.config.models import ConfigError, Problem
 
-_PACKAGES = ("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs")
+_PACKAGES = ("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs", "ftc_lab")
 _ROOT = Path(__file__).resolve().parents[2]
 _GENERATED = {_ROOT / "mavlink_defs" / "dialect.py": _ROOT / "mavlink_defs" / "ftc.xml"}
 _IMPORT = re.compile(r"^from ([\w.]+) import (\([^)]*\)|.*)|^import ([\w.]+)", re.MULTILINE)

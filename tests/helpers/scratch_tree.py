@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-PACKAGES = ("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs")
+PACKAGES = ("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs", "ftc_lab")
 
 Edits = Mapping[str, Iterable[tuple[str, str]]]
 """By file: texts, each before its first occurrence of which another one is inserted."""

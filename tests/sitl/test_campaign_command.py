@@ -202,7 +202,7 @@ def test_a_cluster_elsewhere(tmp_path: Path) -> None:
 
 def test_workers_of_other_code_are_refused_with_both_digests(tmp_path: Path) -> None:
     copy = tmp_path / "other"
-    for package in ("gcs", "mavlink_defs", "sitl_plant", "ftc_autopilot"):
+    for package in ("gcs", "mavlink_defs", "sitl_plant", "ftc_autopilot", "ftc_lab"):
         shutil.copytree(ROOT / package, copy / package)
     with (copy / "gcs" / "results" / "quantities.py").open("a") as file:
         file.write("# changed\n")

@@ -131,7 +131,7 @@ def test_the_wheel_says_what_it_is_and_has_what_it_needs(wheel: Path) -> None:
     assert metadata["License-Expression"] == "BSD-3-Clause"
     assert metadata.get_all("License-File") == ["LICENSE"]
     assert "ftc-sitl authors" in metadata["Author"]
-    for package in ("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs"):
+    for package in ("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs", "ftc_lab"):
         sources = {
             path.relative_to(ROOT).as_posix()
             for path in (ROOT / package).rglob("*")
@@ -232,7 +232,7 @@ def test_all_that_is_no_code_comes_along(programs: Path, folder: Path) -> None:
     """Templates and styles of reports, among others."""
     code = "import gcs; print(gcs.__path__[0])"
     installed = Path(run_well(programs, folder, "python", "-c", code).strip()).parent
-    for package in ("gcs", "ftc_autopilot", "sitl_plant", "mavlink_defs"):
+    for package in ("gcs", "ftc_autopilot", "sitl_plant", "mavlink_defs", "ftc_lab"):
         files = [
             path.relative_to(ROOT)
             for path in (ROOT / package).rglob("*")

@@ -10,7 +10,7 @@ ROOT = Path(__file__).parents[2]
 GLOSSARY = ROOT / "docs/explanation/glossary.md"
 PLACES = (
     *("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs", "scenarios", "hatch_build.py"),
-    *("gcs", "ftc_autopilot", "sitl_plant", "mavlink_defs"),
+    *("gcs", "ftc_lab", "ftc_autopilot", "sitl_plant", "mavlink_defs"),
     *("benchmarks", "fuzzing", "soak", "scripts"),
 )
 SUFFIXES = {".md", ".yaml", ".py", ".xml", ".j2", ".tcss", ""}

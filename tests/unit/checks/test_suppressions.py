@@ -6,7 +6,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[3]
 ROOMS = (
-    *("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs"),
+    *("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs", "ftc_lab"),
     *("fuzzing", "benchmarks", "tests"),
 )
 OFF = re.compile(r"# (noqa|type: ignore)\b.*")

@@ -19,17 +19,13 @@ ROOT = Path(__file__).parents[3]
 EXTRAS = set(
     tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
 )
-ROOMS = ("gcs", "sitl_plant", "ftc_autopilot")
+ROOMS = ("gcs", "ftc_lab", "sitl_plant", "ftc_autopilot")
 TEXTS = [
     ROOT / "README.md",
     ROOT / "CONTRIBUTING.md",
     *(ROOT / "docs").rglob("*.md"),
     *(path for path in (ROOT / "gcs" / "project").rglob("*") if path.is_file()),
-    *(
-        path
-        for room in ("gcs", "sitl_plant", "ftc_autopilot")
-        for path in (ROOT / room).rglob("*.py")
-    ),
+    *(path for room in ROOMS for path in (ROOT / room).rglob("*.py")),
 ]
 PIP = re.compile(r"pip install ((?:'[^'\n]*'|\"[^\"\n]*\"|[^\s`'\"#&;,\\]+|[ ])+)")
 OF_PATH = re.compile(r"(?P<path>\.[^\[]*|FOLDER)(\[(?P<extras>[\w,]+)\])?")

@@ -18,7 +18,8 @@ from gcs import terminal
 from gcs.terminal import console_of, numbers, print_json, print_line, table_of, texts
 
 OUTPUT = Path(terminal.__file__)
-SOURCES = sorted(set(OUTPUT.parent.rglob("*.py")) - {OUTPUT})
+LAB = OUTPUT.parents[1] / "ftc_lab"
+SOURCES = sorted({*OUTPUT.parent.rglob("*.py"), *LAB.rglob("*.py")} - {OUTPUT})
 NASTY = "\x1b]0;PWNED\x07\x1b[31m\x9b2J\r\u2028\u202e\udc80\x7f\x00"
 RAW = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028\u2029\u202e\ud800-\udfff]")
 

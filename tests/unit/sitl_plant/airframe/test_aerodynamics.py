@@ -30,8 +30,8 @@ from sitl_plant.airframe.aerodynamics import (
 from sitl_plant.airframe.aircraft import COEFFICIENTS, aircraft_record
 from sitl_plant.vec3 import Vec3
 
-ROOT = Path(__file__).parents[3]
-PACKAGES = ("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs", "benchmarks")
+ROOT = Path(__file__).parents[4]
+PACKAGES = ("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs", "ftc_lab", "benchmarks")
 KNOWING = {"sitl_plant/airframe/aerodynamics.py", "sitl_plant/airframe/config.py"}
 """The model itself, and the configuration that declares its keys."""
 V, H = 45.0, 1e-6

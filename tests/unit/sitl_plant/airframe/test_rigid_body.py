@@ -20,7 +20,7 @@ from sitl_plant.airframe.rigid_body import R1, R2, R2_inv, load_state
 from sitl_plant.loop.period import Environment, rk4_step
 from sitl_plant.vec3 import Vec3
 
-DATA = Path(__file__).parents[2] / "data" / "nesc_tumbling_brick.csv"
+DATA = Path(__file__).parents[3] / "data" / "nesc_tumbling_brick.csv"
 SLUG_FT2 = 1.3558179483  # kg m²
 UNDISTURBED = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 STILL, NO_EDDIES = new_wind(Wind()), np.zeros(1, TURBULENCE)

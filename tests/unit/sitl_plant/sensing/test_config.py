@@ -13,7 +13,7 @@ from sitl_plant.sensing.config import NavigationSensors, Sensors
 from sitl_plant.sensing.observability import navigation_problems, observability_warnings
 from sitl_plant.sensing.true_state import new_sensors
 
-PAGE = Path(__file__).parents[3] / "docs/explanation/sensors.md"
+PAGE = Path(__file__).parents[4] / "docs/explanation/sensors.md"
 NOT_ERRORS = {"fitted", "rate_hz", "latency_s", "hdop", "vdop", "satellites"}
 
 
