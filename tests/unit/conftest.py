@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-SCENARIO_1 = Path(__file__).parents[3] / "scenarios" / "paper" / "scenario1.yaml"
+SCENARIO_1 = Path(__file__).parents[2] / "scenarios" / "paper" / "scenario1.yaml"
 
 
 @pytest.fixture
