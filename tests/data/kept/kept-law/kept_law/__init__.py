@@ -1,0 +1,1 @@
+"""A control law for ftc-sitl, with its scenarios."""
