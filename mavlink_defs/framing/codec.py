@@ -13,12 +13,11 @@ number of records, and packing never changes a record::
     state[0]["position"][2] = -1000.0
     length = pack(datagram, state, MessageId.SIM_STATE, system_id, component_id, sequence)
 
-To receive, read the payload of one buffer through prebuilt views::
+To receive, write the payload of a buffer to a record::
 
-    datagram = new_buffer()
-    state = payload_view(datagram, SIM_STATE)
+    datagram, state = new_buffer(), np.zeros(1, SIM_STATE)
     if check(datagram, length) == MessageId.SIM_STATE:
-        expand(datagram, SIM_STATE_SIZE)
+        unpack(datagram, state.view(np.uint8))
         z = state[0]["position"][2]
 
 Wire format: MAVLink 2, https://mavlink.io/en/guide/serialization.html. One frame per datagram;
@@ -85,7 +84,6 @@ SIM_STATE_SIZE = SIM_STATE.itemsize
 SIM_STEP_SIZE = SIM_STEP.itemsize
 HIL_SENSOR_SIZE = HIL_SENSOR.itemsize
 HIL_GPS_SIZE = HIL_GPS.itemsize
-STEP_DONE_SIZE = STEP_DONE.itemsize
 NEIGHBOUR_SIZE = NEIGHBOUR.itemsize
 ACTUATORS_SIZE = ACTUATORS.itemsize
 REPORT_AT = dict(NEIGHBOUR.fields or {})["report"][1]
@@ -138,14 +136,6 @@ _T = _crc_tables()
 def new_buffer() -> np.ndarray:
     """Return a zeroed datagram buffer, uint8, shape (BUFFER_SIZE,)."""
     return np.zeros(BUFFER_SIZE, np.uint8)
-
-
-def payload_view(datagram: np.ndarray, dtype: np.dtype[np.void]) -> np.ndarray:
-    """Return the payload of a datagram buffer as a record array of shape (1,), sharing its memory.
-
-    Valid after `check` has returned this message's id and `expand` has been called.
-    """
-    return datagram[HEADER_SIZE : HEADER_SIZE + dtype.itemsize].view(dtype)
 
 
 def drop_counts(drops: np.ndarray) -> list[int]:
@@ -294,20 +284,6 @@ def _is_intact(datagram: np.ndarray, extra: int) -> bool:
     end = HEADER_SIZE + _byte(datagram, PAYLOAD_SIZE)
     crc = checksum(datagram, end, extra)
     return bool(datagram[end] == crc & 0xFF and datagram[end + 1] == crc >> 8)
-
-
-@compiled
-def expand(datagram: np.ndarray, payload_size: int) -> None:
-    """Put back the trailing zeros of a checked frame's payload, so that its view is valid.
-
-    They overwrite the checksum: forward or record the datagram before.
-
-    Args:
-        datagram: Buffer whose frame `check` has accepted.
-        payload_size: Size of the message's whole payload [bytes], ``ACTUATORS_SIZE`` and so on.
-    """
-    for i in range(HEADER_SIZE + _byte(datagram, PAYLOAD_SIZE), HEADER_SIZE + payload_size):
-        datagram[i] = 0
 
 
 @compiled
