@@ -172,7 +172,7 @@ def test_a_plant_that_was_started_again_flies_only_when_all_are_armed_again(
             await client.wait_for(ids, PATIENCE_S)
             vehicles = [client.vehicle(i) for i in ids]
             for vehicle in vehicles:
-                await vehicle.upload(scenario.segments())
+                await vehicle.upload_profile(scenario.segments())
                 await vehicle.start_mission()
                 await vehicle.arm()
             await until(lambda: all(simulated_ms(client, i) > 1000 for i in ids))

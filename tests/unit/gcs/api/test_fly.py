@@ -408,7 +408,7 @@ def test_a_strict_type_checker_sees_the_types(tmp_path: Path) -> None:
         'Argument "record" to "fly" has incompatible type "Literal[\'all\']"; '
         "expected \"Literal['full', 'light', 'none']\"  [arg-type]",
         '"Flight" has no attribute "frme"; maybe "frame"?  [attr-defined]',
-        'Revealed type is "gcs.api.station.Uav"',
+        'Revealed type is "gcs.station.vehicle.Vehicle"',
         'Revealed type is "mavlink_defs.dialect.MAVLink_message"',
     ], done.stdout + done.stderr
 
