@@ -13,6 +13,8 @@ from gcs.station.subscriptions import Feed, Subscription
 from gcs.station.vehicle import Vehicle
 from mavlink_defs.dialect import MAVLink_message
 
+__all__ = ["Station", "Subscription", "Uav", "connect"]
+
 Uav = Vehicle
 """One vehicle of a fleet."""
 
