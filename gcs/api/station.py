@@ -9,7 +9,7 @@ from gcs.api.errors import python_errors
 from gcs.station.client import Client
 from gcs.station.connection import choose_connection, own_identity
 from gcs.station.notifications import Notification
-from gcs.station.subscriptions import Feed, Subscription
+from gcs.station.subscriptions import Subscription
 from gcs.station.vehicle import Vehicle
 from mavlink_defs.dialect import MAVLink_message
 
@@ -26,9 +26,8 @@ class Station(Mapping[int, Vehicle]):
         client: The client behind it.
     """
 
-    def __init__(self, client: Client, notifications: Feed[Notification]) -> None:
+    def __init__(self, client: Client) -> None:
         self.client = client
-        self._notifications = notifications
 
     def __getitem__(self, system: int) -> Vehicle:
         return self.client.vehicle(system)
@@ -64,7 +63,7 @@ class Station(Mapping[int, Vehicle]):
 
     def notifications(self) -> Subscription[Notification]:
         """Subscribe to the event log: changes of mode, texts, answers, faults, lost links."""
-        return self._notifications.subscribe(lambda _: True)
+        return self.client.notified.subscribe(lambda _: True)
 
 
 @contextlib.asynccontextmanager
@@ -99,11 +98,10 @@ async def connect(
         BadInput: The address, the port or the key cannot be used.
         NoAnswer: No vehicle was heard, or not all.
     """
-    notifications, key = Feed[Notification](), None if signing_key is None else str(signing_key)
+    key = None if signing_key is None else str(signing_key)
     with python_errors():
         client = Client(
             choose_connection(address, key),
-            on_notification=notifications.put,
             inquire=True,
             private=True,
             own=own_identity(),
@@ -111,7 +109,4 @@ async def connect(
         )
         async with client:
             await client.discover(timeout_s, uavs)
-            try:
-                yield Station(client, notifications)
-            finally:
-                notifications.end()
+            yield Station(client)

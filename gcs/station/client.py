@@ -63,6 +63,7 @@ class Client(asyncio.DatagramProtocol):
         machines: Runs the microservice machines of all vehicles.
         log: The latest notifications, oldest first.
         received: Passes on every message, after `fleet` has processed it.
+        notified: Passes on every notification.
         unreachable: Whether nobody listens at the address of an outgoing connection.
         drops: Datagrams that were dropped here, by reason.
         now: The clock [s].
@@ -109,12 +110,11 @@ class Client(asyncio.DatagramProtocol):
         self.connection = connection
         self.fleet = FleetState()
         self.log: deque[Notification] = deque(maxlen=_NOTIFICATIONS_KEPT)
-        self.received = Feed[MAVLink_message]()
+        self.received, self.notified = Feed(on_message), Feed(on_notification)
         self.unreachable = False
         self.drops: Counter[str] = Counter()
         self._tlog = tlog
         self._failure: OSError | None = None
-        self._on_message, self._on_notification = on_message, on_notification
         self._private = private
         self._only_recorded = frozenset(only_recorded)
         self._packer = FramePacker(*own)
@@ -168,6 +168,7 @@ class Client(asyncio.DatagramProtocol):
         await self._inquiries.close()
         self.machines.close()
         self.received.end()
+        self.notified.end()
         if self._transport is not None:
             self._transport.close()
 
@@ -301,8 +302,7 @@ class Client(asyncio.DatagramProtocol):
         """Add notifications to the log."""
         for one in notifications:
             self.log.append(one)
-            if self._on_notification is not None:
-                self._on_notification(one)
+            self.notified.put(one)
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
         """Process a datagram, and others that have arrived with it; called by asyncio."""
@@ -345,8 +345,6 @@ class Client(asyncio.DatagramProtocol):
         self._heard.set()
         self.machines.receive(message, now)
         self.received.put(message)
-        if self._on_message is not None:
-            self._on_message(message)
 
     def _known_sender(self, data: bytes) -> VehicleState | None:
         """Return the vehicle that an intact frame comes from if it is only to be recorded."""

@@ -49,7 +49,13 @@ class Subscription(Generic[_T]):
 class Feed(Generic[_T]):
     """Passes what comes to all who have subscribed and still hold their subscription."""
 
-    def __init__(self) -> None:
+    def __init__(self, listener: Callable[[_T], None] | None = None) -> None:
+        """Pass nothing on yet.
+
+        Args:
+            listener: Called with all that comes, before the others get it.
+        """
+        self._listener = listener
         self._subscriptions: WeakSet[Subscription[_T]] = WeakSet()
 
     def subscribe(self, is_of_interest: Callable[[_T], bool]) -> Subscription[_T]:
@@ -60,6 +66,8 @@ class Feed(Generic[_T]):
 
     def put(self, one: _T) -> None:
         """Pass something on."""
+        if self._listener is not None:
+            self._listener(one)
         for subscription in list(self._subscriptions):
             subscription.put(one)
 
