@@ -10,7 +10,7 @@ from gcs.commands.options import with_options
 from gcs.commands.station import EXIT_STATUS, Station, station_command
 from gcs.errors import BadInput
 from gcs.station.vehicle import Vehicle
-from mavlink_defs.constants import ACTUATORS, Actuator
+from mavlink_defs.constants import Actuator
 from mavlink_defs.fault_spec import FaultSpec
 from mavlink_defs.sensor_fault_kinds import Axis, Failure, SensorName
 from mavlink_defs.sensor_fault_spec import SensorFaultSpec
@@ -105,7 +105,7 @@ def clear(
         return
 
     async def action(vehicle: Vehicle) -> str:
-        await vehicle.clear_faults(None if actuator is None else ACTUATORS.index(actuator))
+        await vehicle.clear_faults(actuator)
         return f"UAV {vehicle.system}: faults of {actuator or 'all actuators and sensors'} cleared"
 
     station.act(action)
@@ -117,7 +117,7 @@ def list_(station: Station) -> None:
     """List the faults of vehicles, including past and future ones."""
 
     async def action(vehicle: Vehicle) -> str:
-        faults = await vehicle.list_faults()
+        faults = await vehicle.faults()
         now_s = await time_s(vehicle)
         lines = [f"UAV {vehicle.system}: {_with_phase(fault, now_s)}" for fault in faults]
         return "\n".join(lines) or f"UAV {vehicle.system}: no faults"

@@ -64,7 +64,7 @@ def upload(
     segments = load_profile(file)
 
     async def send(vehicle: Vehicle, note: Note) -> str:
-        await vehicle.upload(segments, note)
+        await vehicle.upload_profile(segments, note)
         return f"UAV {vehicle.system} holds {_count(segments)} of {file}"
 
     transfer.upload(station, send, {"segments": len(segments)})
@@ -87,7 +87,7 @@ def download(
     held: dict[int, tuple[Segment, ...]] = {}
 
     async def action(vehicle: Vehicle) -> str:
-        held[vehicle.system] = await vehicle.download()
+        held[vehicle.system] = await vehicle.download_profile()
         return f"# UAV {vehicle.system} holds {_count(held[vehicle.system])}"
 
     def data(vehicle: Vehicle) -> dict[str, Any]:
@@ -121,7 +121,7 @@ def check(
         return
 
     async def action(vehicle: Vehicle) -> str:
-        theirs = await vehicle.download()
+        theirs = await vehicle.download_profile()
         if theirs != segments:
             text = f"UAV {vehicle.system} holds another profile: {_difference(segments, theirs)}"
             raise CommandRefused(text, dialect.MAV_MISSION_ERROR)

@@ -20,23 +20,23 @@ from typing import BinaryIO
 FORKS = sys.platform == "linux"
 """Whether plant and autopilots can be forked: elsewhere, libraries do not allow it."""
 
+_MODULES = {"sitl-plant": "sitl_plant.loop.process", "ftc-autopilot": "ftc_autopilot.process"}
 _ROOM = " " * 512
 """An argument for the server, which makes room for the command lines of those it forks."""
 _ahead: list[subprocess.Popen[bytes]] = []
 """The server that was started ahead, until a `ForkServer` takes it."""
 
 
-def program(module: str) -> str:
-    """Return the program that calls `main` of a module.
-
-    Python collects garbage neither while it imports, nor later in what it has imported.
-    """
-    return f"import gc; gc.disable(); from {module} import main; gc.freeze(); gc.enable(); main()"
-
-
 def without_threads() -> dict[str, str]:
     """Return the environment of a process in which numpy starts no threads."""
     return {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+
+
+def start_alone(program: str, arguments: Sequence[str], log: Path) -> subprocess.Popen[bytes]:
+    """Start a program as `ForkServer.start` does, as a process of its own from the start."""
+    ends = ["--exit-with-parent", str(os.getpid())]
+    with log.open("ab") as output:
+        return _start(_MODULES[program], *arguments, *ends, stdout=output, stderr=output)
 
 
 def processor_time_s(pid: int | None) -> float | None:
@@ -190,18 +190,28 @@ class Forked:
 
 
 def _start_server(errors: int | BinaryIO) -> subprocess.Popen[bytes]:
-    command = [
-        sys.executable,
-        "-P",  # do not import from the user's current folder
-        "-c",
-        program("gcs.fleet.fork_server"),
-        _ROOM,
-    ]
+    pipe = subprocess.PIPE
+    return _start("gcs.fleet.fork_server", _ROOM, stdin=pipe, stdout=pipe, stderr=errors)
+
+
+def _start(
+    module: str,
+    *arguments: str,
+    stdin: int = subprocess.DEVNULL,
+    stdout: int | BinaryIO,
+    stderr: int | BinaryIO,
+) -> subprocess.Popen[bytes]:
+    """Start `main` of a module in a session of its own.
+
+    Python collects garbage neither while it imports, nor later in what it has imported.
+    """
+    main = f"import gc; gc.disable(); from {module} import main; gc.freeze(); gc.enable(); main()"
     return subprocess.Popen(
-        command,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=errors,
+        # -P: do not import from the user's current folder
+        [sys.executable, "-P", "-c", main, *arguments],
+        stdin=stdin,
+        stdout=stdout,
+        stderr=stderr,
         start_new_session=True,
         env=without_threads(),  # which a fork does not copy
     )

@@ -7,9 +7,7 @@ stops them in order; they stop by themselves if it ends without doing so.
 
 import contextlib
 import itertools
-import os
 import subprocess
-import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,14 +17,7 @@ from typing import Self
 
 from ftc_autopilot.config import PLUGIN_FAILED
 from gcs.errors import BadInput, FlightLost, PortInUse
-from gcs.fleet.forked import (
-    FORKS,
-    Forked,
-    ForkServer,
-    processor_time_s,
-    program,
-    without_threads,
-)
+from gcs.fleet.forked import FORKS, Forked, ForkServer, processor_time_s, start_alone
 from gcs.fleet.relays import through
 from gcs.fleet.restarts import MOST_IN_A_ROW, Restarts
 from gcs.scenario.model import Scenario
@@ -331,30 +322,6 @@ class FleetProcesses:
         crashes = self._crashes.get(name)
         crash = ["--crash-at", str(crashes.pop(0))] if crashes else []
         self._restarts.started(name, time.monotonic())
-        if FORKS:
-            program = "sitl-plant" if name == _PLANT else "ftc-autopilot"
-            return self._server.start(program, [*arguments, *crash], log)
-        package = "sitl_plant" if name == _PLANT else "ftc_autopilot"
-        return _started(package, [*arguments, *crash], log)
-
-
-def _started(package: str, arguments: list[str], log: Path) -> subprocess.Popen[bytes]:
-    """Start the process of a package."""
-    command = [
-        sys.executable,
-        "-P",  # do not import from the user's current folder
-        "-c",
-        program(f"{package}.process"),
-        *arguments,
-        "--exit-with-parent",
-        str(os.getpid()),
-    ]
-    with log.open("ab") as output:
-        return subprocess.Popen(
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
-            env=without_threads(),
-        )
+        program = "sitl-plant" if name == _PLANT else "ftc-autopilot"
+        start = self._server.start if FORKS else start_alone
+        return start(program, [*arguments, *crash], log)

@@ -6,7 +6,7 @@ link's traffic. Use it inside a running asyncio event loop::
 
     async with Client(parse_connection("udpin:127.0.0.1:14550")) as client:
         await client.wait_for([1, 2, 3], timeout_s=10.0)
-        await client.vehicle(1).upload(segments)
+        await client.vehicle(1).upload_profile(segments)
         await client.vehicle(1).start_mission()
 """
 
@@ -26,6 +26,7 @@ from gcs.station.inquiries import Inquiries
 from gcs.station.machine_runner import MachineRunner
 from gcs.station.notifications import ERROR, Notification
 from gcs.station.patience import ENDLESS, HASTY, USUAL, Patience
+from gcs.station.subscriptions import Feed
 from gcs.station.vehicle import Vehicle
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
@@ -61,6 +62,8 @@ class Client(asyncio.DatagramProtocol):
         fleet: The known state of the vehicles.
         machines: Runs the microservice machines of all vehicles.
         log: The latest notifications, oldest first.
+        received: Passes on every message, after `fleet` has processed it.
+        notified: Passes on every notification.
         unreachable: Whether nobody listens at the address of an outgoing connection.
         drops: Datagrams that were dropped here, by reason.
         now: The clock [s].
@@ -107,11 +110,11 @@ class Client(asyncio.DatagramProtocol):
         self.connection = connection
         self.fleet = FleetState()
         self.log: deque[Notification] = deque(maxlen=_NOTIFICATIONS_KEPT)
+        self.received, self.notified = Feed(on_message), Feed(on_notification)
         self.unreachable = False
         self.drops: Counter[str] = Counter()
         self._tlog = tlog
         self._failure: OSError | None = None
-        self._on_message, self._on_notification = on_message, on_notification
         self._private = private
         self._only_recorded = frozenset(only_recorded)
         self._packer = FramePacker(*own)
@@ -164,6 +167,8 @@ class Client(asyncio.DatagramProtocol):
             await asyncio.gather(self._pulse, return_exceptions=True)
         await self._inquiries.close()
         self.machines.close()
+        self.received.end()
+        self.notified.end()
         if self._transport is not None:
             self._transport.close()
 
@@ -297,8 +302,7 @@ class Client(asyncio.DatagramProtocol):
         """Add notifications to the log."""
         for one in notifications:
             self.log.append(one)
-            if self._on_notification is not None:
-                self._on_notification(one)
+            self.notified.put(one)
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
         """Process a datagram, and others that have arrived with it; called by asyncio."""
@@ -330,13 +334,17 @@ class Client(asyncio.DatagramProtocol):
         self.emit(self.fleet.receive(message, now))
         if system not in self._vehicles and system in self.fleet.vehicles:
             self._vehicles[system] = Vehicle(
-                self.own, self.fleet.vehicles[system], self.machines, self.emit, self._patience
+                self.own,
+                self.fleet.vehicles[system],
+                self.machines,
+                self.emit,
+                self.received,
+                self._patience,
             )
             self._inquiries.start(self._vehicles.values(), now)
         self._heard.set()
         self.machines.receive(message, now)
-        if self._on_message is not None:
-            self._on_message(message)
+        self.received.put(message)
 
     def _known_sender(self, data: bytes) -> VehicleState | None:
         """Return the vehicle that an intact frame comes from if it is only to be recorded."""

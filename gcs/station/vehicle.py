@@ -5,20 +5,22 @@ Every operation returns, or raises `CommandRefused` (with the vehicle's reason) 
 """
 
 import contextlib
-import copy
 import math
-from collections.abc import Callable, Iterable, Sequence
-from typing import Self, TypeVar
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Self
 
 from gcs.errors import BadInput, CommandRefused, NoAnswer
-from gcs.station.machine_runner import MachineRunner
+from gcs.station.given import fault_of, mission_of, profile_of
 from gcs.station.mission import Mission
-from gcs.station.notifications import ERROR, INFO, WARNING, Notification, enum_name
-from gcs.station.patience import USUAL, Patience
+from gcs.station.notifications import INFO, WARNING, Notification, enum_name
+from gcs.station.subscriptions import Subscription
 from gcs.station.telemetry import REQUESTED_S
-from gcs.station.vehicle_state import LOST_S, VehicleState
+from gcs.station.vehicle_link import Progress, VehicleLink
 from mavlink_defs import dialect
-from mavlink_defs.constants import FORCE_DISARM, MODE_NAMES
+from mavlink_defs.constants import ACTUATORS, FORCE_DISARM, MODE_NAMES
+from mavlink_defs.dialect import MAVLink_message
+from mavlink_defs.faults import Fault
 from mavlink_defs.profile import (
     ANY_AIRSPEED,
     ProfileError,
@@ -26,85 +28,48 @@ from mavlink_defs.profile import (
     items_to_segments,
     segments_to_items,
 )
-from mavlink_defs.sensor_fault_kinds import SENSOR_UNITS, SensorName
+from mavlink_defs.sensor_fault_kinds import SENSOR_UNITS
 from mavlink_defs.sensor_faults import AnyFault, SensorFault
-from mavlink_defs.services.command import CommandClient, CommandFinished
+from mavlink_defs.services.command import CommandFinished
 from mavlink_defs.services.fault_list import FaultLister, FaultsListed
-from mavlink_defs.services.machine import Machine, SystemId
 from mavlink_defs.services.mission import (
     MissionDownloader,
     MissionFinished,
     MissionItem,
-    MissionProgress,
     MissionUploader,
 )
-from mavlink_defs.services.param import (
-    Param,
-    ParamFinished,
-    ParamLister,
-    ParamProgress,
-    ParamReader,
-    ParamSetter,
-)
-
-Progress = Callable[[int, int], None]
-"""Called with the number of items done and the total."""
+from mavlink_defs.services.param import Param, ParamFinished, ParamLister, ParamReader, ParamSetter
 
 _TRIES = 3
 
-E = TypeVar("E")  # events of a machine
-F = TypeVar("F")  # the last one
 
+class Vehicle(VehicleLink):
+    """One vehicle; each operation returns once it has answered.
 
-class Vehicle:
-    """One vehicle: its known state and the operations on it.
+    Operations raise `gcs.errors.CommandRefused` if it refuses and `gcs.errors.NoAnswer` if it does
+    not answer.
 
     Attributes:
-        system: Its system id.
-        state: Its known state.
+        id: Its system id; `system` is the same.
+        state: What is known of it: mode, arming, latest messages, event counts, faults, mission.
         patience: How long operations wait for its answers.
     """
 
-    def __init__(
-        self,
-        own: SystemId,
-        state: VehicleState,
-        machines: MachineRunner,
-        emit: Callable[[Iterable[Notification]], None],
-        patience: Patience = USUAL,
-    ) -> None:
-        """Prepare the operations on a vehicle.
-
-        Args:
-            own: System and component id of the ground station.
-            state: The vehicle's known state.
-            machines: Runs the operations.
-            emit: Called with the notifications of operations.
-            patience: How long operations wait for answers.
-        """
-        self.patience = patience
-        self.system = state.system
-        self.state = state
-        self._machines, self._emit = machines, emit
-        self._own, self._address = own, state.address
-        self._commands = CommandClient(own)
-
-    def with_patience(self, patience: Patience) -> Self:
-        """Return the same vehicle, whose operations wait so long for answers."""
-        same = copy.copy(self)
-        same.patience = patience
-        return same
+    def __repr__(self) -> str:
+        return f"<UAV {self.id}>"
 
     @property
-    def is_heard(self) -> bool:
-        """Whether it was heard so lately that it is waited for."""
-        return self.state.age_s(self._now()) < self.patience.silence_s
+    def vehicle(self) -> Self:
+        """Itself; once, the general calls were in an object of their own."""
+        return self
 
-    @property
-    def last_heard(self) -> str:
-        """How long it has been silent, or that it still sends, at the end of a message."""
-        silent_s = self.state.age_s(self._now())
-        return f": silent for {silent_s:.1f} s" if silent_s >= LOST_S else ", though it still sends"
+    def messages(self, name: str | None = None) -> Subscription[MAVLink_message]:
+        """Subscribe to its messages of a name, such as "ATTITUDE"; None for all."""
+        return self._received.subscribe(
+            lambda message: (
+                message.get_srcSystem() == self.id and name in {None, message.get_type()}
+            )
+        )
 
     # commands
 
@@ -132,7 +97,7 @@ class Vehicle:
         await self.command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, params)
 
     async def start_mission(self) -> None:
-        """Start flying the mission."""
+        """Start flying the mission, or the profile."""
         await self.command(dialect.MAV_CMD_MISSION_START)
 
     async def set_mode(self, mode: str) -> None:
@@ -179,18 +144,78 @@ class Vehicle:
 
     # faults
 
-    async def set_fault(self, fault: AnyFault) -> None:
-        """Set a fault of an actuator or a sensor."""
+    async def set_fault(
+        self, /, actuator: str | AnyFault, *, start_s: float | None = None, **keys: float
+    ) -> None:
+        """Set an actuator fault, with the keys of a scenario's `faults`.
+
+        Args:
+            actuator: "aileron", "elevator", "rudder" or "throttle"; or all of a fault at once, also
+                of a sensor.
+            start_s: Start in simulated time, exclusive [s]; None for now.
+            **keys: Such as `effectiveness`, `bias_deg`, `stuck_deg`, `frequency_hz`, `end_s`.
+
+        Raises:
+            BadInput: They do not describe a fault.
+        """
+        if isinstance(actuator, Fault | SensorFault):
+            await self._set(actuator)
+        else:
+            await self._set(fault_of(actuator=actuator, start_s=start_s, **keys))
+
+    async def set_sensor_fault(
+        self,
+        /,
+        sensor: str,
+        failure: str | None = None,
+        *,
+        instance: int = 0,
+        axis: str | None = None,
+        start_s: float | None = None,
+        **keys: float,
+    ) -> None:
+        """Set a fault of a navigation sensor, with the keys of a scenario's `faults`.
+
+        Args:
+            sensor: "gyro", "accelerometer", "magnetometer", "barometer", "gps" or "airspeed".
+            failure: "off", "stuck", "garbage", "wrong", "slow", "delayed" or "intermittent"; None
+                if a value says it.
+            instance: Number of the sensor from 1; 0 for all.
+            axis: "x", "y" or "z" of what is wrong; None for all.
+            start_s: Start in simulated time, exclusive [s]; None for now.
+            **keys: Such as `bias_deg_s`, `fade_s`, `noise_factor`, `end_s`.
+
+        Raises:
+            BadInput: They do not describe a fault.
+        """
+        given = {"failure": failure, "instance": instance, "axis": axis, "start_s": start_s}
+        await self._set(fault_of(sensor=sensor, **given, **keys))
+
+    async def _set(self, fault: AnyFault) -> None:
         of_sensor, of_actuator = dialect.MAV_CMD_FTC_SET_SENSOR_FAULT, dialect.MAV_CMD_FTC_SET_FAULT
         await self.command(of_sensor if isinstance(fault, SensorFault) else of_actuator, fault)
 
-    async def clear_faults(self, actuator: int | None = None) -> None:
-        """Clear the faults of one actuator (an index into `ACTUATORS`), or all, of sensors too."""
+    async def clear_faults(self, actuator: str | int | None = None) -> None:
+        """Clear the faults of one actuator, by name or index, or all, of sensors too.
+
+        Raises:
+            BadInput: There is no such actuator.
+        """
+        if isinstance(actuator, str):
+            if actuator not in ACTUATORS:
+                raise BadInput(f"actuator: expected {', '.join(ACTUATORS)}, got {actuator!r}")
+            actuator = ACTUATORS.index(actuator)
         which = -1.0 if actuator is None else float(actuator)
         await self.command(dialect.MAV_CMD_FTC_CLEAR_FAULTS, (which,))
 
-    async def clear_sensor_faults(self, sensor: SensorName, instance: int = 0) -> None:
-        """Clear the faults of a sensor; an instance of 0 is all of them."""
+    async def clear_sensor_faults(self, sensor: str, instance: int = 0) -> None:
+        """Clear the faults of a sensor; an instance of 0 is all of them.
+
+        Raises:
+            BadInput: There is no such sensor.
+        """
+        if sensor not in SENSOR_UNITS:
+            raise BadInput(f"sensor: expected {', '.join(SENSOR_UNITS)}, got {sensor!r}")
         params = (SENSOR_UNITS[sensor].failure_unit, dialect.FAILURE_TYPE_OK, instance)
         await self.command(dialect.MAV_CMD_INJECT_FAILURE, params)
 
@@ -208,8 +233,8 @@ class Vehicle:
             raise self._no_answer(f"UAV {self.system} did not report its place in the formation")
         return message
 
-    async def list_faults(self) -> tuple[AnyFault, ...]:
-        """Request its faults; `state.faults` holds them from then on."""
+    async def faults(self) -> tuple[AnyFault, ...]:
+        """Request its faults, past and future ones too; `state.faults` holds them from then on."""
         machine = FaultLister(self._own, self._address)
         done, reasons = await self._run("command", machine, machine.start, FaultsListed)
         ok = dialect.MAV_RESULT_ACCEPTED
@@ -226,7 +251,7 @@ class Vehicle:
         state = self.state
         if state.offers_faults and self._now() >= state.faults_due:
             try:
-                await self.list_faults()
+                await self.faults()
             except CommandRefused:
                 state.offers_faults = False
             except NoAnswer:
@@ -241,14 +266,23 @@ class Vehicle:
 
     # profile and mission
 
-    async def upload(self, segments: Sequence[Segment], progress: Progress | None = None) -> None:
-        """Upload a reference profile; if it is refused, the old one stays active."""
+    async def upload_profile(
+        self, profile: Sequence[Segment] | Path | str, progress: Progress | None = None
+    ) -> None:
+        """Upload a reference profile; if it is refused, the old one stays active.
+
+        Args:
+            profile: Segments, or a file of `gcs profile upload`.
+            progress: Called with the number of items done and the total.
+
+        Raises:
+            BadInput: The file cannot be used.
+        """
+        segments = profile_of(profile) if isinstance(profile, Path | str) else profile
         await self._upload(segments_to_items(segments, *self._address), "a profile", progress)
 
-    async def download(self, progress: Progress | None = None) -> tuple[Segment, ...]:
-        """Download its profile, empty if it has none.
-
-        `state.profile` holds it from then on.
+    async def download_profile(self, progress: Progress | None = None) -> tuple[Segment, ...]:
+        """Download its profile, empty if it has none; `state.profile` holds it from then on.
 
         Raises:
             CommandRefused: The vehicle refused, or holds a mission that is not a profile.
@@ -260,13 +294,26 @@ class Vehicle:
             text = f"UAV {self.system} holds a mission that is no profile: {problem}"
             raise CommandRefused(text, dialect.MAV_MISSION_INVALID) from problem
 
-    async def upload_mission(self, mission: Mission, progress: Progress | None = None) -> None:
-        """Upload a mission, home included; if it is refused, the old one stays active."""
-        await self._upload(mission, "a mission", progress)
+    async def upload_mission(
+        self, mission: Mission | Path | str, progress: Progress | None = None
+    ) -> None:
+        """Upload a mission; if it is refused, the old one stays active.
+
+        Args:
+            mission: Items, home included, or a file of `gcs mission upload`.
+            progress: Called with the number of items done and the total.
+
+        Raises:
+            BadInput: The file cannot be used.
+        """
+        items = mission_of(mission) if isinstance(mission, Path | str) else mission
+        await self._upload(items, "a mission", progress)
 
     async def download_mission(self, progress: Progress | None = None) -> Mission:
         """Download its mission, home included; `state.mission` holds it from then on."""
         return await self._download("its mission", progress)
+
+    upload, download, list_faults = upload_profile, download_profile, faults  # their older names
 
     async def _upload(
         self, items: Sequence[MissionItem], what: str, progress: Progress | None
@@ -284,6 +331,18 @@ class Vehicle:
         self._emit(self.state.learn_mission(known, self._now()))
         self._judge(f"the download of {what}", done.result, ok, "MAV_MISSION_RESULT", reasons)
         return done.items
+
+    async def _transfer(
+        self, machine: MissionUploader | MissionDownloader, progress: Progress | None
+    ) -> tuple[MissionFinished, list[str]]:
+        return await self._run(
+            "mission",
+            machine,
+            machine.start,
+            MissionFinished,
+            progress,
+            stop=lambda _: machine.cancel(),
+        )
 
     # parameters
 
@@ -323,64 +382,6 @@ class Vehicle:
         self._judge_param(f"{name} = {value:g}", done)
         return done.params[0]
 
-    # internals
-
-    def _now(self) -> float:
-        return self._machines.now()
-
-    async def _transfer(
-        self, machine: MissionUploader | MissionDownloader, progress: Progress | None
-    ) -> tuple[MissionFinished, list[str]]:
-        return await self._run(
-            "mission",
-            machine,
-            machine.start,
-            MissionFinished,
-            progress,
-            stop=lambda _: machine.cancel(),
-        )
-
-    async def _run(
-        self,
-        service: str,
-        machine: Machine[E],
-        start: Callable[[float], None],
-        finished: type[F],
-        progress: Progress | None = None,
-        stop: Callable[[float], None] | None = None,
-    ) -> tuple[F, list[str]]:
-        """Run a machine; return its last event and the vehicle's warnings meanwhile."""
-        heard, answered_s = 0, 0.0
-
-        def begin(now: float) -> None:
-            nonlocal heard, answered_s
-            heard, answered_s = self.state.texts_heard, now
-            start(now)
-
-        def is_worth_waiting(now: float) -> bool:
-            return self.patience.lasts(self.state.age_s(now), now - answered_s)
-
-        def on_event(event: E) -> None:
-            nonlocal answered_s
-            answered_s = self._now()
-            if progress is not None and isinstance(event, MissionProgress | ParamProgress):
-                progress(event.done, event.total)
-
-        machine.wait_while(is_worth_waiting)
-        turn = (self.system, service)
-        done = await self._machines.run(turn, machine, begin, finished, on_event, stop)
-        texts = self.state.texts_since(heard)
-        return done, [text.text for text in texts if text.severity <= WARNING]
-
-    def _judge(self, what: str, result: int | None, ok: int, enum: str, reasons: list[str]) -> None:
-        """Raise the error that belongs to a result other than `ok`."""
-        if result == ok:
-            return
-        if result is None:
-            raise self._no_answer(f"UAV {self.system} did not answer {what}{self.last_heard}")
-        answer, reason = enum_name(enum, result), "".join(f": {text}" for text in reasons)
-        raise CommandRefused(f"UAV {self.system} refused {what} ({answer}){reason}", result)
-
     def _judge_param(self, what: str, done: ParamFinished) -> None:
         if done.error is None:
             raise self._no_answer(
@@ -396,7 +397,3 @@ class Vehicle:
             param = done.params[0]
             text = f"{param.name} is {param.value:g}"
             self._emit([Notification(self._now(), self.system, "ack", INFO, text)])
-
-    def _no_answer(self, text: str) -> NoAnswer:
-        self._emit([Notification(self._now(), self.system, "ack", ERROR, text)])
-        return NoAnswer(text)

@@ -1,25 +1,39 @@
 """One UAV of a fleet in a test, behind plain function calls."""
 
-from collections.abc import Callable, Sequence
-from typing import Any
+import functools
+from collections.abc import Callable, Coroutine
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
-from gcs.station.fault_keys import fault_of, sensor_fault_of
 from gcs.station.vehicle import Vehicle
 from gcs.station.vehicle_state import VehicleState
-from mavlink_defs.constants import ACTUATORS
-from mavlink_defs.profile import Segment
-from mavlink_defs.sensor_faults import AnyFault
-from mavlink_defs.services.param import Param
+
+P = ParamSpec("P")  # of a method of `Vehicle`
+R = TypeVar("R")  # what it returns when the UAV has answered
+
+
+def _waited_for(
+    method: Callable[Concatenate[Vehicle, P], Coroutine[Any, Any, R]],
+) -> "Callable[Concatenate[FlyingUav, P], R]":
+    """Return a coroutine method of `Vehicle` as a plain one, its arguments and text the same."""
+
+    @functools.wraps(method)
+    def call(self: "FlyingUav", /, *args: P.args, **kwargs: P.kwargs) -> R:
+        result: R = self.call(method(self.vehicle, *args, **kwargs))
+        return result
+
+    return call
 
 
 class FlyingUav:
-    """One UAV in flight; each call returns once the UAV has answered.
+    """One UAV in flight: the operations of `gcs.station.vehicle.Vehicle`, without ``await``.
 
-    Calls raise `gcs.errors.CommandRefused` if it refuses and `NoAnswer` if it does not answer.
+    Each returns once the UAV has answered, and raises `gcs.errors.CommandRefused` if it refuses and
+    `gcs.errors.NoAnswer` if it does not answer.
 
     Attributes:
         id: Its system id.
         vehicle: The asyncio client's vehicle, for `TestFleet.call`.
+        call: Runs a coroutine of the client to its end, and returns its result.
     """
 
     def __init__(
@@ -28,12 +42,13 @@ class FlyingUav:
         call: Callable[[Any], Any],
         sent: Callable[[int, str], int],
     ) -> None:
-        self.id = vehicle.system
+        self.id = vehicle.id
         self.vehicle = vehicle
-        self._call, self._sent = call, sent
+        self.call = call
+        self._sent = sent
 
     def __repr__(self) -> str:
-        return f"<UAV {self.id}>"
+        return repr(self.vehicle)
 
     @property
     def state(self) -> VehicleState:
@@ -44,93 +59,25 @@ class FlyingUav:
         """Return the transmissions of a channel ("rudder") so far, as the tap counted them."""
         return self._sent(self.id, channel)
 
-    def arm(self) -> None:
-        """Arm; simulated time begins when the last UAV of the fleet is armed."""
-        self._call(self.vehicle.arm())
-
-    def disarm(self, force: bool = False) -> None:
-        """Disarm; in flight only with `force`, which cuts the thrust."""
-        self._call(self.vehicle.disarm(force))
-
-    def start(self) -> None:
-        """Start flying the profile."""
-        self._call(self.vehicle.start_mission())
-
-    def set_mode(self, mode: str) -> None:
-        """Change the mode: "AUTO", "LOITER", "RTL" or "GUIDED"."""
-        self._call(self.vehicle.set_mode(mode))
-
-    def upload(self, segments: Sequence[Segment]) -> None:
-        """Upload a profile in place of the scenario's, which it already has."""
-        self._call(self.vehicle.upload(segments))
-
-    def download(self) -> tuple[Segment, ...]:
-        """Download its profile."""
-        segments: tuple[Segment, ...] = self._call(self.vehicle.download())
-        return segments
-
     def command(self, number: int, *params: float) -> None:
         """Send any COMMAND_LONG: MAV_CMD and up to seven parameters."""
-        self._call(self.vehicle.command(number, params))
+        self.call(self.vehicle.command(number, params))
 
-    def get_param(self, name: str) -> Param:
-        """Read a parameter."""
-        param: Param = self._call(self.vehicle.get_param(name))
-        return param
+    arm, disarm = _waited_for(Vehicle.arm), _waited_for(Vehicle.disarm)
+    start = start_mission = _waited_for(Vehicle.start_mission)
+    set_mode = _waited_for(Vehicle.set_mode)
+    set_slot, formation = _waited_for(Vehicle.set_slot), _waited_for(Vehicle.formation)
 
-    def set_param(self, name: str, value: float) -> Param:
-        """Set a parameter, and return it as the UAV then holds it."""
-        param: Param = self._call(self.vehicle.set_param(name, value))
-        return param
+    set_fault, clear_faults = _waited_for(Vehicle.set_fault), _waited_for(Vehicle.clear_faults)
+    set_sensor_fault = _waited_for(Vehicle.set_sensor_fault)
+    clear_sensor_faults = _waited_for(Vehicle.clear_sensor_faults)
+    faults = _waited_for(Vehicle.faults)
 
-    def set_fault(self, actuator: str, *, start_s: float | None = None, **keys: float) -> None:
-        """Set an actuator fault, with the keys of a scenario's `faults`.
+    upload = upload_profile = _waited_for(Vehicle.upload_profile)
+    download = download_profile = _waited_for(Vehicle.download_profile)
+    upload_mission = _waited_for(Vehicle.upload_mission)
+    download_mission = _waited_for(Vehicle.download_mission)
 
-        Args:
-            actuator: Its name.
-            start_s: Start in simulated time, exclusive; None for now [s].
-            **keys: `effectiveness`, `bias_deg`, `bias_n`, `stuck_deg`, `stuck_n`,
-                `frequency_hz`, `end_s`.
-
-        Raises:
-            BadInput: They do not describe a fault.
-        """
-        self._call(self.vehicle.set_fault(fault_of(actuator, start_s, **keys)))
-
-    def set_sensor_fault(
-        self,
-        sensor: str,
-        failure: str | None = None,
-        *,
-        instance: int = 0,
-        axis: str | None = None,
-        start_s: float | None = None,
-        **keys: float,
-    ) -> None:
-        """Set a fault of a navigation sensor, with the keys of a scenario's `faults`.
-
-        Args:
-            sensor: Its name.
-            failure: As of MAV_CMD_INJECT_FAILURE; None if a value says it.
-            instance: Number of the sensor from 1; 0 for all.
-            axis: Axis that is wrong; None for all.
-            start_s: Start in simulated time, exclusive; None for now [s].
-            **keys: Such as `bias_deg_s`, `fade_s`, `noise_factor`, `end_s`.
-
-        Raises:
-            BadInput: They do not describe a fault.
-        """
-        fault = sensor_fault_of(
-            sensor, failure, instance=instance, axis=axis, start_s=start_s, **keys
-        )
-        self._call(self.vehicle.set_fault(fault))
-
-    def clear_faults(self, actuator: str | None = None) -> None:
-        """Clear the faults of one actuator, or all."""
-        index = None if actuator is None else ACTUATORS.index(actuator)
-        self._call(self.vehicle.clear_faults(index))
-
-    def faults(self) -> tuple[AnyFault, ...]:
-        """Return its faults, including past and future ones."""
-        faults: tuple[AnyFault, ...] = self._call(self.vehicle.list_faults())
-        return faults
+    list_params = _waited_for(Vehicle.list_params)
+    get_param, set_param = _waited_for(Vehicle.get_param), _waited_for(Vehicle.set_param)
+    set_interval, request = _waited_for(Vehicle.set_interval), _waited_for(Vehicle.request)

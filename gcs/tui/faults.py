@@ -136,7 +136,7 @@ class FaultsPanel(Panel, Horizontal):
             if isinstance(fault, SensorFault):
                 await vehicle.clear_sensor_faults(fault.unit.name, fault.instance)
             else:
-                await vehicle.clear_faults(fault.actuator)
+                await vehicle.clear_faults(name)
             return f"faults of the {name} cleared"
 
         question = f"Clear the faults of the {name} of UAV {record.system}, past ones too?"
@@ -164,7 +164,7 @@ def set_fault(
     async def act(vehicle: Vehicle, _: str) -> str:
         await vehicle.set_fault(fault)
         with suppress(CommandRefused, NoAnswer):
-            await vehicle.list_faults()  # "accepted" is shown when the list has it, for `repeat`
+            await vehicle.faults()  # "accepted" is shown when the list has it, for `repeat`
         return f"set: {fault.describe()}"
 
     what = f"set {fault.target} fault"

@@ -10,7 +10,8 @@ from textual.message import Message
 from textual.widgets import DirectoryTree, Input
 
 from gcs.scenario.profile_file import load_profile
-from gcs.station.vehicle import Progress, Vehicle
+from gcs.station.vehicle import Vehicle
+from gcs.station.vehicle_link import Progress
 from gcs.station.vehicle_state import VehicleState
 from gcs.tui.formatting import Cell, ids
 from gcs.tui.grid import Column, Grid, Row
@@ -187,8 +188,8 @@ class ProfilesPanel(Panel, Horizontal):
             return
 
         async def act(vehicle: Vehicle, _: str) -> str:
-            await vehicle.upload(segments, self._progress(vehicle.system))
-            await vehicle.download()
+            await vehicle.upload_profile(segments, self._progress(vehicle.system))
+            await vehicle.download_profile()
             return f"profile {name} uploaded"
 
         flying = [s.system for s in self._view.states if s.system in targets and s.armed]
@@ -205,7 +206,7 @@ class ProfilesPanel(Panel, Horizontal):
         """Ask the marked vehicles, or the one of the cursor, for their profiles."""
 
         async def act(vehicle: Vehicle, _: str) -> str:
-            held = await vehicle.download(self._progress(vehicle.system))
+            held = await vehicle.download_profile(self._progress(vehicle.system))
             text = f"holds {counted(len(held), 'segment')}" if held else "holds no profile"
             if self.segments is None:
                 return text

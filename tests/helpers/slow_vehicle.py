@@ -6,6 +6,7 @@ from typing import Any
 
 from gcs.station.machine_runner import MachineRunner
 from gcs.station.patience import Patience
+from gcs.station.subscriptions import Feed
 from gcs.station.vehicle import Vehicle
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
@@ -38,7 +39,7 @@ class SlowVehicle:
         self._beat_s = 0.0
         self.runner = MachineRunner(lambda: self.now, self._send)
         self.state = VehicleState(UAV, 0.0)
-        self.vehicle = Vehicle(GCS, self.state, self.runner, lambda _: None, patience)
+        self.vehicle = Vehicle(GCS, self.state, self.runner, lambda _: None, Feed(), patience)
 
     def _send(self, message: MAVLink_message) -> None:
         received = parse(self._speaks.pack(message))

@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import os
 import subprocess
 import time
 from collections.abc import Callable, Iterator
@@ -11,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flying import BIN, free_links, recorded_by
+from flying import free_links, recorded_by
 
-from gcs.fleet.forked import FORKS, Forked, ForkServer
+from gcs.fleet.forked import FORKS, Forked, ForkServer, start_alone
 from gcs.fleet.in_process import fly_in_process
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client
@@ -70,12 +69,8 @@ class Processes:
         if record:
             arguments += ["--record", str(self._folder / name)]
         log = self._folder / f"{name}.log"
-        if FORKS:
-            self._running[name] = self._server.start(program, arguments, log)
-            return
-        command = [str(BIN / program), *arguments, "--exit-with-parent", str(os.getpid())]
-        with log.open("ab") as output:
-            self._running[name] = subprocess.Popen(command, stdout=output, stderr=output)
+        start = self._server.start if FORKS else start_alone
+        self._running[name] = start(program, arguments, log)
 
 
 @pytest.fixture(scope="module")
@@ -172,7 +167,7 @@ def test_a_plant_that_was_started_again_flies_only_when_all_are_armed_again(
             await client.wait_for(ids, PATIENCE_S)
             vehicles = [client.vehicle(i) for i in ids]
             for vehicle in vehicles:
-                await vehicle.upload(scenario.segments())
+                await vehicle.upload_profile(scenario.segments())
                 await vehicle.start_mission()
                 await vehicle.arm()
             await until(lambda: all(simulated_ms(client, i) > 1000 for i in ids))

@@ -366,7 +366,9 @@ def test_every_name_of_the_package_is_there() -> None:
 
 
 USER = """
-from gcs import Flight, connect, fly, fly_many, open_run
+from gcs import Flight, Uav, connect, fly, fly_many, open_run
+from gcs.api.station import Subscription
+from gcs.testing.flying import TestFleet
 
 flight = fly("paper/scenario1", {"controller.kind": "surviving", "faults": []})
 reveal_type(flight)
@@ -381,6 +383,12 @@ async def main() -> None:
         reveal_type(fleet[1])
         async for message in fleet[1].messages("ATTITUDE"):
             reveal_type(message)
+
+def test_flown(ftc_fleet: TestFleet) -> None:
+    uav = ftc_fleet.uav(2)
+    uav.set_fault("rudder", effectiveness=0.5)
+    reveal_type(uav.get_param("TRIG_B2_DEG"))
+    uav.disarm(force="yes")
 """
 
 
@@ -408,8 +416,10 @@ def test_a_strict_type_checker_sees_the_types(tmp_path: Path) -> None:
         'Argument "record" to "fly" has incompatible type "Literal[\'all\']"; '
         "expected \"Literal['full', 'light', 'none']\"  [arg-type]",
         '"Flight" has no attribute "frme"; maybe "frame"?  [attr-defined]',
-        'Revealed type is "gcs.api.station.Uav"',
+        'Revealed type is "gcs.station.vehicle.Vehicle"',
         'Revealed type is "mavlink_defs.dialect.MAVLink_message"',
+        'Revealed type is "mavlink_defs.services.param.Param"',
+        'Argument "force" has incompatible type "str"; expected "bool"  [arg-type]',
     ], done.stdout + done.stderr
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from gcs.fleet.forked import Forked, ForkServer, start_server_ahead
+from gcs.fleet.forked import Forked, ForkServer, start_alone, start_server_ahead
 from gcs.scenario.model import Scenario
 from mavlink_defs.config.files import dump
 from mavlink_defs.endpoint import free_ports
@@ -79,6 +79,13 @@ def test_status_and_log_come_from_the_process(server: ForkServer, tmp_path: Path
     assert len({process.pid for process in forked}) == 2
     for log in logs:
         assert log.read_text() == f"{tmp_path / 'none.yaml'}: no such file\n"
+
+
+@pytest.mark.parametrize("program", ["sitl-plant", "ftc-autopilot"])
+def test_one_that_is_not_forked_is_the_same_program(program: str, tmp_path: Path) -> None:
+    none, log = tmp_path / "none.yaml", tmp_path / "log"
+    assert start_alone(program, [str(none)], log).wait(TIMEOUT_S) == 2
+    assert log.read_text() == f"{none}: no such file\n"
 
 
 def test_signals_reach_one_alone(server: ForkServer, tmp_path: Path, scenario1: Scenario) -> None:

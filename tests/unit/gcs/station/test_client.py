@@ -198,11 +198,11 @@ def test_profiles_and_inquiries() -> None:
             assert (state.faults, state.offers_faults) == (None, False)
             segment = Segment(0.0, 40.0, 0.0, 0.0, 0.0, ramp=False)
             steps: list[tuple[int, int]] = []
-            await vehicle.upload([segment], lambda done, total: steps.append((done, total)))
+            await vehicle.upload_profile([segment], lambda done, total: steps.append((done, total)))
             assert steps == [(1, 2), (2, 2)]
             assert len(fake.mission.items) == 2
             assert await client.until(lambda: state.profile == (segment,), PATIENCE_S)
-            assert await vehicle.download() == (segment,)
+            assert await vehicle.download_profile() == (segment,)
             texts = [one.text for one in notifications]
             assert texts[0] == "vehicle found"
             assert "holds profile of 1 segments" in texts

@@ -15,11 +15,11 @@ from mavlink_defs.profile import Segment
 SEGMENT = Segment(0.0, 40.0, 0.0, 0.0, 0.0, ramp=False)
 OPERATIONS: dict[str, Operation] = {
     "command": Vehicle.arm,
-    "upload": lambda vehicle: vehicle.upload([SEGMENT]),
+    "upload": lambda vehicle: vehicle.upload_profile([SEGMENT]),
     "download": Vehicle.download_mission,
     "parameter": lambda vehicle: vehicle.get_param("B1"),
     "parameters": Vehicle.list_params,
-    "faults": Vehicle.list_faults,
+    "faults": Vehicle.faults,
 }
 
 

@@ -120,18 +120,18 @@ class FaultyVehicle:
 
     def __init__(self, source: LiveSource, system: int) -> None:
         self.system, self.refuses = system, False
-        self.faults: list[AnyFault] = []
+        self.held: list[AnyFault] = []
         self._source = source
 
     async def set_fault(self, fault: AnyFault) -> None:
         if self.refuses:
             raise CommandRefused(f"UAV {self.system} refused", 1)
-        self.faults.append(fault)
+        self.held.append(fault)
 
-    async def list_faults(self) -> None:
+    async def faults(self) -> None:
         await asyncio.sleep(0.2)
         state = self._source.fleet.vehicles[self.system]
-        for notification in state.learn_faults(tuple(self.faults), self._source.now()):
+        for notification in state.learn_faults(tuple(self.held), self._source.now()):
             self._source.receive(notification)
 
 
@@ -157,7 +157,7 @@ def test_the_fault_form_is_left_after_an_accepted_fault_of_the_marked_vehicles()
             station.vehicles[system].refuses = False
         await pilot.press("ctrl+s")
         await until_focused(pilot, "fault-list")
-        counts = [len(station.vehicles[system].faults) for system in (1, 2, 3)]
+        counts = [len(station.vehicles[system].held) for system in (1, 2, 3)]
         assert counts == [1, 1, 0]
         await pilot.press("n")
         await until_focused(pilot, "actuator")
@@ -175,16 +175,16 @@ def test_the_fault_repeated_is_the_one_just_accepted() -> None:
     source = live(station)
     for system in (1, 2, 3):
         station.vehicles[system] = FaultyVehicle(source, system)
-    station.vehicles[3].faults.append(Fault(2, 0.9, 0.0, 0.0, 19.0, 22.0))
+    station.vehicles[3].held.append(Fault(2, 0.9, 0.0, 0.0, 19.0, 22.0))
 
     async def work(app: Dashboard, pilot: Pilot[None]) -> None:
-        await station.vehicles[3].list_faults()
+        await station.vehicles[3].faults()
         await pilot.press("3", "n")
         await until_focused(pilot, "actuator")
         await pilot.press("tab", "tab", *"0.5", "ctrl+s")
         await until_focused(pilot, "fault-list")  # accepted
         await pilot.press("r")
-        faults = [station.vehicles[system].faults for system in (1, 2, 3)]
+        faults = [station.vehicles[system].held for system in (1, 2, 3)]
         await until(pilot, lambda: sum(map(len, faults)) == 3)
         assert faults[0] == faults[1] != []
 

@@ -1,0 +1,67 @@
+"""What users give to a vehicle: faults by the keys of a scenario, missions and profiles by file.
+
+What reads it is imported when it is needed: commands that have nothing to read need not wait.
+"""
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+
+from gcs.errors import BadInput
+from gcs.station.mission import Mission
+from mavlink_defs.profile import Segment
+from mavlink_defs.sensor_faults import AnyFault
+
+
+def fault_of(**keys: object) -> AnyFault:
+    """Return a fault of an `actuator` or a `sensor` as a command sets it.
+
+    Raises:
+        BadInput: The keys do not describe a fault.
+    """
+    from pydantic import ValidationError
+
+    from mavlink_defs.config.files import problems_of
+    from mavlink_defs.fault_spec import FaultSpec
+    from mavlink_defs.sensor_fault_spec import SensorFaultSpec
+
+    model: type[FaultSpec | SensorFaultSpec] = SensorFaultSpec if "sensor" in keys else FaultSpec
+    try:
+        return model.model_validate(keys).command()
+    except ValidationError as error:
+        raise BadInput("; ".join(map(str, problems_of(model, error)))) from None
+
+
+def mission_of(file: Path | str) -> Mission:
+    """Read a mission, home included, as `gcs mission upload` does.
+
+    Raises:
+        BadInput: The file cannot be used.
+    """
+    from gcs.scenario.itinerary import load_mission
+
+    with _bad_input():
+        return load_mission(file).items
+
+
+def profile_of(file: Path | str) -> tuple[Segment, ...]:
+    """Read a profile, as `gcs profile upload` does.
+
+    Raises:
+        BadInput: The file cannot be used.
+    """
+    from gcs.scenario.profile_file import load_profile
+
+    with _bad_input():
+        return load_profile(file)
+
+
+@contextlib.contextmanager
+def _bad_input() -> Iterator[None]:
+    from mavlink_defs.config.models import ConfigError
+    from mavlink_defs.runtime.foreign import PluginError
+
+    try:
+        yield
+    except (ConfigError, PluginError) as problem:
+        raise BadInput(str(problem)) from None
