@@ -30,39 +30,30 @@ from ftc_autopilot.estimation.measurements import (
 from ftc_autopilot.estimation.output import REPORT, hand_over, pay, write_motion, write_report
 from ftc_autopilot.estimation.predict import predict
 from ftc_autopilot.estimation.state import (
-    BARO,
+    AIDING,
     FILTER,
     FORCE_BIAS,
-    GNSS,
     GYRO_BIAS,
     HISTORY_S,
-    MAG,
     N_SENSORS,
-    PITOT,
     POS,
     SIDESLIP,
     TRAVEL,
     VEL,
     N,
 )
-from mavlink_defs import dialect
+from mavlink_defs.constants import BAROMETER, GNSS, MAGNETOMETER, PITOT
 from mavlink_defs.framing.codec import copy_step
 from mavlink_defs.origin import EARTH_RADIUS_M
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.memory import copy_record
 from sitl_plant.sensing.config import MAX_IMUS
 from sitl_plant.sensing.standard_air import altitude_of
-from sitl_plant.vec3 import Vec3
+from sitl_plant.sensing.units import is_updated
+from sitl_plant.vec3 import Vec3, vec3
 
 __all__ = ["ESTIMATOR", "Estimator", "EstimatorConfig", "estimate", "new_estimator"]
 
-_NEW_FIELD = (
-    dialect.HIL_SENSOR_UPDATED_XMAG
-    | dialect.HIL_SENSOR_UPDATED_YMAG
-    | dialect.HIL_SENSOR_UPDATED_ZMAG
-)
-_NEW_PRESSURE = dialect.HIL_SENSOR_UPDATED_ABS_PRESSURE
-_NEW_PITOT = dialect.HIL_SENSOR_UPDATED_DIFF_PRESSURE
 _FIX_3D = 3
 _PA = 100.0  # in one hPa
 _SIDESLIP_EVERY_S = 0.05
@@ -158,11 +149,10 @@ def _begin(estimator: np.void, history: np.ndarray, imus: np.ndarray, assumed: n
         estimator["report"]["resets"] += 1
     progress["imu"], progress["without_gnss"] = 0, 0.0
     field = float(first["xmag"]), float(first["ymag"]), float(first["zmag"])
-    updated = int(first["fields_updated"])
     altitude, pressure = math.nan, math.nan
-    if updated & _NEW_PRESSURE:
+    if is_updated(first, BAROMETER):
         altitude = altitude_of(float(first["abs_pressure"]))
-    if updated & _NEW_PITOT:
+    if is_updated(first, PITOT):
         pressure = _PA * float(first["diff_pressure"])
     for k in range(assumed["imus"]):
         for _ in range(3):
@@ -206,13 +196,13 @@ def _aid(
     step: int,
 ) -> None:
     """Fuse what has come from the sensors beside the IMUs."""
-    sensors, updated = estimator["sensors"], int(first["fields_updated"])
+    sensors = estimator["sensors"]
     field = float(first["xmag"]), float(first["ymag"]), float(first["zmag"])
-    note_sample(sensors[MAG], (updated & _NEW_FIELD) == _NEW_FIELD, field[0], field[1], field[2])
+    note_sample(sensors[MAGNETOMETER], is_updated(first, MAGNETOMETER), *field)
     barometric = float(first["abs_pressure"])
-    note_sample(sensors[BARO], (updated & _NEW_PRESSURE) != 0, barometric, 0.0, 0.0)
+    note_sample(sensors[BAROMETER], is_updated(first, BAROMETER), barometric, 0.0, 0.0)
     pressure = _PA * float(first["diff_pressure"])
-    note_sample(sensors[PITOT], (updated & _NEW_PITOT) != 0, pressure, 0.0, 0.0)
+    note_sample(sensors[PITOT], is_updated(first, PITOT), pressure, 0.0, 0.0)
     fixed = has_gps and gps["fix_type"] >= _FIX_3D
     note_sample(sensors[GNSS], fixed, float(gps["lat"]), float(gps["lon"]), float(gps["alt"]))
     position, velocity = _place(gps, assumed)
@@ -227,11 +217,13 @@ def _aid(
             continue
         kalman = estimator["filters"][k]
         ratios = kalman["ratios"]
-        if sensors[MAG]["fresh"] == 1:
-            ratios[MAG] = fuse_magnetometer(kalman, field, assumed, is_used(sensors[MAG]))
-        if sensors[BARO]["fresh"] == 1:
+        if sensors[MAGNETOMETER]["fresh"] == 1:
+            use = is_used(sensors[MAGNETOMETER])
+            ratios[MAGNETOMETER] = fuse_magnetometer(kalman, field, assumed, use)
+        if sensors[BAROMETER]["fresh"] == 1:
             altitude = altitude_of(max(barometric, 1.0))
-            ratios[BARO] = fuse_barometer(kalman, altitude, assumed, is_used(sensors[BARO]))
+            use = is_used(sensors[BAROMETER])
+            ratios[BAROMETER] = fuse_barometer(kalman, altitude, assumed, use)
         if sensors[PITOT]["fresh"] == 1:
             ratios[PITOT] = fuse_pitot(kalman, pressure, assumed, is_used(sensors[PITOT]))
         if fixed:
@@ -254,7 +246,7 @@ def _aid(
                 kalman = estimator["filters"][k]
                 restore_wind(kalman, icing)
             icing["age"], icing["suspicious"] = 0.0, 0.0
-    for s in range(1, N_SENSORS):
+    for s in AIDING:
         if sensors[s]["fresh"] == 1:
             note_test(sensors[s], estimator["filters"][primary]["ratios"][s])
 
@@ -302,14 +294,11 @@ def _follow(
     kalman, other = estimator["filters"][k], estimator["filters"][primary]
     if other["elapsed"] != 0.0:
         return
-    biases = (
-        (kalman["x"][9], kalman["x"][10], kalman["x"][11]),
-        (kalman["x"][12], kalman["x"][13], kalman["x"][14]),
-    )
+    gyro, force = vec3(kalman["x"][GYRO_BIAS:]), vec3(kalman["x"][FORCE_BIAS:])
     copy_record(kalman, other)
     P = kalman["P"]
     for j in range(3):
-        kalman["x"][GYRO_BIAS + j], kalman["x"][FORCE_BIAS + j] = biases[0][j], biases[1][j]
+        kalman["x"][GYRO_BIAS + j], kalman["x"][FORCE_BIAS + j] = gyro[j], force[j]
         for c in range(N):
             P[GYRO_BIAS + j, c] = P[c, GYRO_BIAS + j] = 0.0
             P[FORCE_BIAS + j, c] = P[c, FORCE_BIAS + j] = 0.0

@@ -10,6 +10,7 @@ import numpy as np
 
 from ftc_autopilot.estimation.measurements import GATE
 from ftc_autopilot.estimation.state import N_SENSORS
+from mavlink_defs.constants import BAROMETER, GNSS, MAGNETOMETER, PITOT
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.sensing.config import NavigationSensors
 from sitl_plant.sensing.units import periods_between
@@ -48,19 +49,15 @@ _TAKE_BACK_GATE = 9.0  # squared normalised innovation of an excluded one that i
 
 
 def new_sensor_health(sensors: NavigationSensors, step_us: int) -> np.ndarray:
-    """Return the state of the sensors beside the IMUs, in the order of `state.SENSORS`, (5,)."""
+    """Return the state of the sensors beside the IMUs, by their numbers, shape (N_SENSORS,)."""
     health = np.zeros(N_SENSORS, SENSOR)
-    models = (None, sensors.magnetometer, sensors.barometer, sensors.pitot, sensors.gnss)
-    noises = (
-        0.0,
-        sensors.magnetometer.noise_gauss,
-        sensors.barometer.noise_pa,
-        sensors.pitot.noise_pa,
-        sensors.gnss.horizontal_velocity_noise_m_s,
-    )
-    for own, model, noise in zip(health, models, noises, strict=True):
-        if model is None:
-            continue
+    for number, model, noise in (
+        (MAGNETOMETER, sensors.magnetometer, sensors.magnetometer.noise_gauss),
+        (BAROMETER, sensors.barometer, sensors.barometer.noise_pa),
+        (PITOT, sensors.pitot, sensors.pitot.noise_pa),
+        (GNSS, sensors.gnss, sensors.gnss.horizontal_velocity_noise_m_s),
+    ):
+        own = health[number]
         period_s = max(periods_between(model.rate_hz, step_us), 1) * step_us / 1e6
         own["reason"] = WELL if model.fitted else ABSENT
         silent_s = max(_SILENT_S, 4.0 * period_s)

@@ -9,9 +9,11 @@ import math
 import numpy as np
 
 from ftc_autopilot.estimation.health import INCONSISTENT, NOISY, SILENT, STUCK, WELL
+from ftc_autopilot.estimation.measurements import TREND_OF_FIELD, TREND_OF_VELOCITY
 from ftc_autopilot.estimation.state import FORCE_BIAS, GYRO_BIAS
-from mavlink_defs import dialect
+from mavlink_defs.constants import ACCELEROMETER, GYRO
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.sensing.units import is_updated
 from sitl_plant.vec3 import Vec3
 
 IMU = np.dtype(
@@ -31,16 +33,6 @@ IMU = np.dtype(
 )
 """One IMU and what tells whether it is well."""
 
-_GYRO = (
-    dialect.HIL_SENSOR_UPDATED_XGYRO
-    | dialect.HIL_SENSOR_UPDATED_YGYRO
-    | dialect.HIL_SENSOR_UPDATED_ZGYRO
-)
-_ACCELEROMETER = (
-    dialect.HIL_SENSOR_UPDATED_XACC
-    | dialect.HIL_SENSOR_UPDATED_YACC
-    | dialect.HIL_SENSOR_UPDATED_ZACC
-)
 _MOST_SILENT_S, _TAKE_BACK_S, _DECIDE_S = 0.03, 2.0, 0.35
 _MOST_SAME = 30  # samples
 _NOISE_S, _APART_S, _FAST_S, _SLOW_S = 0.05, 0.03, 0.015, 0.2  # time constants
@@ -62,8 +54,7 @@ def note_imu(imu: np.void, sample: np.void, assumed: np.void) -> None:
         sample: Payload of HIL_SENSOR.
         assumed: Record of dtype `PARAMETERS`.
     """
-    rows, updated = imu["samples"], int(sample["fields_updated"])
-    new = (updated & _GYRO) == _GYRO, (updated & _ACCELEROMETER) == _ACCELEROMETER
+    rows, new = imu["samples"], (is_updated(sample, GYRO), is_updated(sample, ACCELEROMETER))
     imu["silent"] = 0 if new[0] and new[1] else imu["silent"] + 1
     rates = float(sample["xgyro"]), float(sample["ygyro"]), float(sample["zgyro"])
     force = float(sample["xacc"]), float(sample["yacc"]), float(sample["zacc"])
@@ -215,6 +206,6 @@ def misfit(kalman: np.void) -> float:
     """
     total = 0.0
     for k in range(6):
-        gain = 0.05 if k < 3 else 0.5
+        gain = TREND_OF_FIELD if k < 3 else TREND_OF_VELOCITY
         total += kalman["trends"][k] ** 2 * (2.0 - gain) / gain
     return total

@@ -28,7 +28,7 @@ GATE = 25.0
 """Largest squared normalised innovation that is fused: 5 standard deviations, which one of 1.7
 million normal values exceeds (chi-square quantile of one degree of freedom)."""
 
-_TREND_OF_FIELD, _TREND_OF_VELOCITY = 0.05, 0.5
+TREND_OF_FIELD, TREND_OF_VELOCITY = 0.05, 0.5
 """Gains of running means of innovations, over 0.2 s each at their usual rates."""
 _GUST_GAIN = 0.0033  # of the pitot tube's, over 3 s at 100 samples per second
 _MOST_NORMAL = 10.0
@@ -88,7 +88,7 @@ def fuse_magnetometer(kalman: np.void, sample: Vec3, assumed: np.void, use: bool
     B, worst = vec3(assumed["field"]), 0.0
     for axis in range(3):  # tests come first: a bad sample is left out as a whole
         worst = max(worst, _magnetic(kalman, axis, sample, B, assumed, False))
-        _note_trend(kalman, axis, _TREND_OF_FIELD)
+        _note_trend(kalman, axis, TREND_OF_FIELD)
     if use and worst < GATE:
         for axis in range(3):
             _magnetic(kalman, axis, sample, B, assumed, True)
@@ -241,7 +241,7 @@ def fuse_gnss(
         value = position[part] if part < 3 else velocity[part - 3]
         worst = max(worst, _gnss(kalman, part, value, past, assumed, False))
         if part >= 3:
-            _note_trend(kalman, part, _TREND_OF_VELOCITY)
+            _note_trend(kalman, part, TREND_OF_VELOCITY)
     if use and worst < GATE:
         for part in range(6):
             value = position[part] if part < 3 else velocity[part - 3]
