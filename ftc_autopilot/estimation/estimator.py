@@ -19,7 +19,6 @@ from ftc_autopilot.estimation.health import (
 from ftc_autopilot.estimation.icing import ICING, is_icing, restore_wind
 from ftc_autopilot.estimation.imus import IMU, judge_imus, note_imu, runs, sample_of
 from ftc_autopilot.estimation.measurements import (
-    GATE,
     fuse_barometer,
     fuse_gnss,
     fuse_magnetometer,
@@ -59,7 +58,7 @@ _PA = 100.0  # in one hPa
 _SIDESLIP_EVERY_S = 0.05
 _LONGEST_GAP = 200  # steps without data after which the estimate begins again
 _MEMORY_S = 0.2  # longer than the latency
-_POSITION_GROWTH, _VELOCITY_ERROR = 1.0, 1.0  # m/s, of dead reckoning, when a receiver is back
+_VELOCITY_ERROR = 1.0  # m/s, of dead reckoning, when a receiver is back
 
 PROGRESS = np.dtype([("step", "i8"), ("run", "i8"), ("imu", "i8"), ("without_gnss", "f8")])
 """Last step [number], its run, the IMU flown by, time since the last GNSS sample [s]."""
@@ -93,7 +92,7 @@ def new_estimator(config: EstimatorConfig) -> Estimator:
     state = np.zeros(1, ESTIMATOR)
     state["parameters"] = parameters_of(config)
     state["progress"]["step"] = -1
-    state["sensors"] = new_sensor_health(config.sensors, config.step_us)
+    state["sensors"] = new_sensor_health(config.sensors, config.parameters, config.step_us)
     return Estimator(state, np.zeros((config.sensors.imus, entries, TRAVEL)))
 
 
@@ -231,7 +230,7 @@ def _aid(
             ratios[GNSS] = fuse_gnss(
                 kalman, position, velocity, estimator["past"], assumed, is_used(sensors[GNSS])
             )
-            if kalman["placed"] == 0 and ratios[GNSS] < GATE:
+            if kalman["placed"] == 0 and ratios[GNSS] < assumed["gate"]:
                 kalman["placed"] = 1
                 kalman["owed"][:] = 0.0  # from a guess to a place, at once
         if slip:
@@ -248,7 +247,7 @@ def _aid(
             icing["age"], icing["suspicious"] = 0.0, 0.0
     for s in AIDING:
         if sensors[s]["fresh"] == 1:
-            note_test(sensors[s], estimator["filters"][primary]["ratios"][s])
+            note_test(sensors[s], estimator["filters"][primary]["ratios"][s], assumed)
 
 
 @compiled
@@ -258,7 +257,7 @@ def _loosen(estimator: np.void, assumed: np.void) -> None:
     for k in range(assumed["imus"]):
         P = estimator["filters"][k]["P"]
         for i in range(2):
-            P[POS + i, POS + i] += (_POSITION_GROWTH * gap) ** 2
+            P[POS + i, POS + i] += (assumed["position_growth_m_s"] * gap) ** 2
             P[VEL + i, VEL + i] += _VELOCITY_ERROR**2
 
 

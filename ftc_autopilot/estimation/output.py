@@ -64,7 +64,7 @@ _JUMP_M = 20.0  # a correction of the position that is shown at once
 def pay(kalman: np.void, assumed: np.void) -> None:
     """Let a step's share of past corrections into the output."""
     owed = kalman["owed"]
-    left = 1.0 - assumed["step_us"] / 1e6 / assumed["smoothing"]
+    left = 1.0 - assumed["step_us"] / 1e6 / assumed["smoothing_s"]
     for k in range(N):
         owed[k] *= left
     far = max(abs(owed[POS]), abs(owed[POS + 1]), abs(owed[POS + 2]))

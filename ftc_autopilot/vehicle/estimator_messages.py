@@ -10,7 +10,6 @@ import numpy as np
 
 from ftc_autopilot.common.geography import Origin, place_of
 from ftc_autopilot.estimation.health import ABSENT, REASONS, WELL
-from ftc_autopilot.estimation.measurements import GATE
 from ftc_autopilot.estimation.state import N_SENSORS, PHI
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.vehicle.changes import Change
@@ -64,7 +63,7 @@ class EstimatorMessages:
         self._hot, self._origin, self._home, self._clock = hot, origin, home, clock
         estimator, self._imus = hot.navigation["estimator"], int(hot.navigation["count"])
         self._report: np.void | None = estimator["report"] if self._imus else None
-        self._filters = estimator["filters"]
+        self._filters, self._gate = estimator["filters"], float(estimator["parameters"]["gate"])
         self._said = [WELL] * N_SENSORS
         self._said_imus = [WELL] * self._imus
         self._said_resets = 0
@@ -199,7 +198,7 @@ class EstimatorMessages:
         if self._report is None:
             return [0.0] * len(_RATIOS)
         squares = (max(float(self._report["ratios"][sensor]), 0.0) for sensor in _RATIOS)
-        return [math.sqrt(square / GATE) for square in squares]
+        return [math.sqrt(square / self._gate) for square in squares]
 
     def _accuracy(self) -> tuple[float, float]:
         """Return the standard deviations of the position, horizontal and vertical [m]."""

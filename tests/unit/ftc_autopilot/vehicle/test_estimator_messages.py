@@ -8,11 +8,12 @@ import pytest
 from vehicle_bench import Bench, of_type
 
 from ftc_autopilot.estimation.health import INCONSISTENT, SILENT, STUCK, WELL
-from ftc_autopilot.estimation.measurements import GATE
+from ftc_autopilot.estimation.parameters import EstimatorParameters
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.constants import BAROMETER, GNSS, MAGNETOMETER, PITOT
 
+GATE = EstimatorParameters().gate_sigma ** 2
 GPS = dialect.MAV_SYS_STATUS_SENSOR_GPS
 PITOT_BIT = dialect.MAV_SYS_STATUS_SENSOR_DIFFERENTIAL_PRESSURE
 GYRO, AHRS = dialect.MAV_SYS_STATUS_SENSOR_3D_GYRO, dialect.MAV_SYS_STATUS_AHRS
