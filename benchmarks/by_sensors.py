@@ -15,13 +15,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ftc_autopilot.estimation.state import SENSORS
+from ftc_autopilot.estimation.state import AIDING
 from gcs.fleet.in_process import Flight, begin, fly_in_process, fly_on
 from gcs.results.figures import FlightSummary
 from gcs.results.recording import Steps
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from mavlink_defs.config.inherit import merged
+from sitl_plant.sensing.units import FAULT_NAMES
 
 LAWS = ("surviving", "tube")
 QUANTITIES = ("airspeed", "roll", "pitch", "yaw")
@@ -115,9 +116,9 @@ def _excluded(flight: Flight) -> Iterator[tuple[int, str]]:
         for k in range(3):
             if int(report["bad_imus"]) >> k & 1:
                 yield uav, f"imu {k + 1}"
-        for k, name in enumerate(SENSORS):
+        for k in AIDING:
             if int(report["bad_sensors"]) >> k & 1:
-                yield uav, name
+                yield uav, FAULT_NAMES[k]
 
 
 def errors_of(steps: Steps, step_us: int) -> list[float]:

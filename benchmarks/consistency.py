@@ -19,25 +19,24 @@ import numpy as np
 from scipy.stats import chi2
 
 from ftc_autopilot.estimation.estimator import Estimator, EstimatorConfig, estimate, new_estimator
-from ftc_autopilot.estimation.state import BARO, SENSORS, N
+from ftc_autopilot.estimation.state import AIDING, SIDESLIP, N
 from gcs.figures.style import SINGLE, decimated, draw_legend, letter, new_figure, save, tidy
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario, load_scenario
+from mavlink_defs.constants import BAROMETER, GNSS, MAGNETOMETER
 from mavlink_defs.framing.codec import SIM_STATE, SIM_STEP
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.airframe.rigid_body import R1
 from sitl_plant.loop.fleet import new_sensing
 from sitl_plant.sensing.sense import Sensing, sense
+from sitl_plant.sensing.units import FAULT_NAMES
 
 EVERY = 100
 """Steps from sample to sample."""
 JUDGED = (0, 1, 2, 3, 4, 5, 6, 7, 8, 15, 16)
 """Elements of the error whose NEES is taken: all but biases and vertical wind."""
-_EXPECTED = {
-    "magnetometer": " (the largest of 3: 2.1)",
-    "gnss": " (the largest of 6: 3.0)",
-}
+_EXPECTED = {MAGNETOMETER: " (the largest of 3: 2.1)", GNSS: " (the largest of 6: 3.0)"}
 IMAGES = Path(__file__).parent.parent / "docs" / "images"
 
 
@@ -48,7 +47,7 @@ class Followed(NamedTuple):
     covariance: np.ndarray  # (m, N, N)
     measured: np.ndarray  # (m, 15): position NED, velocity body, attitude, rates, wind body
     true: np.ndarray  # (m, 15): the same
-    ratios: np.ndarray  # (m, 6): squared normalised innovations, by sensor
+    ratios: np.ndarray  # (m, SIDESLIP + 1): squared normalised innovations, by sensor
     bad: np.ndarray  # (m, 2): bits of excluded IMUs and sensors
     estimator: Estimator
 
@@ -79,7 +78,7 @@ def follow(scenario: Scenario, flight: Recording, seed: int, i: int = 0) -> Foll
         np.zeros((samples, N, N)),
         np.zeros((samples, 15)),
         true[::EVERY, [*range(12), 15, 16, 17]],
-        np.zeros((samples, len(SENSORS))),
+        np.zeros((samples, SIDESLIP + 1)),
         np.zeros((samples, 2)),
         estimator,
     )
@@ -242,9 +241,10 @@ def _print(runs: list[Followed], step_s: float) -> None:
     low, high = bounds(len(runs) * len(JUDGED))
     inside = np.mean((mean[late:] > low) & (mean[late:] < high))
     print(f"NEES {mean[late:].mean():.2f}, within {low:.2f} to {high:.2f} for {inside:.0%} of time")
-    for s in range(1, len(SENSORS)):
+    for s in (*AIDING, SIDESLIP):
         ratios = np.array([run.ratios[late:, s] for run in runs])
-        print(f"NIS {SENSORS[s]:13s} {ratios.mean():.2f}{_EXPECTED.get(SENSORS[s], '')}")
+        name = "sideslip" if s == SIDESLIP else FAULT_NAMES[s]
+        print(f"NIS {name:13s} {ratios.mean():.2f}{_EXPECTED.get(s, '')}")
     excluded = sum(bool(run.bad.any()) for run in runs)
     print(f"{excluded} of {len(runs)} flights without a fault exclude a sensor")
 
@@ -254,7 +254,7 @@ def _draw(runs: list[Followed], step_s: float) -> None:
     panels = figure.subplots(2, 1)
     t = np.arange(len(runs[0].error)) * EVERY * step_s
     groups = [np.mean([nees(run) for run in runs], axis=0)]
-    groups.append(np.mean([run.ratios[:, BARO] for run in runs], axis=0))
+    groups.append(np.mean([run.ratios[:, BAROMETER] for run in runs], axis=0))
     degrees = (len(runs) * len(JUDGED), len(runs))
     names = ("NEES per element", "NIS of the barometer")
     for k, (axis, values) in enumerate(zip(panels, groups, strict=True)):

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 
 from ftc_autopilot.common.geography import Origin
 from ftc_autopilot.control.config import ControllerConfig
+from ftc_autopilot.estimation.parameters import EstimatorParameters
 from mavlink_defs import dialect
 from mavlink_defs.config.models import HostPort, Problems, SystemId, Title
 from mavlink_defs.config.quantity import quantity
@@ -48,6 +49,9 @@ class AutopilotConfig(ControllerConfig):
     navigation: Navigation = "true_state"
     sensors: NavigationSensors = Field(
         default=NavigationSensors(), description="What an estimated state comes from."
+    )
+    estimator: EstimatorParameters = Field(
+        default=EstimatorParameters(), description="Parameters of its estimator."
     )
     neighbour_timeout_s: float = quantity(
         "s",

@@ -7,6 +7,12 @@ from mavlink_defs.dialect import (
     FTC_ACTUATOR_ELEVATOR,
     FTC_ACTUATOR_RUDDER,
     FTC_ACTUATOR_THROTTLE,
+    FTC_SENSOR_ACCELEROMETER,
+    FTC_SENSOR_AIRSPEED,
+    FTC_SENSOR_BAROMETER,
+    FTC_SENSOR_GPS,
+    FTC_SENSOR_GYRO,
+    FTC_SENSOR_MAGNETOMETER,
     MAV_COMP_ID_USER1,
 )
 
@@ -28,6 +34,17 @@ ACTUATORS: tuple[Actuator, ...] = get_args(Actuator)
 
 SURFACES = ACTUATORS[:THROTTLE]
 """Names of the surfaces."""
+
+GYRO, ACCELEROMETER, MAGNETOMETER = (
+    FTC_SENSOR_GYRO,
+    FTC_SENSOR_ACCELEROMETER,
+    FTC_SENSOR_MAGNETOMETER,
+)
+BAROMETER, GNSS, PITOT = FTC_SENSOR_BAROMETER, FTC_SENSOR_GPS, FTC_SENSOR_AIRSPEED
+"""The navigation sensors, on the wire, in the plant and in the estimator; 0 is none.
+
+Faults call the last two gps and airspeed, as MAVLink does.
+"""
 
 LAST_SYSTEM = 250
 """Largest system id of a UAV."""

@@ -1,5 +1,7 @@
 """Where on Earth the simulation's flat world lies."""
 
+import math
+
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import quantity
 
@@ -22,3 +24,10 @@ class Origin(Model):
     altitude_m: float = quantity(
         "m", ge=-500.0, le=9000.0, default=584.0, doc="Altitude above mean sea level."
     )
+
+
+def degrees_at(north: float, east: float, latitude: float, longitude: float) -> tuple[float, float]:
+    """Return latitude and longitude [deg] of a position [m] from an origin [deg]."""
+    parallel_m = EARTH_RADIUS_M * math.cos(math.radians(latitude))
+    turned = longitude + math.degrees(east / parallel_m)
+    return latitude + math.degrees(north / EARTH_RADIUS_M), (turned + 180.0) % 360.0 - 180.0

@@ -19,6 +19,7 @@ from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.triggers import TRIGGERS
 from ftc_autopilot.control.triggers.base import TriggerParameters
+from ftc_autopilot.estimation.parameters import EstimatorParameters
 from ftc_autopilot.guidance.formation import Formation, FormationParameters, Slot
 from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
 from ftc_autopilot.guidance.laws.base import GuidanceParameters
@@ -83,6 +84,7 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "barometer": Barometer,
     "pitot": Pitot,
     "gnss": Gnss,
+    "estimator": EstimatorParameters,
     "controller": LawParameters,
     **LAWS,
     "trigger": TriggerParameters,

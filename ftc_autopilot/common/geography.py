@@ -7,7 +7,7 @@ missions and targets lie. The Earth is a sphere there, as in ArduPilot: 1 cm off
 import math
 from typing import NamedTuple
 
-from mavlink_defs.origin import EARTH_RADIUS_M, Origin
+from mavlink_defs.origin import EARTH_RADIUS_M, Origin, degrees_at
 
 __all__ = ["Origin", "Place", "place_of", "position_of"]
 
@@ -23,10 +23,9 @@ class Place(NamedTuple):
 
 def place_of(origin: Origin, north: float, east: float, down: float) -> Place:
     """Return the geographic place of a position [m, NED], clipped to what messages can hold."""
-    latitude = origin.latitude_deg + math.degrees(_sane(north) / EARTH_RADIUS_M)
-    parallel_m = EARTH_RADIUS_M * math.cos(math.radians(origin.latitude_deg))
-    longitude = origin.longitude_deg + math.degrees(_sane(east) / parallel_m)
-    longitude = (longitude + 180.0) % 360.0 - 180.0
+    latitude, longitude = degrees_at(
+        _sane(north), _sane(east), origin.latitude_deg, origin.longitude_deg
+    )
     height = -_sane(down)
     return Place(
         round(min(max(latitude, -90.0), 90.0) * 1e7),

@@ -11,7 +11,6 @@ import math
 
 import numpy as np
 
-from ftc_autopilot.estimation.predict import VERTICAL_WIND
 from ftc_autopilot.estimation.state import (
     BARO_ERROR,
     FORCE_BIAS,
@@ -30,15 +29,12 @@ from ftc_autopilot.estimation.state import (
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3, cross, mul, norm, sub, vec3
 
-_TILT, _HEADING = math.radians(4.0), math.radians(6.0)
 _FAR_FROM_GRAVITY = 0.25  # of it
 _UNKNOWN_TILT = math.radians(15.0)
 _UNKNOWN_HEADING = math.radians(60.0)
 _TILT_IN_TURN = 0.2  # of the roll angle that is not known
 _AIR = 4.0  # m/s, velocity through the air
 _STALLED, _UNKNOWN_AIR = 0.5, 0.5  # of the lowest airspeed, of the cruising speed
-_WIND = 6.0  # m/s
-_PLACE = 1e4  # m
 
 
 @compiled
@@ -91,13 +87,13 @@ def align(
         kalman["sum_force"][i] = 0.0
         for j in range(3):
             kalman["sum_R"][i, j] = 0.0
-    tilt = trust * (_TILT + _TILT_IN_TURN * abs(roll)) + (1.0 - trust) * _UNKNOWN_TILT
+    tilt = trust * (assumed["tilt_rad"] + _TILT_IN_TURN * abs(roll)) + (1.0 - trust) * _UNKNOWN_TILT
     dip = abs(assumed["field"][2]) / max(math.hypot(north, east), 1e-3)
-    heading = min(math.hypot(_HEADING, dip * tilt), _UNKNOWN_HEADING)
+    heading = min(math.hypot(assumed["heading_rad"], dip * tilt), _UNKNOWN_HEADING)
     heading = heading if has_heading else _UNKNOWN_HEADING
     _spread(kalman["P"], tilt, heading, air, vec3(x[VEL:]), assumed)
     if not has_altitude:
-        kalman["P"][POS + 2, POS + 2] = _PLACE * _PLACE
+        kalman["P"][POS + 2, POS + 2] = assumed["place_m"] * assumed["place_m"]
     kalman["aligned"], kalman["placed"] = 1, 0
 
 
@@ -121,12 +117,12 @@ def _spread(
     for i in range(3):
         P[PHI + i, PHI + i] = tilt * tilt
         P[VEL + i, VEL + i] = error * error
-        P[POS + i, POS + i] = _PLACE * _PLACE
+        P[POS + i, POS + i] = assumed["place_m"] * assumed["place_m"]
         P[GYRO_BIAS + i, GYRO_BIAS + i] = assumed["gyro_bias"]
         P[FORCE_BIAS + i, FORCE_BIAS + i] = assumed["force_bias"]
         P[MAG_BIAS + i, MAG_BIAS + i] = assumed["magnetometer_bias"]
         P[GNSS_ERROR + i, GNSS_ERROR + i] = assumed["gnss_error"][i]
-        wind = _WIND * _WIND if i < 2 else VERTICAL_WIND[0] ** 2
+        wind = (assumed["wind_m_s"] if i < 2 else assumed["vertical_wind_m_s"]) ** 2
         P[WIND + i, WIND + i] = wind
         P[VEL + i, VEL + i] += wind
         P[VEL + i, WIND + i] = wind

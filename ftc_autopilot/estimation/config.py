@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ftc_autopilot.common.records import fill, record_dtype
+from ftc_autopilot.estimation.parameters import EstimatorParameters
 from mavlink_defs.origin import Origin
 from sitl_plant.airframe.aerodynamics import lateral, lift_coefficient
 from sitl_plant.airframe.aircraft import aircraft_record
@@ -69,14 +71,15 @@ PARAMETERS = np.dtype(
         ("cruise", "f8"),  # airspeed that is assumed where no pitot tube shows it [m/s]
         ("slowest", "f8"),  # lowest airspeed command [m/s]
         ("lift", "f8"),  # S cL_alpha / m
-        # the air and the outputs
+        # from the parameters
         ("wind_walk", "f8"),  # m²/s³
-        ("smoothing", "f8"),  # time constant in which corrections reach the output [s]
+        ("gate", "f8"),  # largest squared normalised innovation that is fused
         ("rate_filter", "f8"),  # gain of a step of the low pass of the rates
         ("force_filter", "f8"),
+        *record_dtype(EstimatorParameters).descr,
     ]
 )
-"""What the filter assumes, in SI units and rad."""
+"""What the filter assumes, and its parameters, in SI units and rad."""
 
 
 class EstimatorConfig(NamedTuple):
@@ -87,21 +90,14 @@ class EstimatorConfig(NamedTuple):
         origin: Where north = east = down = 0 lies.
         step_us: Control period [µs].
         aircraft: The nominal aircraft: gravity, density of the air, lift and side force.
-        wind_walk_m_s_sqrt_s: Random walk of the wind [m/s/sqrt(s)]; EKF2_WIND_NSD of PX4 is 0.05.
-        smoothing_s: Time constant in which corrections of the filter reach its output; EKF2_TAU_VEL
-            of PX4 is 0.25 s.
-        rate_cutoff_hz: Low pass of the rates; IMU_GYRO_CUTOFF of PX4 is 40 Hz.
-        force_cutoff_hz: Low pass of the specific force; IMU_ACCEL_CUTOFF of PX4 is 30 Hz.
+        parameters: Its parameters.
     """
 
     sensors: NavigationSensors
     origin: Origin
     step_us: int
     aircraft: Aircraft
-    wind_walk_m_s_sqrt_s: float = 0.1
-    smoothing_s: float = 0.25
-    rate_cutoff_hz: float = 40.0
-    force_cutoff_hz: float = 30.0
+    parameters: EstimatorParameters = EstimatorParameters()
 
 
 def parameters_of(config: EstimatorConfig) -> np.ndarray:
@@ -120,11 +116,13 @@ def parameters_of(config: EstimatorConfig) -> np.ndarray:
     _air_data(own, config.sensors)
     _gnss(own, config.sensors)
     _aircraft(own, config.aircraft)
-    own["wind_walk"] = config.wind_walk_m_s_sqrt_s**2
-    own["smoothing"] = config.smoothing_s
+    parameters = config.parameters
+    fill(own, parameters)
+    own["wind_walk"] = parameters.wind_walk_m_s_sqrt_s**2
+    own["gate"] = parameters.gate_sigma**2
     for name, cutoff in (
-        ("rate_filter", config.rate_cutoff_hz),
-        ("force_filter", config.force_cutoff_hz),
+        ("rate_filter", parameters.rate_cutoff_hz),
+        ("force_filter", parameters.force_cutoff_hz),
     ):
         own[name] = -math.expm1(-2.0 * math.pi * cutoff * period_s)
     return record

@@ -19,7 +19,6 @@ from ftc_autopilot.estimation.health import (
 from ftc_autopilot.estimation.icing import ICING, is_icing, restore_wind
 from ftc_autopilot.estimation.imus import IMU, judge_imus, note_imu, runs, sample_of
 from ftc_autopilot.estimation.measurements import (
-    GATE,
     fuse_barometer,
     fuse_gnss,
     fuse_magnetometer,
@@ -30,45 +29,36 @@ from ftc_autopilot.estimation.measurements import (
 from ftc_autopilot.estimation.output import REPORT, hand_over, pay, write_motion, write_report
 from ftc_autopilot.estimation.predict import predict
 from ftc_autopilot.estimation.state import (
-    BARO,
+    AIDING,
     FILTER,
     FORCE_BIAS,
-    GNSS,
     GYRO_BIAS,
     HISTORY_S,
-    MAG,
     N_SENSORS,
-    PITOT,
     POS,
     SIDESLIP,
     TRAVEL,
     VEL,
     N,
 )
-from mavlink_defs import dialect
+from mavlink_defs.constants import BAROMETER, GNSS, MAGNETOMETER, PITOT
 from mavlink_defs.framing.codec import copy_step
 from mavlink_defs.origin import EARTH_RADIUS_M
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.memory import copy_record
 from sitl_plant.sensing.config import MAX_IMUS
 from sitl_plant.sensing.standard_air import altitude_of
-from sitl_plant.vec3 import Vec3
+from sitl_plant.sensing.units import is_updated
+from sitl_plant.vec3 import Vec3, vec3
 
 __all__ = ["ESTIMATOR", "Estimator", "EstimatorConfig", "estimate", "new_estimator"]
 
-_NEW_FIELD = (
-    dialect.HIL_SENSOR_UPDATED_XMAG
-    | dialect.HIL_SENSOR_UPDATED_YMAG
-    | dialect.HIL_SENSOR_UPDATED_ZMAG
-)
-_NEW_PRESSURE = dialect.HIL_SENSOR_UPDATED_ABS_PRESSURE
-_NEW_PITOT = dialect.HIL_SENSOR_UPDATED_DIFF_PRESSURE
 _FIX_3D = 3
 _PA = 100.0  # in one hPa
 _SIDESLIP_EVERY_S = 0.05
 _LONGEST_GAP = 200  # steps without data after which the estimate begins again
 _MEMORY_S = 0.2  # longer than the latency
-_POSITION_GROWTH, _VELOCITY_ERROR = 1.0, 1.0  # m/s, of dead reckoning, when a receiver is back
+_VELOCITY_ERROR = 1.0  # m/s, of dead reckoning, when a receiver is back
 
 PROGRESS = np.dtype([("step", "i8"), ("run", "i8"), ("imu", "i8"), ("without_gnss", "f8")])
 """Last step [number], its run, the IMU flown by, time since the last GNSS sample [s]."""
@@ -102,7 +92,7 @@ def new_estimator(config: EstimatorConfig) -> Estimator:
     state = np.zeros(1, ESTIMATOR)
     state["parameters"] = parameters_of(config)
     state["progress"]["step"] = -1
-    state["sensors"] = new_sensor_health(config.sensors, config.step_us)
+    state["sensors"] = new_sensor_health(config.sensors, config.parameters, config.step_us)
     return Estimator(state, np.zeros((config.sensors.imus, entries, TRAVEL)))
 
 
@@ -158,11 +148,10 @@ def _begin(estimator: np.void, history: np.ndarray, imus: np.ndarray, assumed: n
         estimator["report"]["resets"] += 1
     progress["imu"], progress["without_gnss"] = 0, 0.0
     field = float(first["xmag"]), float(first["ymag"]), float(first["zmag"])
-    updated = int(first["fields_updated"])
     altitude, pressure = math.nan, math.nan
-    if updated & _NEW_PRESSURE:
+    if is_updated(first, BAROMETER):
         altitude = altitude_of(float(first["abs_pressure"]))
-    if updated & _NEW_PITOT:
+    if is_updated(first, PITOT):
         pressure = _PA * float(first["diff_pressure"])
     for k in range(assumed["imus"]):
         for _ in range(3):
@@ -206,13 +195,13 @@ def _aid(
     step: int,
 ) -> None:
     """Fuse what has come from the sensors beside the IMUs."""
-    sensors, updated = estimator["sensors"], int(first["fields_updated"])
+    sensors = estimator["sensors"]
     field = float(first["xmag"]), float(first["ymag"]), float(first["zmag"])
-    note_sample(sensors[MAG], (updated & _NEW_FIELD) == _NEW_FIELD, field[0], field[1], field[2])
+    note_sample(sensors[MAGNETOMETER], is_updated(first, MAGNETOMETER), *field)
     barometric = float(first["abs_pressure"])
-    note_sample(sensors[BARO], (updated & _NEW_PRESSURE) != 0, barometric, 0.0, 0.0)
+    note_sample(sensors[BAROMETER], is_updated(first, BAROMETER), barometric, 0.0, 0.0)
     pressure = _PA * float(first["diff_pressure"])
-    note_sample(sensors[PITOT], (updated & _NEW_PITOT) != 0, pressure, 0.0, 0.0)
+    note_sample(sensors[PITOT], is_updated(first, PITOT), pressure, 0.0, 0.0)
     fixed = has_gps and gps["fix_type"] >= _FIX_3D
     note_sample(sensors[GNSS], fixed, float(gps["lat"]), float(gps["lon"]), float(gps["alt"]))
     position, velocity = _place(gps, assumed)
@@ -227,11 +216,13 @@ def _aid(
             continue
         kalman = estimator["filters"][k]
         ratios = kalman["ratios"]
-        if sensors[MAG]["fresh"] == 1:
-            ratios[MAG] = fuse_magnetometer(kalman, field, assumed, is_used(sensors[MAG]))
-        if sensors[BARO]["fresh"] == 1:
+        if sensors[MAGNETOMETER]["fresh"] == 1:
+            use = is_used(sensors[MAGNETOMETER])
+            ratios[MAGNETOMETER] = fuse_magnetometer(kalman, field, assumed, use)
+        if sensors[BAROMETER]["fresh"] == 1:
             altitude = altitude_of(max(barometric, 1.0))
-            ratios[BARO] = fuse_barometer(kalman, altitude, assumed, is_used(sensors[BARO]))
+            use = is_used(sensors[BAROMETER])
+            ratios[BAROMETER] = fuse_barometer(kalman, altitude, assumed, use)
         if sensors[PITOT]["fresh"] == 1:
             ratios[PITOT] = fuse_pitot(kalman, pressure, assumed, is_used(sensors[PITOT]))
         if fixed:
@@ -239,7 +230,7 @@ def _aid(
             ratios[GNSS] = fuse_gnss(
                 kalman, position, velocity, estimator["past"], assumed, is_used(sensors[GNSS])
             )
-            if kalman["placed"] == 0 and ratios[GNSS] < GATE:
+            if kalman["placed"] == 0 and ratios[GNSS] < assumed["gate"]:
                 kalman["placed"] = 1
                 kalman["owed"][:] = 0.0  # from a guess to a place, at once
         if slip:
@@ -254,9 +245,9 @@ def _aid(
                 kalman = estimator["filters"][k]
                 restore_wind(kalman, icing)
             icing["age"], icing["suspicious"] = 0.0, 0.0
-    for s in range(1, N_SENSORS):
+    for s in AIDING:
         if sensors[s]["fresh"] == 1:
-            note_test(sensors[s], estimator["filters"][primary]["ratios"][s])
+            note_test(sensors[s], estimator["filters"][primary]["ratios"][s], assumed)
 
 
 @compiled
@@ -266,7 +257,7 @@ def _loosen(estimator: np.void, assumed: np.void) -> None:
     for k in range(assumed["imus"]):
         P = estimator["filters"][k]["P"]
         for i in range(2):
-            P[POS + i, POS + i] += (_POSITION_GROWTH * gap) ** 2
+            P[POS + i, POS + i] += (assumed["position_growth_m_s"] * gap) ** 2
             P[VEL + i, VEL + i] += _VELOCITY_ERROR**2
 
 
@@ -302,14 +293,11 @@ def _follow(
     kalman, other = estimator["filters"][k], estimator["filters"][primary]
     if other["elapsed"] != 0.0:
         return
-    biases = (
-        (kalman["x"][9], kalman["x"][10], kalman["x"][11]),
-        (kalman["x"][12], kalman["x"][13], kalman["x"][14]),
-    )
+    gyro, force = vec3(kalman["x"][GYRO_BIAS:]), vec3(kalman["x"][FORCE_BIAS:])
     copy_record(kalman, other)
     P = kalman["P"]
     for j in range(3):
-        kalman["x"][GYRO_BIAS + j], kalman["x"][FORCE_BIAS + j] = biases[0][j], biases[1][j]
+        kalman["x"][GYRO_BIAS + j], kalman["x"][FORCE_BIAS + j] = gyro[j], force[j]
         for c in range(N):
             P[GYRO_BIAS + j, c] = P[c, GYRO_BIAS + j] = 0.0
             P[FORCE_BIAS + j, c] = P[c, FORCE_BIAS + j] = 0.0

@@ -1,15 +1,16 @@
 """Which sensors can be trusted: tests of their samples, with counters.
 
 A sensor is excluded when samples stop, when they stay the same, or when several in a row fail their
-innovation test; it is taken back when as many as in `_TAKE_BACK_S` pass.
+innovation test; it is taken back when as many as in `take_back_s` pass.
 """
 
 from typing import Final
 
 import numpy as np
 
-from ftc_autopilot.estimation.measurements import GATE
+from ftc_autopilot.estimation.parameters import EstimatorParameters
 from ftc_autopilot.estimation.state import N_SENSORS
+from mavlink_defs.constants import BAROMETER, GNSS, MAGNETOMETER, PITOT
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.sensing.config import NavigationSensors
 from sitl_plant.sensing.units import periods_between
@@ -42,32 +43,28 @@ SENSOR = np.dtype(
 )
 """Magnetometer, barometer, pitot tube or GNSS receiver, and what tells whether it is well."""
 
-_SILENT_S, _SAME_S, _FAILED_S, _TAKE_BACK_S = 0.5, 0.5, 0.3, 1.0
 _LEAST_SAMPLES = 3
-_TAKE_BACK_GATE = 9.0  # squared normalised innovation of an excluded one that is well: 3 sigma
 
 
-def new_sensor_health(sensors: NavigationSensors, step_us: int) -> np.ndarray:
-    """Return the state of the sensors beside the IMUs, in the order of `state.SENSORS`, (5,)."""
+def new_sensor_health(
+    sensors: NavigationSensors, parameters: EstimatorParameters, step_us: int
+) -> np.ndarray:
+    """Return the state of the sensors beside the IMUs, by their numbers, shape (N_SENSORS,)."""
     health = np.zeros(N_SENSORS, SENSOR)
-    models = (None, sensors.magnetometer, sensors.barometer, sensors.pitot, sensors.gnss)
-    noises = (
-        0.0,
-        sensors.magnetometer.noise_gauss,
-        sensors.barometer.noise_pa,
-        sensors.pitot.noise_pa,
-        sensors.gnss.horizontal_velocity_noise_m_s,
-    )
-    for own, model, noise in zip(health, models, noises, strict=True):
-        if model is None:
-            continue
+    for number, model, noise in (
+        (MAGNETOMETER, sensors.magnetometer, sensors.magnetometer.noise_gauss),
+        (BAROMETER, sensors.barometer, sensors.barometer.noise_pa),
+        (PITOT, sensors.pitot, sensors.pitot.noise_pa),
+        (GNSS, sensors.gnss, sensors.gnss.horizontal_velocity_noise_m_s),
+    ):
+        own = health[number]
         period_s = max(periods_between(model.rate_hz, step_us), 1) * step_us / 1e6
         own["reason"] = WELL if model.fitted else ABSENT
-        silent_s = max(_SILENT_S, 4.0 * period_s)
+        silent_s = max(parameters.silent_s, 4.0 * period_s)
         own["most_silent"] = round(silent_s * 1e6 / step_us)
-        own["most_same"] = max(round(_SAME_S / period_s), 5) if noise > 0.0 else 0
-        own["most_failed"] = max(round(_FAILED_S / period_s), _LEAST_SAMPLES)
-        own["take_back"] = max(round(_TAKE_BACK_S / period_s), _LEAST_SAMPLES)
+        own["most_same"] = max(round(parameters.same_s / period_s), 5) if noise > 0.0 else 0
+        own["most_failed"] = max(round(parameters.failed_s / period_s), _LEAST_SAMPLES)
+        own["take_back"] = max(round(parameters.take_back_s / period_s), _LEAST_SAMPLES)
     return health
 
 
@@ -90,9 +87,9 @@ def note_sample(sensor: np.void, fresh: bool, x: float, y: float, z: float) -> N
 
 
 @compiled
-def note_test(sensor: np.void, ratio: float) -> None:
+def note_test(sensor: np.void, ratio: float, assumed: np.void) -> None:
     """Note the squared normalised innovation of a sample, and exclude or take back the sensor."""
-    gate = GATE if sensor["reason"] == WELL else _TAKE_BACK_GATE
+    gate = assumed["gate"] if sensor["reason"] == WELL else assumed["take_back_sigma"] ** 2
     if ratio < gate and (sensor["most_same"] == 0 or sensor["same"] < 3):
         sensor["failed"] = 0
         sensor["passed"] += 1
@@ -100,7 +97,7 @@ def note_test(sensor: np.void, ratio: float) -> None:
             sensor["reason"] = WELL
         return
     sensor["passed"] = 0
-    if ratio < GATE:
+    if ratio < assumed["gate"]:
         return
     sensor["failed"] += 1
     if sensor["failed"] >= sensor["most_failed"] and sensor["reason"] == WELL:

@@ -28,14 +28,11 @@ ICING = np.dtype(
 )
 """What the test of the pitot tube remembers."""
 
-_MEAN_S, _NOW_S = 15.0, 0.4
+_NOW_S = 0.4
 _LEARN_S = 8.0  # before it judges
-_LEAST_CHANGE = 1.5  # m/s, of the wind along the x axis
-_CLEAR = 2.0  # times that change the lift is not asked: it moves with manoeuvres, too
+_CLEAR = 2.0  # times the least change the lift is not asked: it moves with manoeuvres, too
 _CALM = 0.6  # m/s
-_GUSTS, _MOST_GUSTS = 6.0, 5.0  # how much larger the square of that change is in gusts
-_LEAST_SHARE = 0.3  # of the change of the ratio that icing explains
-_AGREE_S = 0.3
+_GUSTS, _MOST_GUSTS = 6.0, 5.0  # how much larger the square of the least change is in gusts
 _LEAST_LIFT = 0.02  # of the coefficient of lift, times S / m [m²/kg]
 _SLOWEST = 5.0  # m/s
 RESTORED = 0.5
@@ -72,7 +69,7 @@ def is_icing(kalman: np.void, icing: np.void, period_s: float, assumed: np.void)
         icing["usual"], icing["now"] = ratio, ratio
         icing["wind"][0], icing["wind"][1] = x[WIND], x[WIND + 1]
     icing["now"] += period_s / _NOW_S * (ratio - icing["now"])
-    gain = period_s / min(_MEAN_S, icing["age"] + period_s)
+    gain = period_s / min(assumed["icing_mean_s"], icing["age"] + period_s)
     icing["usual"] += gain * (ratio - icing["usual"])
     for k in range(2):
         icing["wind"][k] += gain * (x[WIND + k] - icing["wind"][k])
@@ -82,11 +79,11 @@ def is_icing(kalman: np.void, icing: np.void, period_s: float, assumed: np.void)
     if abs(change) < _CALM or icing["age"] < _LEARN_S:
         icing["gusts"] += gain * (kalman["gusts"] - icing["gusts"])
     excess = min(max(icing["gusts"] - 1.0, 0.0), _MOST_GUSTS)
-    limit = _LEAST_CHANGE * math.sqrt(1.0 + _GUSTS * excess)
-    agree = abs(change) > limit and shown / explained > _LEAST_SHARE
+    limit = assumed["icing_change_m_s"] * math.sqrt(1.0 + _GUSTS * excess)
+    agree = abs(change) > limit and shown / explained > assumed["icing_lift"]
     agree = agree or abs(change) > _CLEAR * limit
     icing["suspicious"] = icing["suspicious"] + period_s if agree else 0.0
-    return bool(icing["age"] > _LEARN_S and icing["suspicious"] > _AGREE_S)
+    return bool(icing["age"] > _LEARN_S and icing["suspicious"] > assumed["icing_confirm_s"])
 
 
 @compiled

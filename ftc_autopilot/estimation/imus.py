@@ -4,14 +4,14 @@ Each IMU drives a filter of its own, as in PX4's EKF2 with several instances: th
 the GNSS receiver show which of two that differ is wrong.
 """
 
-import math
-
 import numpy as np
 
 from ftc_autopilot.estimation.health import INCONSISTENT, NOISY, SILENT, STUCK, WELL
+from ftc_autopilot.estimation.measurements import TREND_OF_FIELD, TREND_OF_VELOCITY
 from ftc_autopilot.estimation.state import FORCE_BIAS, GYRO_BIAS
-from mavlink_defs import dialect
+from mavlink_defs.constants import ACCELEROMETER, GYRO
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.sensing.units import is_updated
 from sitl_plant.vec3 import Vec3
 
 IMU = np.dtype(
@@ -31,24 +31,10 @@ IMU = np.dtype(
 )
 """One IMU and what tells whether it is well."""
 
-_GYRO = (
-    dialect.HIL_SENSOR_UPDATED_XGYRO
-    | dialect.HIL_SENSOR_UPDATED_YGYRO
-    | dialect.HIL_SENSOR_UPDATED_ZGYRO
-)
-_ACCELEROMETER = (
-    dialect.HIL_SENSOR_UPDATED_XACC
-    | dialect.HIL_SENSOR_UPDATED_YACC
-    | dialect.HIL_SENSOR_UPDATED_ZACC
-)
-_MOST_SILENT_S, _TAKE_BACK_S, _DECIDE_S = 0.03, 2.0, 0.35
-_MOST_SAME = 30  # samples
 _NOISE_S, _APART_S, _FAST_S, _SLOW_S = 0.05, 0.03, 0.015, 0.2  # time constants
 _JUMPED = 4.0  # what a jump of one of two IMUs counts against it, as a misfit of its filter
 _RECONSIDER_S = 3.0  # for which the filter of an IMU that differs runs on
-_MOST_NOISE = 9.0  # times the variance of a healthy one
 _MOST_SQUARE = 30.0  # of one second difference: steps of the motion are no noise
-_MOST_APART = math.radians(1.0), 0.4  # rad/s, m/s²
 _APART_PER_UNIT = 0.01, 0.01  # of the size of what is measured: scale errors, misalignments
 _SIGNIFICANT = 6.0  # difference of the filters' misfits
 
@@ -62,8 +48,7 @@ def note_imu(imu: np.void, sample: np.void, assumed: np.void) -> None:
         sample: Payload of HIL_SENSOR.
         assumed: Record of dtype `PARAMETERS`.
     """
-    rows, updated = imu["samples"], int(sample["fields_updated"])
-    new = (updated & _GYRO) == _GYRO, (updated & _ACCELEROMETER) == _ACCELEROMETER
+    rows, new = imu["samples"], (is_updated(sample, GYRO), is_updated(sample, ACCELEROMETER))
     imu["silent"] = 0 if new[0] and new[1] else imu["silent"] + 1
     rates = float(sample["xgyro"]), float(sample["ygyro"]), float(sample["zgyro"])
     force = float(sample["xacc"]), float(sample["yacc"]), float(sample["zacc"])
@@ -104,20 +89,20 @@ def judge_imus(imus: np.ndarray, filters: np.ndarray, primary: int, assumed: np.
         primary: The one flown by so far.
         assumed: Record of dtype `PARAMETERS`.
     """
-    step_s = assumed["step_us"] / 1e6
+    step_s, can_be_stuck = assumed["step_us"] / 1e6, assumed["gyro_density"] > 1e-10
     all_noisy = True
     for k in range(assumed["imus"]):
-        all_noisy = all_noisy and _is_noisy(imus[k])
+        all_noisy = all_noisy and _is_noisy(imus[k], assumed)
     for k in range(assumed["imus"]):
         imu = imus[k]
         reason = WELL
-        if imu["silent"] * step_s > _MOST_SILENT_S:
+        if imu["silent"] * step_s > assumed["imu_silent_s"]:
             reason = SILENT
-        elif assumed["gyro_density"] > 1e-10 and max(imu["same"][0], imu["same"][1]) > _MOST_SAME:
+        elif can_be_stuck and max(imu["same"][0], imu["same"][1]) > assumed["imu_same"]:
             reason = STUCK
-        elif _is_noisy(imu) and not all_noisy:
+        elif _is_noisy(imu, assumed) and not all_noisy:
             reason = NOISY
-        _conclude(imu, reason, step_s)
+        _conclude(imu, reason, step_s, assumed)
     if imus[primary]["reason"] != WELL:
         for k in range(assumed["imus"]):
             if imus[k]["reason"] == WELL:
@@ -127,12 +112,12 @@ def judge_imus(imus: np.ndarray, filters: np.ndarray, primary: int, assumed: np.
 
 
 @compiled
-def _is_noisy(imu: np.void) -> bool:
-    return bool(max(imu["noise"][0], imu["noise"][1]) > _MOST_NOISE)
+def _is_noisy(imu: np.void, assumed: np.void) -> bool:
+    return bool(max(imu["noise"][0], imu["noise"][1]) > assumed["imu_noise"])
 
 
 @compiled
-def _conclude(imu: np.void, reason: int, step_s: float) -> None:
+def _conclude(imu: np.void, reason: int, step_s: float, assumed: np.void) -> None:
     """Exclude an IMU at once; take it back when it has been well for some time."""
     differs = imu["reason"] == INCONSISTENT and imu["differs"] > 0
     if reason != WELL:
@@ -141,7 +126,7 @@ def _conclude(imu: np.void, reason: int, step_s: float) -> None:
         imu["well"] = 0
     else:
         imu["well"] += 1
-        if imu["well"] * step_s > _TAKE_BACK_S:
+        if imu["well"] * step_s > assumed["imu_take_back_s"]:
             imu["reason"] = WELL
 
 
@@ -150,6 +135,7 @@ def _compare(imus: np.ndarray, filters: np.ndarray, primary: int, assumed: np.vo
     """Compare each IMU with the one flown by; of two that differ, exclude the misfit."""
     step_s = assumed["step_us"] / 1e6
     one, bias = imus[primary]["samples"][0], filters[primary]["x"]
+    apart = assumed["imu_apart_rad_s"], assumed["imu_apart_m_s2"]
     chosen = primary
     for k in range(assumed["imus"]):
         if k == primary:
@@ -167,7 +153,7 @@ def _compare(imus: np.ndarray, filters: np.ndarray, primary: int, assumed: np.vo
                 j = 3 * part + axis
                 gap = (other[j] - other_bias[at + axis]) - (one[j] - bias[at + axis])
                 imu["apart"][j] += step_s / _APART_S * (gap - imu["apart"][j])
-                limit = _MOST_APART[part] + _APART_PER_UNIT[part] * size
+                limit = apart[part] + _APART_PER_UNIT[part] * size
                 too_far = too_far or abs(imu["apart"][j]) > limit
                 if abs(imu["apart"][j]) > widest * limit:
                     widest = abs(imu["apart"][j]) / limit
@@ -185,7 +171,7 @@ def _compare(imus: np.ndarray, filters: np.ndarray, primary: int, assumed: np.vo
                 chosen = k
             continue
         worse += _JUMPED if imus[primary]["jump"] > imu["jump"] else -_JUMPED
-        waited = imu["differs"] * step_s > _DECIDE_S
+        waited = imu["differs"] * step_s > assumed["imu_decide_s"]
         if worse > _SIGNIFICANT or (waited and worse > 0.0):
             chosen = k
         elif worse < -_SIGNIFICANT or waited:
@@ -215,6 +201,6 @@ def misfit(kalman: np.void) -> float:
     """
     total = 0.0
     for k in range(6):
-        gain = 0.05 if k < 3 else 0.5
+        gain = TREND_OF_FIELD if k < 3 else TREND_OF_VELOCITY
         total += kalman["trends"][k] ** 2 * (2.0 - gain) / gain
     return total

@@ -24,20 +24,13 @@ from ftc_autopilot.estimation.state import (
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Mat3, Vec3, cross, dot, norm, sub, vec3
 
-GATE = 25.0
-"""Largest squared normalised innovation that is fused: 5 standard deviations, which one of 1.7
-million normal values exceeds (chi-square quantile of one degree of freedom)."""
-
-_TREND_OF_FIELD, _TREND_OF_VELOCITY = 0.05, 0.5
+TREND_OF_FIELD, TREND_OF_VELOCITY = 0.05, 0.5
 """Gains of running means of innovations, over 0.2 s each at their usual rates."""
 _GUST_GAIN = 0.0033  # of the pitot tube's, over 3 s at 100 samples per second
 _MOST_NORMAL = 10.0
 _SETTLED, _LONGEST_SETTLING_S = math.radians(4.0), 3.0
 _SLOWEST = 3.0  # m/s: below it, a pitot tube and the side force say nothing
-_SIDE_DISTURBANCE = 0.15  # m/s², what else than sideslip makes side force
-_SIDE_MODEL = 0.3  # relative error of the coefficient
-_SIDESLIP = math.radians(10.0)  # without a measurement
-_SIDE_CORRELATION_S = 0.5  # of these errors
+_SIDE_CORRELATION_S = 0.5  # of errors of the side force
 
 
 @compiled
@@ -61,12 +54,14 @@ def through_air(x: np.ndarray) -> Vec3:
 
 
 @compiled
-def _fuse_tested(kalman: np.void, innovation: float, variance: float, use: bool) -> float:
+def _fuse_tested(
+    kalman: np.void, innovation: float, variance: float, assumed: np.void, use: bool
+) -> float:
     """Fuse one value if it is to be used and passes its test; return the normalised square."""
     S = innovation_variance(kalman, variance)
     ratio = normalised(innovation, S)
     kalman["normal"] = innovation / math.sqrt(S)
-    if use and ratio < GATE:
+    if use and ratio < assumed["gate"]:
         correct(kalman, innovation, S)
     return ratio
 
@@ -88,8 +83,8 @@ def fuse_magnetometer(kalman: np.void, sample: Vec3, assumed: np.void, use: bool
     B, worst = vec3(assumed["field"]), 0.0
     for axis in range(3):  # tests come first: a bad sample is left out as a whole
         worst = max(worst, _magnetic(kalman, axis, sample, B, assumed, False))
-        _note_trend(kalman, axis, _TREND_OF_FIELD)
-    if use and worst < GATE:
+        _note_trend(kalman, axis, TREND_OF_FIELD)
+    if use and worst < assumed["gate"]:
         for axis in range(3):
             _magnetic(kalman, axis, sample, B, assumed, True)
     return worst
@@ -105,7 +100,7 @@ def _magnetic(
         h[PHI + k] = lever[k]
     h[MAG_BIAS + axis] = 1.0
     innovation = sample[axis] - dot(c, B) - kalman["x"][MAG_BIAS + axis]
-    return _fuse_tested(kalman, innovation, assumed["magnetometer"], use)
+    return _fuse_tested(kalman, innovation, assumed["magnetometer"], assumed, use)
 
 
 @compiled
@@ -114,7 +109,7 @@ def fuse_barometer(kalman: np.void, altitude: float, assumed: np.void, use: bool
     h, x = clear(kalman), kalman["x"]
     h[POS + 2], h[BARO_ERROR] = -1.0, 1.0
     innovation = altitude - assumed["altitude"] + x[POS + 2] - x[BARO_ERROR]
-    return _fuse_tested(kalman, innovation, assumed["barometer"], use)
+    return _fuse_tested(kalman, innovation, assumed["barometer"], assumed, use)
 
 
 @compiled
@@ -141,8 +136,8 @@ def fuse_pitot(kalman: np.void, pressure: float, assumed: np.void, use: bool) ->
         noise += (slope * lever[k]) ** 2 * kalman["P"][PHI + k, PHI + k]
     h[PITOT_SCALE] = 0.5 * density * u * u
     expected = 0.5 * density * u * u * (1.0 + x[PITOT_SCALE])
-    ratio = _fuse_tested(kalman, pressure - expected, noise, use)
-    kalman["gusts"] += _GUST_GAIN * (min(ratio, GATE) - kalman["gusts"])
+    ratio = _fuse_tested(kalman, pressure - expected, noise, assumed, use)
+    kalman["gusts"] += _GUST_GAIN * (min(ratio, assumed["gate"]) - kalman["gusts"])
     return ratio
 
 
@@ -166,12 +161,13 @@ def fuse_sideslip(kalman: np.void, period_s: float, assumed: np.void) -> float:
     if V < _SLOWEST or not is_settled(kalman):
         return 0.0
     per_rad = assumed["side"] * 0.5 * assumed["density"] * V * V
-    own, prior = V * V, (V * _SIDESLIP) ** 2
+    own, prior = V * V, (V * assumed["sideslip_rad"]) ** 2
     shown = 0.0
     if per_rad != 0.0:
         shown = kalman["force"][1] * V / per_rad
         other = assumed["side_by_surfaces"] * 0.5 * assumed["density"] * V * V
-        own = (math.hypot(_SIDE_DISTURBANCE, other) * V / per_rad) ** 2 + (_SIDE_MODEL * shown) ** 2
+        disturbance = math.hypot(assumed["side_disturbance_m_s2"], other) * V / per_rad
+        own = disturbance**2 + (assumed["side_model"] * shown) ** 2
         shown *= prior / (prior + own)
     variance = own * prior / (own + prior) * 2.0 * _SIDE_CORRELATION_S / period_s
     lever = cross(c, a)
@@ -179,7 +175,7 @@ def fuse_sideslip(kalman: np.void, period_s: float, assumed: np.void) -> float:
         h[PHI + k] = lever[k]
         h[VEL + k] = c[k]
         h[WIND + k] = -c[k]
-    return _fuse_tested(kalman, shown - dot(c, a), variance, True)
+    return _fuse_tested(kalman, shown - dot(c, a), variance, assumed, True)
 
 
 @compiled
@@ -241,8 +237,8 @@ def fuse_gnss(
         value = position[part] if part < 3 else velocity[part - 3]
         worst = max(worst, _gnss(kalman, part, value, past, assumed, False))
         if part >= 3:
-            _note_trend(kalman, part, _TREND_OF_VELOCITY)
-    if use and worst < GATE:
+            _note_trend(kalman, part, TREND_OF_VELOCITY)
+    if use and worst < assumed["gate"]:
         for part in range(6):
             value = position[part] if part < 3 else velocity[part - 3]
             _gnss(kalman, part, value, past, assumed, True)
@@ -259,7 +255,7 @@ def _gnss(
         then = travel[3 + part] - past[3 + part] - travel[part] * age  # less v age: since then
         expected = x[POS + part] - x[VEL + part] * age - then + x[GNSS_ERROR + part]
         h[POS + part], h[VEL + part], h[GNSS_ERROR + part] = 1.0, -age, 1.0
-        return _fuse_tested(kalman, value - expected, assumed["gnss_position"][part], use)
+        return _fuse_tested(kalman, value - expected, assumed["gnss_position"][part], assumed, use)
     axis = part - 3
     R = rotation(kalman["quaternion"])
     pushed = sub(vec3(travel), vec3(past))
@@ -271,4 +267,4 @@ def _gnss(
     h[PHI + after] = -pushed[before]
     for k in range(3):
         h[FORCE_BIAS + k] = R[axis][k] * age
-    return _fuse_tested(kalman, value - expected, assumed["gnss_velocity"][axis], use)
+    return _fuse_tested(kalman, value - expected, assumed["gnss_velocity"][axis], assumed, use)

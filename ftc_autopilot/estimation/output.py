@@ -11,14 +11,13 @@ import numpy as np
 
 from ftc_autopilot.estimation.health import WELL
 from ftc_autopilot.estimation.state import (
+    AIDING,
     FORCE_BIAS,
-    GNSS,
     GYRO_BIAS,
     N_SENSORS,
     PHI,
-    PITOT,
     POS,
-    SENSORS,
+    SIDESLIP,
     VEL,
     WIND,
     N,
@@ -26,6 +25,7 @@ from ftc_autopilot.estimation.state import (
     rotation,
     turn_world,
 )
+from mavlink_defs.constants import GNSS, PITOT
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.sensing.config import MAX_IMUS
 from sitl_plant.vec3 import mul_t, vec3
@@ -36,12 +36,12 @@ REPORT = np.dtype(
         ("aligned", "i8"),  # 1: there is an estimate
         ("resets", "i8"),  # times that the estimate began again in flight, or jumped
         ("bad_imus", "i8"),  # bit k: IMU k is excluded
-        ("bad_sensors", "i8"),  # bit k: sensor k of `state.SENSORS` is excluded
+        ("bad_sensors", "i8"),  # bit k: the sensor of that number is excluded
         ("dead_reckoning", "i8"),  # 1: without a GNSS receiver
         ("synthetic_airspeed", "i8"),  # 1: without a pitot tube
         ("imu_reasons", "i8", (MAX_IMUS,)),  # of `health.REASONS`
-        ("reasons", "i8", (len(SENSORS),)),
-        ("ratios", "f8", (len(SENSORS),)),  # squared normalised innovations, the last of each
+        ("reasons", "i8", (N_SENSORS,)),
+        ("ratios", "f8", (SIDESLIP + 1,)),  # squared normalised innovations, the last of each
         ("attitude_std", "f8", (3,)),  # about NED axes [rad]
         ("velocity_std", "f8", (3,)),
         ("position_std", "f8", (3,)),
@@ -64,7 +64,7 @@ _JUMP_M = 20.0  # a correction of the position that is shown at once
 def pay(kalman: np.void, assumed: np.void) -> None:
     """Let a step's share of past corrections into the output."""
     owed = kalman["owed"]
-    left = 1.0 - assumed["step_us"] / 1e6 / assumed["smoothing"]
+    left = 1.0 - assumed["step_us"] / 1e6 / assumed["smoothing_s"]
     for k in range(N):
         owed[k] *= left
     far = max(abs(owed[POS]), abs(owed[POS + 1]), abs(owed[POS + 2]))
@@ -133,7 +133,7 @@ def write_report(
     Args:
         kalman: The filter flown by, dtype `FILTER`.
         imus: Records of dtype `imus.IMU`, shape (n,).
-        sensors: Records of dtype `health.SENSOR`, in the order of `state.SENSORS`.
+        sensors: Records of dtype `health.SENSOR`, by the sensors' numbers.
         primary: The IMU flown by.
         assumed: Record of dtype `config.PARAMETERS`.
         report: Record of dtype `REPORT`, written.
@@ -147,14 +147,14 @@ def write_report(
             bad |= 1 << k
     report["bad_imus"] = bad
     bad = 0
-    for k in range(1, N_SENSORS):
+    for k in AIDING:
         report["reasons"][k] = sensors[k]["reason"]
         if sensors[k]["reason"] != WELL:
             bad |= 1 << k
     report["bad_sensors"] = bad
     report["synthetic_airspeed"] = int(sensors[PITOT]["reason"] != WELL)
     report["dead_reckoning"] = int(sensors[GNSS]["reason"] != WELL)
-    for k in range(len(SENSORS)):
+    for k in range(SIDESLIP + 1):
         report["ratios"][k] = kalman["ratios"][k]
     for k in range(3):
         report["attitude_std"][k] = math.sqrt(P[PHI + k, PHI + k])

@@ -29,13 +29,8 @@ from ftc_autopilot.estimation.state import (
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3, mul, norm, scale, vec3
 
-_GUSTS, _MOST_GUSTS = 10.0, 5.0
-"""How much the wind's noise grows with the pitot tube's excess of NIS, and its largest excess."""
-_SCALE_S = 30.0
-"""Time constant of the pitot tube's scale error: a constant would be learned wrongly from gusts."""
+_MOST_GUSTS = 5.0  # largest excess of the pitot tube's NIS with which the wind's noise grows
 _STRAIGHT = math.radians(1.0)  # rad/s: what is less is noise, or to and fro
-VERTICAL_WIND = 0.5, 8.0
-"""Vertical wind as a Gauss-Markov process: standard deviation [m/s] and time constant [s]."""
 
 
 @compiled
@@ -128,9 +123,10 @@ def _add_noise(P: np.ndarray, kalman: np.void, assumed: np.void) -> None:
     fade(kalman, GNSS_ERROR, dt / assumed["gnss_correlation"], assumed["gnss_error"][0])
     fade(kalman, GNSS_ERROR + 1, dt / assumed["gnss_correlation"], assumed["gnss_error"][1])
     fade(kalman, GNSS_ERROR + 2, dt / assumed["gnss_correlation"], assumed["gnss_error"][2])
-    gusts = 1.0 + _GUSTS * min(max(kalman["gusts"] - 1.0, 0.0), _MOST_GUSTS)
-    fade(kalman, WIND + 2, dt / VERTICAL_WIND[1], gusts * VERTICAL_WIND[0] ** 2)
-    fade(kalman, PITOT_SCALE, dt / _SCALE_S, assumed["pitot_scale"])
+    gusts = 1.0 + assumed["gust_growth"] * min(max(kalman["gusts"] - 1.0, 0.0), _MOST_GUSTS)
+    vertical = assumed["vertical_wind_m_s"]
+    fade(kalman, WIND + 2, dt / assumed["vertical_wind_s"], gusts * vertical**2)
+    fade(kalman, PITOT_SCALE, dt / assumed["pitot_scale_s"], assumed["pitot_scale"])
     for i in range(3):
         # scale and misalignment are one bias in body axes, and another one after a turn
         if P[MAG_BIAS + i, MAG_BIAS + i] < assumed["magnetometer_bias"]:

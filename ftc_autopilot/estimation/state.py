@@ -2,13 +2,14 @@
 
 The error is x_true - x, but for the attitude: a rotation vector phi in NED axes, with
 R_true = (I + [phi]x) R, the global error of J. Solà, Quaternion kinematics for the error-state
-Kalman kalman, 2017, section 7.
+Kalman filter, 2017, section 7.
 """
 
 import math
 
 import numpy as np
 
+from mavlink_defs.constants import BAROMETER, GNSS, MAGNETOMETER, PITOT
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.vec3 import Mat3, Vec3
 
@@ -20,11 +21,12 @@ PHI, VEL, POS, GYRO_BIAS, FORCE_BIAS, WIND, MAG_BIAS, GNSS_ERROR = range(0, 24, 
 wind [NED], bias of the magnetometer [body], correlated error of the GNSS position [NED]."""
 BARO_ERROR, PITOT_SCALE = 24, 25
 
-SENSORS = ("imu", "magnetometer", "barometer", "pitot", "gnss", "sideslip")
-"""What innovations belong to, in the order of the test ratios."""
-MAG, BARO, PITOT, GNSS, SIDESLIP = 1, 2, 3, 4, 5
-N_SENSORS = 5
-"""Those that can fail: all but the sideslip, which is an assumption."""
+AIDING = MAGNETOMETER, BAROMETER, PITOT, GNSS
+"""The sensors beside the IMUs."""
+N_SENSORS = max(AIDING) + 1
+"""Length of what each sensor has a place in, by its number."""
+SIDESLIP = N_SENSORS
+"""Number of the sideslip, an assumption: it cannot fail, and its innovations come last."""
 
 FILTER = np.dtype(
     [
@@ -44,7 +46,7 @@ FILTER = np.dtype(
         ("owed", "f8", (N,)),
         ("rates", "f8", (3,)),  # unbiased and filtered, body [rad/s]
         ("force", "f8", (3,)),  # the same of the specific force [m/s²]
-        ("ratios", "f8", (len(SENSORS),)),  # squared innovation over its variance, the last of each
+        ("ratios", "f8", (SIDESLIP + 1,)),  # squared innovation over its variance, the last of each
         ("normal", "f8"),  # the last normalised innovation
         ("gusts", "f8"),  # mean squared normalised innovation of the pitot tube, over 3 s
         ("trends", "f8", (6,)),  # means of normalised innovations: field, velocity
@@ -54,7 +56,7 @@ FILTER = np.dtype(
         ("placed", "i8"),  # 1: a GNSS sample was fused
     ]
 )
-"""One kalman, which runs by one IMU."""
+"""One filter, which runs by one IMU."""
 
 TRAVEL = 7
 """Elements of `travel`."""

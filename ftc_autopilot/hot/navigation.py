@@ -69,7 +69,9 @@ def new_navigation(config: AutopilotConfig) -> Navigation:
 
 def estimator_of(config: AutopilotConfig) -> Estimator:
     """Return the estimator of an autopilot, before its first sample."""
-    known = EstimatorConfig(config.sensors, config.origin, config.step_us, config.aircraft)
+    known = EstimatorConfig(
+        config.sensors, config.origin, config.step_us, config.aircraft, config.estimator
+    )
     return new_estimator(known)
 
 

@@ -10,8 +10,7 @@ import numpy as np
 
 from ftc_autopilot.common.geography import Origin, place_of
 from ftc_autopilot.estimation.health import ABSENT, REASONS, WELL
-from ftc_autopilot.estimation.measurements import GATE
-from ftc_autopilot.estimation.state import BARO, GNSS, MAG, PHI, PITOT, SENSORS
+from ftc_autopilot.estimation.state import N_SENSORS, PHI
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.vehicle.changes import Change
 from ftc_autopilot.vehicle.clock import VehicleClock
@@ -19,6 +18,7 @@ from ftc_autopilot.vehicle.flight_path import VehicleHome
 from ftc_autopilot.vehicle.message import message
 from ftc_autopilot.vehicle.state_messages import quaternion_of
 from mavlink_defs import dialect
+from mavlink_defs.constants import BAROMETER, GNSS, MAGNETOMETER, PITOT
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.float32 import float32s
 from sitl_plant.airframe.rigid_body import R1
@@ -37,17 +37,18 @@ _MOVING = (
 _PLACED = dialect.ESTIMATOR_POS_HORIZ_ABS | dialect.ESTIMATOR_PRED_POS_HORIZ_ABS
 
 _HEALTH = {
-    MAG: dialect.MAV_SYS_STATUS_SENSOR_3D_MAG,
-    BARO: dialect.MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE,
+    MAGNETOMETER: dialect.MAV_SYS_STATUS_SENSOR_3D_MAG,
+    BAROMETER: dialect.MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE,
     PITOT: dialect.MAV_SYS_STATUS_SENSOR_DIFFERENTIAL_PRESSURE,
     GNSS: dialect.MAV_SYS_STATUS_SENSOR_GPS,
 }
 _INERTIAL = dialect.MAV_SYS_STATUS_SENSOR_3D_GYRO | dialect.MAV_SYS_STATUS_SENSOR_3D_ACCEL
 
-_NAMES = {MAG: "magnetometer", BARO: "barometer", PITOT: "pitot", GNSS: "GNSS"}
+_NAMES = {MAGNETOMETER: "magnetometer", BAROMETER: "barometer", PITOT: "pitot", GNSS: "GNSS"}
+_RATIOS = GNSS, BAROMETER, MAGNETOMETER, PITOT
 _INSTEAD = {
-    MAG: "heading by course and gyros",
-    BARO: "height by GNSS",
+    MAGNETOMETER: "heading by course and gyros",
+    BAROMETER: "height by GNSS",
     PITOT: "airspeed by wind and model",
     GNSS: "dead reckoning",
 }
@@ -62,28 +63,26 @@ class EstimatorMessages:
         self._hot, self._origin, self._home, self._clock = hot, origin, home, clock
         estimator, self._imus = hot.navigation["estimator"], int(hot.navigation["count"])
         self._report: np.void | None = estimator["report"] if self._imus else None
-        self._filters = estimator["filters"]
-        self._said = [WELL] * len(SENSORS)
+        self._filters, self._gate = estimator["filters"], float(estimator["parameters"]["gate"])
+        self._said = [WELL] * N_SENSORS
         self._said_imus = [WELL] * self._imus
         self._said_resets = 0
 
     @message(dialect.MAVLink_estimator_status_message)
     def estimator_status(self) -> MAVLink_message:
         """Return ESTIMATOR_STATUS: each innovation over the limit of its test."""
-        velocity = position = self._ratio(GNSS)
-        horizontal, vertical = self._accuracy()
-        ratios = (velocity, position, self._ratio(BARO), self._ratio(MAG), 0.0, self._ratio(PITOT))
+        gnss, height, heading, airspeed = self._ratios()
+        numbers = (gnss, gnss, height, heading, 0.0, airspeed, *self._accuracy())
         return dialect.MAVLink_estimator_status_message(
-            self._clock.boot_us, self.flags(), *float32s((*ratios, horizontal, vertical))
+            self._clock.boot_us, self.flags(), *float32s(numbers)
         )
 
     @message(dialect.MAVLink_ekf_status_report_message)
     def ekf_status_report(self) -> MAVLink_message:
         """Return EKF_STATUS_REPORT: the same as ArduPilot's stations have it."""
-        gnss = self._ratio(GNSS)
-        numbers = float32s((gnss, gnss, self._ratio(BARO), self._ratio(MAG), 0.0))
-        airspeed = float32s((self._ratio(PITOT),))
-        return dialect.MAVLink_ekf_status_report_message(self.flags(), *numbers, *airspeed)
+        gnss, height, heading, airspeed = self._ratios()
+        numbers = float32s((gnss, gnss, height, heading, 0.0, airspeed))
+        return dialect.MAVLink_ekf_status_report_message(self.flags(), *numbers)
 
     @message(dialect.MAVLink_attitude_quaternion_cov_message)
     def attitude_quaternion_cov(self) -> MAVLink_message:
@@ -194,11 +193,12 @@ class EstimatorMessages:
         reasons: list[int] = self._report["imu_reasons"][: self._imus].tolist()
         return reasons
 
-    def _ratio(self, sensor: int) -> float:
-        """Return the last innovation of a sensor over the limit of its test."""
+    def _ratios(self) -> list[float]:
+        """Return the last innovations over the limits of their tests: as in `_RATIOS`."""
         if self._report is None:
-            return 0.0
-        return math.sqrt(max(float(self._report["ratios"][sensor]), 0.0) / GATE)
+            return [0.0] * len(_RATIOS)
+        squares = (max(float(self._report["ratios"][sensor]), 0.0) for sensor in _RATIOS)
+        return [math.sqrt(square / self._gate) for square in squares]
 
     def _accuracy(self) -> tuple[float, float]:
         """Return the standard deviations of the position, horizontal and vertical [m]."""

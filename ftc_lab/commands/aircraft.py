@@ -12,9 +12,10 @@ from gcs.scenario.bundled import aircraft_names
 from gcs.terminal import console_of, numbers, print_json, print_line, table_of, texts
 
 if TYPE_CHECKING:
-    from ftc_lab.theory.airframe_checks import Check
-    from ftc_lab.theory.modes import LevelFlight, Mode
+    from ftc_autopilot.control.airframe_checks import Check
     from sitl_plant.airframe.config import Aircraft
+    from sitl_plant.airframe.level_flight import LevelFlight
+    from sitl_plant.airframe.modes import Mode
 
 EPILOG = """
 Examples:
@@ -120,14 +121,14 @@ def aircraft(
 
 
 def _shown(name: str, aircraft: "Aircraft", airspeed: float | None) -> _Shown:
-    from ftc_lab.theory.airframe_checks import airframe_checks
-    from ftc_lab.theory.modes import (
+    from ftc_autopilot.control.airframe_checks import airframe_checks
+    from sitl_plant.airframe.level_flight import (
         authority,
         fastest_level_flight,
         largest_thrust,
         level_flight,
-        modes,
     )
+    from sitl_plant.airframe.modes import modes
 
     low, high = aircraft.airspeed_min_m_s, aircraft.airspeed_max_m_s
     speed = aircraft.design_airspeed if airspeed is None else airspeed

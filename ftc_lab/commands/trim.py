@@ -21,9 +21,9 @@ from gcs.terminal import Terminal, console_of, numbers, print_json, table_of, te
 from mavlink_defs.constants import Actuator
 
 if TYPE_CHECKING:
-    from ftc_lab.theory.trim import Trim
     from gcs.scenario.model import Scenario
     from sitl_plant.airframe.config import Aircraft
+    from sitl_plant.airframe.stuck_trim import Trim
 
 EPILOG = """
 Examples:
@@ -143,7 +143,7 @@ def _kept(
     aircraft: "Aircraft", stuck: Actuator, airspeed_m_s: float, roll_deg: float, sideslip_deg: float
 ) -> Iterator["Trim"]:
     """Yield the ends of the range of deflections at an airspeed, and zero in between."""
-    from ftc_lab.theory.trim import stuck_range, trim_stuck
+    from sitl_plant.airframe.stuck_trim import stuck_range, trim_stuck
 
     ends = stuck_range(aircraft, stuck, airspeed_m_s, roll_deg, sideslip_deg)
     if ends is None:
@@ -159,7 +159,7 @@ def _given_up(
     aircraft: "Aircraft", stuck: Actuator, airspeed_m_s: float, roll_deg: float, sideslip_deg: float
 ) -> Iterator["Trim"]:
     """Yield the ends of the range of positions, and round positions in between."""
-    from ftc_lab.theory.trim import stuck_range, trim_stuck
+    from sitl_plant.airframe.stuck_trim import stuck_range, trim_stuck
 
     ends = stuck_range(aircraft, stuck, airspeed_m_s, roll_deg, sideslip_deg)
     if ends is None:

@@ -4,19 +4,19 @@ import math
 from dataclasses import dataclass
 from functools import cache, cached_property
 
-from ftc_lab.theory.modes import (
-    LevelFlight,
-    authority,
-    fastest_level_flight,
-    largest_thrust,
-    level_flight,
-)
 from gcs.errors import BadInput
 from gcs.scenario.aircraft_file import load_aircraft
 from mavlink_defs.constants import SURFACES
 from sitl_plant.airframe.aerodynamics import lateral, rate_damping
 from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft
+from sitl_plant.airframe.level_flight import (
+    LevelFlight,
+    authority,
+    fastest_level_flight,
+    largest_thrust,
+    level_flight,
+)
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from ftc_autopilot.control.airframe_checks import AREA, PAIRING, SIDESLIP, airframe_checks
 from ftc_autopilot.control.heading import remaining_side_force
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.pairing import is_coupled, surfaces_by_sideslip
@@ -14,12 +15,11 @@ from ftc_lab.design.airframe import Airframe, home
 from ftc_lab.design.parameters import Line, Tree, parameters_of
 from ftc_lab.design.rules import Conditions, Rules
 from ftc_lab.design.similarity import Similarity, similarity
-from ftc_lab.theory.airframe_checks import AREA, PAIRING, SIDESLIP, airframe_checks
-from ftc_lab.theory.modes import level_flight
 from gcs.errors import BadInput
 from mavlink_defs.config.yaml_text import yaml_of
 from sitl_plant.airframe.aerodynamics import Lateral, lateral
 from sitl_plant.airframe.aircraft import aircraft_record
+from sitl_plant.airframe.level_flight import level_flight
 
 TRIGGER_OF = {"surviving": "per_channel", "tube": "consequence", "pid": "periodic"}
 """Trigger that a law is designed with; per_channel unless named."""

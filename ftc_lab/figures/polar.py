@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftc_lab.theory.modes import LevelFlight
 from gcs.figures.style import draw_legend, new_figure, style, tidy
 from sitl_plant.airframe.aerodynamics import aerodynamics
 from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft
+from sitl_plant.airframe.level_flight import LevelFlight
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

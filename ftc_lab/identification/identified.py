@@ -8,19 +8,19 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from ftc_autopilot.control.airframe_checks import Check, airframe_checks
 from ftc_lab.design.answers import answers_of, laws_of, sentences_of
 from ftc_lab.identification.experiment import experiment, stall_of
 from ftc_lab.identification.fit import Estimate, Fit, fit
 from ftc_lab.identification.readings import windows_of
 from ftc_lab.identification.trim import SimulatorTrim, trim
-from ftc_lab.theory.airframe_checks import Check, airframe_checks
-from ftc_lab.theory.modes import LevelFlight, level_flight
 from gcs.errors import BadInput
 from mavlink_defs.config.files import problems_of
 from mavlink_defs.config.quantity import describe
 from mavlink_defs.config.yaml_text import yaml_of
 from mavlink_defs.constants import SURFACES
 from sitl_plant.airframe.config import TERMS, Aircraft, Coefficients
+from sitl_plant.airframe.level_flight import LevelFlight, level_flight
 from sitl_plant.simulators.base import Body, Simulator
 
 FORCES = {

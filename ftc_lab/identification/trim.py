@@ -1,4 +1,8 @@
-"""Level flight of a simulator, found by Newton's method on what it does."""
+"""Level flight of a simulator, found by Newton's method on what it does.
+
+A simulator is differentiated by steps large beside its noise, and its surfaces end at their stops:
+the solver of our own equations (`sitl_plant.airframe.level_flight`) would not hold.
+"""
 
 import math
 from typing import NamedTuple
@@ -6,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gcs.errors import BadInput
+from sitl_plant.airframe.level_flight import velocity_at
 from sitl_plant.simulators.base import Motion, Simulator
 from sitl_plant.vec3 import Vec3
 
@@ -35,8 +40,7 @@ def motion_at(
     V: float, alpha: float, beta: float = 0.0, rates: Vec3 = (0.0, 0.0, 0.0), altitude: float = 0.0
 ) -> Motion:
     """Return the motion of level wings and a level path at an airspeed [m/s] and angles [rad]."""
-    ca, sa, cb, sb = math.cos(alpha), math.sin(alpha), math.cos(beta), math.sin(beta)
-    v = (V * ca * cb, V * sb, V * sa * cb)
+    v = velocity_at(V, alpha, beta)
     return Motion((0.0, 0.0, -altitude), v, (0.0, alpha, 0.0), rates, (0.0, 0.0, 0.0))
 
 

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from ftc_autopilot.common.schedule import Schedule
-from ftc_lab.theory.modes import largest_thrust
 from gcs.results.quantities import PAPER_ORDER
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import ACTUATORS, THROTTLE
+from sitl_plant.airframe.level_flight import largest_thrust
 
 _SURFACES = PAPER_ORDER[1:]
 WIRE_ROUNDING = 2.0**-24

@@ -13,7 +13,7 @@ import numpy as np
 
 from gcs.results.recording import Steps
 from gcs.scenario.model import Scenario
-from mavlink_defs.constants import N_CHANNELS
+from mavlink_defs.constants import GNSS, N_CHANNELS
 from mavlink_defs.dialect import (
     FTC_NEIGHBOUR_FRAME_REFERENCE,
     FTC_SIM_FLAGS_RUNNING,
@@ -33,8 +33,7 @@ from mavlink_defs.framing.header import CRC_SIZE, HEADER_SIZE, SIGNATURE_SIZE
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.airframe.rigid_body import R1
 from sitl_plant.sensing.config import Sensor
-from sitl_plant.sensing.sense import NEW
-from sitl_plant.sensing.units import GNSS, Unit, units_of
+from sitl_plant.sensing.units import UPDATED, Unit, units_of
 from sitl_plant.vec3 import mul, vec3
 
 KINDS = ("states", "actuator_messages", "neighbour_messages")
@@ -115,7 +114,7 @@ class Traffic:
             if unit.kind == GNSS:
                 samples = int(due.sum())
             else:
-                sensors["fields_updated"][unit.imu, due] |= NEW[unit.kind]
+                sensors["fields_updated"][unit.imu, due] |= UPDATED[unit.kind]
         gps = np.ones(samples, HIL_GPS)
         gps["yaw"] = gps["id"] = 0
         step = np.zeros(steps.length, SIM_STEP)

@@ -24,6 +24,7 @@ from ftc_autopilot.control.laws import Controller
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.triggers import Trigger
 from ftc_autopilot.control.triggers.static import PerChannel
+from ftc_autopilot.estimation.parameters import EstimatorParameters
 from ftc_autopilot.guidance.formation import Formation
 from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
@@ -111,6 +112,9 @@ class Scenario(Model):
     )
     sensors: Sensors = Field(default=Sensors(), description="Sensors of every aircraft.")
     navigation: Navigation = "true_state"
+    estimator: EstimatorParameters = Field(
+        default=EstimatorParameters(), description="Parameters of the estimator of every UAV."
+    )
     seed: Seed = 1
     controller: Controller = Field(
         default=Proposed(), description="Control law of every UAV, and its parameters."
@@ -203,6 +207,7 @@ class Scenario(Model):
             origin=self.origin,
             navigation=self.navigation,
             sensors=self.sensors.navigation,
+            estimator=self.estimator,
             aircraft=self.aircraft_of(uav_id),
             controller=controller,
             trigger=self.trigger,

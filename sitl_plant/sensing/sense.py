@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mavlink_defs import dialect
+from mavlink_defs.constants import ACCELEROMETER, BAROMETER, GNSS, GYRO, MAGNETOMETER, PITOT
 from mavlink_defs.framing.codec import HIL_GPS, HIL_SENSOR
-from mavlink_defs.origin import EARTH_RADIUS_M, Origin
+from mavlink_defs.origin import Origin, degrees_at
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.airframe.rigid_body import R1
 from sitl_plant.sensing.config import NavigationSensors
@@ -21,17 +21,7 @@ from sitl_plant.sensing.errors import AXES, CHANNELS, ERRORS, corrupt, is_due, t
 from sitl_plant.sensing.failures import Failures, SensorRange, fail, new_failures
 from sitl_plant.sensing.geomagnetism import magnetic_field
 from sitl_plant.sensing.standard_air import altitude_of, pressure_at, temperature_at
-from sitl_plant.sensing.units import (
-    ACCELEROMETER,
-    BAROMETER,
-    FAULT_NAMES,
-    GNSS,
-    GYRO,
-    MAGNETOMETER,
-    PITOT,
-    Unit,
-    units_of,
-)
+from sitl_plant.sensing.units import FAULT_NAMES, UPDATED, Unit, units_of
 from sitl_plant.vec3 import Vec3, mul, mul_t, vec3
 
 _CHANNEL = 300  # of the random numbers: this one and the next 360
@@ -42,36 +32,7 @@ _HPA = 0.01  # of one Pa
 _FIX_3D = 3
 _UNKNOWN_YAW = 0
 
-_NEW_GYRO = (
-    dialect.HIL_SENSOR_UPDATED_XGYRO
-    | dialect.HIL_SENSOR_UPDATED_YGYRO
-    | dialect.HIL_SENSOR_UPDATED_ZGYRO
-)
-_NEW_ACCELEROMETER = (
-    dialect.HIL_SENSOR_UPDATED_XACC
-    | dialect.HIL_SENSOR_UPDATED_YACC
-    | dialect.HIL_SENSOR_UPDATED_ZACC
-)
-_NEW_MAGNETOMETER = (
-    dialect.HIL_SENSOR_UPDATED_XMAG
-    | dialect.HIL_SENSOR_UPDATED_YMAG
-    | dialect.HIL_SENSOR_UPDATED_ZMAG
-)
-_NEW_BAROMETER = (
-    dialect.HIL_SENSOR_UPDATED_ABS_PRESSURE
-    | dialect.HIL_SENSOR_UPDATED_PRESSURE_ALT
-    | dialect.HIL_SENSOR_UPDATED_TEMPERATURE
-)
-_NEW_PITOT = dialect.HIL_SENSOR_UPDATED_DIFF_PRESSURE
-
-NEW = {
-    GYRO: _NEW_GYRO,
-    ACCELEROMETER: _NEW_ACCELEROMETER,
-    MAGNETOMETER: _NEW_MAGNETOMETER,
-    BAROMETER: _NEW_BAROMETER,
-    PITOT: _NEW_PITOT,
-}
-"""Bits of `fields_updated` that a sample of each kind sets."""
+_degrees_at = compiled(degrees_at)
 
 SITE = np.dtype(
     [
@@ -253,30 +214,23 @@ def _write(imu: np.void, kind: int, values: np.ndarray) -> None:
     """Write a sample to an HIL_SENSOR payload."""
     if kind == GYRO:
         imu["xgyro"], imu["ygyro"], imu["zgyro"] = values[0], values[1], values[2]
-        imu["fields_updated"] |= _NEW_GYRO
     elif kind == ACCELEROMETER:
         imu["xacc"], imu["yacc"], imu["zacc"] = values[0], values[1], values[2]
-        imu["fields_updated"] |= _NEW_ACCELEROMETER
     elif kind == MAGNETOMETER:
         imu["xmag"], imu["ymag"], imu["zmag"] = values[0], values[1], values[2]
-        imu["fields_updated"] |= _NEW_MAGNETOMETER
     elif kind == BAROMETER:
         altitude = altitude_of(values[0])
         imu["abs_pressure"], imu["pressure_alt"] = values[0], altitude
         imu["temperature"] = temperature_at(altitude)
-        imu["fields_updated"] |= _NEW_BAROMETER
     else:
         imu["diff_pressure"] = values[0]
-        imu["fields_updated"] |= _NEW_PITOT
+    imu["fields_updated"] |= UPDATED[kind]
 
 
 @compiled
 def _write_gps(gps: np.void, site: np.void, measured: int, values: np.ndarray) -> None:
     """Write a sample of the GNSS receiver to an HIL_GPS payload."""
-    parallel = EARTH_RADIUS_M * math.cos(math.radians(site["latitude"]))
-    latitude = site["latitude"] + math.degrees(values[0] / EARTH_RADIUS_M)
-    longitude = site["longitude"] + math.degrees(values[1] / parallel)
-    longitude = (longitude + 180.0) % 360.0 - 180.0
+    latitude, longitude = _degrees_at(values[0], values[1], site["latitude"], site["longitude"])
     north, east, down = values[3], values[4], values[5]
     course = math.degrees(math.atan2(east, north)) % 360.0
     gps["time_usec"] = measured * site["step_us"]

@@ -6,8 +6,14 @@ gauss, barometer and pitot hPa; of the GNSS receiver position [m] and velocity [
 
 import math
 from collections.abc import Iterator
-from typing import Final, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
+import numpy as np
+
+from mavlink_defs import dialect
+from mavlink_defs.constants import ACCELEROMETER, BAROMETER, GNSS, GYRO, MAGNETOMETER, PITOT
+from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.sensor_fault_kinds import SENSOR_NAMES
 from sitl_plant.sensing.config import (
     Accelerometer,
     Barometer,
@@ -19,15 +25,26 @@ from sitl_plant.sensing.config import (
 )
 from sitl_plant.sensing.errors import Errors, gauss_markov, white_noise
 
-GYRO: Final = 1
-ACCELEROMETER: Final = 2
-MAGNETOMETER: Final = 3
-BAROMETER: Final = 4
-GNSS: Final = 5
-PITOT: Final = 6
-
-FAULT_NAMES = ("", "gyro", "accelerometer", "magnetometer", "barometer", "gps", "airspeed")
+FAULT_NAMES = ("", *SENSOR_NAMES)
 """Names of the kinds in faults of sensors."""
+
+_DERIVED = dialect.HIL_SENSOR_UPDATED_PRESSURE_ALT | dialect.HIL_SENSOR_UPDATED_TEMPERATURE
+UPDATED = (
+    0,
+    dialect.HIL_SENSOR_UPDATED_XGYRO
+    | dialect.HIL_SENSOR_UPDATED_YGYRO
+    | dialect.HIL_SENSOR_UPDATED_ZGYRO,
+    dialect.HIL_SENSOR_UPDATED_XACC
+    | dialect.HIL_SENSOR_UPDATED_YACC
+    | dialect.HIL_SENSOR_UPDATED_ZACC,
+    dialect.HIL_SENSOR_UPDATED_XMAG
+    | dialect.HIL_SENSOR_UPDATED_YMAG
+    | dialect.HIL_SENSOR_UPDATED_ZMAG,
+    dialect.HIL_SENSOR_UPDATED_ABS_PRESSURE | _DERIVED,
+    0,  # a GNSS receiver has a message of its own
+    dialect.HIL_SENSOR_UPDATED_DIFF_PRESSURE,
+)
+"""Bits of HIL_SENSOR's `fields_updated` that a sample of each kind sets."""
 
 AnySensor: TypeAlias = Gyro | Accelerometer | Magnetometer | Barometer | Pitot | Gnss
 
@@ -40,7 +57,7 @@ class Unit(NamedTuple):
     """One sensor of an aircraft.
 
     Attributes:
-        kind: What it measures, GYRO and so on.
+        kind: What it measures, `mavlink_defs.constants.GYRO` and so on.
         imu: Which IMU it belongs to, from 0.
         every: Control periods from sample to sample.
         late: Control periods from measurement to report.
@@ -52,6 +69,13 @@ class Unit(NamedTuple):
     every: int
     late: int
     errors: Errors
+
+
+@compiled
+def is_updated(message: np.void, kind: int) -> bool:
+    """Return whether an HIL_SENSOR payload has a new sample of a kind, all that is measured."""
+    measured = UPDATED[kind] & ~_DERIVED
+    return int(message["fields_updated"]) & measured == measured
 
 
 def units_of(sensors: NavigationSensors, step_us: int) -> list[Unit]:

@@ -6,7 +6,7 @@ import pytest
 from benchmarks.airframes import AIRFRAMES, LAWS, Case, designed, faults_of, fly, line
 from benchmarks.least_roll import lateral_model, least_roll
 from ftc_lab.identification.trim import acceleration, motion_at
-from ftc_lab.theory.modes import level_flight
+from sitl_plant.airframe.level_flight import level_flight
 from sitl_plant.simulators.own import OwnSimulator
 
 

@@ -20,6 +20,7 @@ from ftc_autopilot.estimation.output import REPORT
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario, load_scenario
+from mavlink_defs.constants import BAROMETER, GNSS, MAGNETOMETER, PITOT
 from mavlink_defs.framing.codec import SIM_STATE, SIM_STEP
 from sitl_plant.loop.fleet import new_sensing
 from sitl_plant.sensing.sense import sense
@@ -67,13 +68,10 @@ def test_the_covariance_is_that_of_the_errors(runs: list[Followed]) -> None:
 def test_innovations_have_their_variance(runs: list[Followed]) -> None:
     """Of a magnetometer the largest of 3, of a GNSS receiver of 6: means of 2.1 and 3.0."""
     ratios = np.mean([run.ratios[LATE:] for run in runs], axis=(0, 1))
-    expected = {"magnetometer": 2.1, "barometer": 1.0, "gnss": 3.0}
-    measured = dict(
-        zip(("imu", "magnetometer", "barometer", "pitot", "gnss"), ratios, strict=False)
-    )
-    for name, mean in expected.items():
-        assert measured[name] == pytest.approx(mean, rel=0.15)
-    assert measured["pitot"] < 1.1
+    expected = {MAGNETOMETER: 2.1, BAROMETER: 1.0, GNSS: 3.0}
+    for sensor, mean in expected.items():
+        assert ratios[sensor] == pytest.approx(mean, rel=0.15)
+    assert ratios[PITOT] < 1.1
 
 
 def test_no_sensor_is_excluded_without_a_fault(runs: list[Followed]) -> None:

@@ -14,11 +14,10 @@ from hypothesis import strategies as st
 from vehicle_bench import Bench, of_type
 
 from ftc_autopilot.estimation.health import INCONSISTENT, NOISY, REASONS, SILENT, STUCK, WELL
-from ftc_autopilot.estimation.state import BARO, GNSS, MAG, PITOT
 from gcs.scenario.model import Scenario, load_scenario
-from mavlink_defs.constants import ACTUATORS
+from mavlink_defs.constants import ACTUATORS, BAROMETER, GNSS, MAGNETOMETER, PITOT
 
-SENSORS = {MAG: "magnetometer", BARO: "barometer", PITOT: "pitot", GNSS: "GNSS"}
+SENSORS = {MAGNETOMETER: "magnetometer", BAROMETER: "barometer", PITOT: "pitot", GNSS: "GNSS"}
 SECOND = 1_000_000
 reasons = st.sampled_from([WELL, WELL, SILENT, STUCK, INCONSISTENT, NOISY])
 moments = st.tuples(

@@ -8,11 +8,12 @@ import pytest
 from vehicle_bench import Bench, of_type
 
 from ftc_autopilot.estimation.health import INCONSISTENT, SILENT, STUCK, WELL
-from ftc_autopilot.estimation.measurements import GATE
-from ftc_autopilot.estimation.state import BARO, GNSS, MAG, PITOT
+from ftc_autopilot.estimation.parameters import EstimatorParameters
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
+from mavlink_defs.constants import BAROMETER, GNSS, MAGNETOMETER, PITOT
 
+GATE = EstimatorParameters().gate_sigma ** 2
 GPS = dialect.MAV_SYS_STATUS_SENSOR_GPS
 PITOT_BIT = dialect.MAV_SYS_STATUS_SENSOR_DIFFERENTIAL_PRESSURE
 GYRO, AHRS = dialect.MAV_SYS_STATUS_SENSOR_3D_GYRO, dialect.MAV_SYS_STATUS_AHRS
@@ -49,7 +50,12 @@ def said(bench: Bench) -> list[str]:
 
 
 def test_ratios_are_innovations_over_their_limit(bench: Bench) -> None:
-    for sensor, squared in ((MAG, GATE), (BARO, GATE / 4.0), (PITOT, 4.0 * GATE), (GNSS, 0.0)):
+    for sensor, squared in (
+        (MAGNETOMETER, GATE),
+        (BAROMETER, GATE / 4.0),
+        (PITOT, 4.0 * GATE),
+        (GNSS, 0.0),
+    ):
         report(bench)["ratios"][sensor] = squared
     report(bench)["position_std"] = (3.0, 4.0, 7.0)
     status = made(bench, dialect.MAVLINK_MSG_ID_ESTIMATOR_STATUS)

@@ -7,9 +7,9 @@ import pytest
 from typer.testing import CliRunner
 
 from ftc_lab.figures.polar import draw_polar, polar
-from ftc_lab.theory.modes import level_flight
 from gcs.cli import app
 from gcs.scenario.aircraft_file import load_aircraft
+from sitl_plant.airframe.level_flight import level_flight
 
 
 def test_below_the_stall_the_curves_are_the_coefficients() -> None:

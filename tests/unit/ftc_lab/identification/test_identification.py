@@ -19,7 +19,6 @@ from ftc_lab.identification.identified import (
 from ftc_lab.identification.readings import Readings, windows_of
 from ftc_lab.identification.recorded import body_of, readings_of
 from ftc_lab.identification.trim import trim
-from ftc_lab.theory.modes import level_flight
 from gcs.errors import BadInput
 from gcs.fleet.in_process import fly_in_process
 from gcs.scenario.aircraft_file import load_aircraft
@@ -28,6 +27,7 @@ from mavlink_defs.config.files import parse
 from sitl_plant.actuators.config import Servos, SurfaceServo
 from sitl_plant.air.config import Disturbance
 from sitl_plant.airframe.config import TERMS, Aircraft
+from sitl_plant.airframe.level_flight import level_flight
 from sitl_plant.simulators.own import OwnSimulator
 
 V = 24.0

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mavlink_defs.constants import GNSS, GYRO
 from sitl_plant.sensing.config import NavigationSensors
 from sitl_plant.sensing.errors import AXES, ERRORS, corrupt, turn_on
-from sitl_plant.sensing.units import GNSS, GYRO, units_of
+from sitl_plant.sensing.units import units_of
 
 STEP_US = 10_000
 

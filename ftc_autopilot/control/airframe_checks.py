@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 from ftc_autopilot.control.heading import remaining_side_force, weathercock_problem
 from ftc_autopilot.control.pairing import LEAST_RELATIVE_GAIN, is_coupled, relative_gain
-from ftc_lab.theory.modes import LevelFlight, authority, largest_thrust
 from mavlink_defs.constants import SURFACES
 from sitl_plant.airframe.aerodynamics import lateral
 from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft
+from sitl_plant.airframe.level_flight import LevelFlight, authority, largest_thrust
 
 _LARGEST_RELATIVE_GAIN = 1.6
 """Above it aileron and rudder undo much of each other's work: the Aerosonde, changed so, lacks the

@@ -5,18 +5,18 @@ import math
 import numpy as np
 import pytest
 
-from ftc_lab.theory.modes import (
-    authority,
-    fastest_level_flight,
-    largest_thrust,
-    level_flight,
-    modes,
-)
 from gcs.fleet.in_process import fly_in_process
 from gcs.scenario.aircraft_file import load_aircraft
 from gcs.scenario.model import scenario_of, scenario_tree
 from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft
+from sitl_plant.airframe.level_flight import (
+    authority,
+    fastest_level_flight,
+    largest_thrust,
+    level_flight,
+)
+from sitl_plant.airframe.modes import modes
 from sitl_plant.airframe.rigid_body import STILL_AIR, state_derivative
 
 V = 25.0

@@ -13,14 +13,11 @@ import numpy as np
 from mavlink_defs.constants import ACTUATORS, AILERON, RUDDER, SURFACES, THROTTLE, Actuator
 from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft
-from sitl_plant.airframe.rigid_body import R1, R2, STILL_AIR, state_derivative
+from sitl_plant.airframe.level_flight import NEWTONS, Steady, steady_flight
 from sitl_plant.airframe.thrust import available_thrust, with_any_thrust
-from sitl_plant.vec3 import mul
 
 _CHOSEN_AIRSPEED = (AILERON, RUDDER)
-_NEWTONS = 1000.0  # thrust is of the order of one in the solver's unit
-_METRES_S = 50.0
-_TOLERANCE = 1e-9
+_METRES_S = 50.0  # unit of airspeed in which it is of the order of an angle
 _ENDS = 1e-3  # deg or N
 ANY_SIDESLIP_DEG = 90.0
 """A limit that no sideslip exceeds."""
@@ -84,81 +81,60 @@ def trim_stuck(
         sideslip_limit_deg: Largest sideslip of a flight that is possible: the coefficients are
             linear, and say nothing of an aircraft at right angles to the air.
     """
-    from scipy.optimize import root
-
     record, channel = aircraft_record(aircraft), ACTUATORS.index(stuck)
     if channel != THROTTLE:
         record = with_any_thrust(record)
-    value = position / _NEWTONS if channel == THROTTLE else math.radians(position)
+    value = position / NEWTONS if channel == THROTTLE else math.radians(position)
     turns = channel in _CHOSEN_AIRSPEED
-    roll = math.radians(roll_deg)
-
     balanced_by_bank = not aircraft.has("rudder") and channel != RUDDER
 
-    def unpacked(x: np.ndarray) -> tuple[float, float, float, float, float, float, list[float]]:
-        alpha, beta, pitch, last, *others = x
-        controls = [float(other) for other in others]
+    def tried(x: np.ndarray) -> Steady:
+        alpha, beta, pitch, last, *controls = x.tolist()
         controls.insert(channel, value)
-        controls[THROTTLE] *= _NEWTONS
-        bank = roll
+        roll = math.radians(roll_deg)
         if balanced_by_bank:
-            bank, controls[RUDDER] = controls[RUDDER], 0.0
-        V, turn = (airspeed_m_s, last) if turns else (_METRES_S * last, 0.0)
-        return float(alpha), float(beta), bank, float(pitch), float(V), float(turn), controls
-
-    def unrest(x: np.ndarray) -> list[float]:
-        alpha, beta, bank, pitch, V, turn, (da, de, dr, thrust) = unpacked(x)
-        v = (
-            V * math.cos(alpha) * math.cos(beta),
-            V * math.sin(beta),
-            V * math.sin(alpha) * math.cos(beta),
-        )
-        phi = (bank, pitch, 0.0)
-        state = ((0.0, 0.0, 0.0), v, phi, mul(R2(phi), (0.0, 0.0, turn)))
-        rest = (0.0, 0.0, 0.0)
-        _, v_dot, _, omega_dot = state_derivative(
-            state, thrust, (da, de, dr), rest, rest, STILL_AIR, record
-        )
-        return [*v_dot, *omega_dot, mul(R1(phi), v)[2]]
+            roll, controls[RUDDER] = controls[RUDDER], 0.0
+        aileron, elevator, rudder, thrust = controls
+        V, turn_rate = (airspeed_m_s, last) if turns else (_METRES_S * last, 0.0)
+        delta = aileron, elevator, rudder
+        return Steady(V, alpha, beta, roll, pitch, delta, NEWTONS * thrust, turn_rate)
 
     begin = [0.05, 0.0, 0.05, 0.0 if turns else airspeed_m_s / _METRES_S, 0.0, 0.0, 0.0]
     if channel != THROTTLE:
         begin[-1] = 1.0
-    found = root(unrest, begin, tol=_TOLERANCE)
-    if not found.success or max(map(abs, unrest(found.x))) > math.sqrt(_TOLERANCE):
+    found = steady_flight(record, tried, begin)
+    if found is None:
         return None
-    alpha, beta, bank, pitch, V, turn, (da, de, dr, thrust) = unpacked(found.x)
+    aileron, elevator, rudder = map(math.degrees, found.delta)
     return Trim(
         stuck=stuck,
-        airspeed_m_s=V,
-        aileron_deg=math.degrees(da),
-        elevator_deg=math.degrees(de),
-        rudder_deg=math.degrees(dr),
-        thrust_n=thrust,
-        alpha_deg=math.degrees(alpha),
-        beta_deg=math.degrees(beta),
-        roll_deg=math.degrees(bank) if balanced_by_bank else roll_deg,
-        pitch_deg=math.degrees(pitch),
-        turn_rate_deg_s=math.degrees(turn),
+        airspeed_m_s=found.airspeed,
+        aileron_deg=aileron,
+        elevator_deg=elevator,
+        rudder_deg=rudder,
+        thrust_n=found.thrust,
+        alpha_deg=math.degrees(found.alpha),
+        beta_deg=math.degrees(found.beta),
+        roll_deg=math.degrees(found.roll) if balanced_by_bank else roll_deg,
+        pitch_deg=math.degrees(found.pitch),
+        turn_rate_deg_s=math.degrees(found.turn_rate),
         beyond=(
-            *_beyond(aircraft, channel, V, (da, de, dr), thrust),
-            *(("sideslip",) if abs(math.degrees(beta)) > sideslip_limit_deg else ()),
+            *_beyond(aircraft, channel, found),
+            *(("sideslip",) if abs(math.degrees(found.beta)) > sideslip_limit_deg else ()),
         ),
     )
 
 
-def _beyond(
-    aircraft: Aircraft, stuck: int, V: float, delta: tuple[float, ...], thrust: float
-) -> tuple[str, ...]:
+def _beyond(aircraft: Aircraft, stuck: int, flight: Steady) -> tuple[str, ...]:
     found: list[str] = [
         name
         for channel, (name, stops) in enumerate(zip(SURFACES, aircraft.stops_deg, strict=True))
-        if channel != stuck and not stops[0] <= math.degrees(delta[channel]) <= stops[1]
+        if channel != stuck and not stops[0] <= math.degrees(flight.delta[channel]) <= stops[1]
     ]
-    most = available_thrust(V, aircraft_record(aircraft))
-    if not 0.0 <= thrust <= most and stuck != THROTTLE:
+    most = available_thrust(flight.airspeed, aircraft_record(aircraft))
+    if not 0.0 <= flight.thrust <= most and stuck != THROTTLE:
         found.append("throttle")
-    if not aircraft.airspeed_min_m_s <= V <= aircraft.airspeed_max_m_s:
+    if not aircraft.airspeed_min_m_s <= flight.airspeed <= aircraft.airspeed_max_m_s:
         found.append("airspeed")
     return tuple(found)
 

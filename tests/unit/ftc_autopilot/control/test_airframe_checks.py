@@ -4,12 +4,12 @@ from typing import Any
 
 import pytest
 
-from ftc_lab.theory.airframe_checks import PAIRING, SIDESLIP, airframe_checks
-from ftc_lab.theory.modes import level_flight
+from ftc_autopilot.control.airframe_checks import PAIRING, SIDESLIP, airframe_checks
 from gcs.scenario.aircraft_file import load_aircraft
 from gcs.scenario.bundled import aircraft_names
 from mavlink_defs.config.inherit import with_values
 from sitl_plant.airframe.config import Aircraft
+from sitl_plant.airframe.level_flight import level_flight
 
 
 def not_met(aircraft: Aircraft, airspeed_m_s: float) -> list[str]:

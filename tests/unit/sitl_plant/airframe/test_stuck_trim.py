@@ -7,15 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ftc_lab.theory.modes import largest_thrust, level_flight
-from ftc_lab.theory.trim import Trim, stuck_range, trim_stuck
 from gcs.fleet.in_process import fly_in_process
 from gcs.scenario.aircraft_file import load_aircraft
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import Actuator
 from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft
+from sitl_plant.airframe.level_flight import largest_thrust, level_flight
 from sitl_plant.airframe.rigid_body import STILL_AIR, State, advance, state_derivative
+from sitl_plant.airframe.stuck_trim import Trim, stuck_range, trim_stuck
 
 REST = (0.0, 0.0, 0.0)
 

@@ -1,0 +1,152 @@
+"""Parameters of the estimator: what is neither the sensors' data nor the aircraft's."""
+
+from typing import Any
+
+from mavlink_defs.config.models import Model
+from mavlink_defs.config.quantity import quantity, whole
+
+
+def _time(default: float, doc: str) -> Any:
+    return quantity("s", gt=0.0, le=1000.0, default=default, doc=doc)
+
+
+def _number(default: float, doc: str) -> Any:
+    return quantity("", ge=0.0, le=1000.0, default=default, doc=doc)
+
+
+def _angle(default: float, doc: str) -> Any:
+    return quantity("deg", gt=0.0, le=90.0, default=default, doc=doc)
+
+
+class EstimatorParameters(Model):
+    """Parameters of the estimator of every UAV, in flights by an estimated state.
+
+    Names in brackets are PX4's for the same in EKF2, with its default in the same unit
+    (https://docs.px4.io/main/en/advanced_config/tuning_the_ecl_ekf.html). With the defaults here,
+    the faults of `scenarios/sensor_faults` are found, and no healthy sensor is excluded:
+    `benchmarks/by_sensors.py` and `benchmarks/consistency.py` show it, and judge other values.
+    """
+
+    wind_walk_m_s_sqrt_s: float = quantity(
+        "m/s/sqrt(s)",
+        ge=0.0,
+        le=10.0,
+        default=0.1,
+        doc="Random walk of the horizontal wind [EKF2_WIND_NSD: 0.05].",
+    )
+    vertical_wind_m_s: float = quantity(
+        "m/s", gt=0.0, le=20.0, default=0.5, doc="Standard deviation of the vertical wind."
+    )
+    vertical_wind_s: float = _time(8.0, "Its correlation time.")
+    gust_growth: float = _number(
+        10.0, "Growth of the wind's noise with the excess of the pitot tube's mean NIS in gusts."
+    )
+    pitot_scale_s: float = _time(
+        30.0,
+        "Correlation time of the pitot tube's scale error: a constant would be learned from gusts.",
+    )
+    gate_sigma: float = quantity(
+        "",
+        gt=0.0,
+        le=100.0,
+        default=5.0,
+        doc="Innovation test: standard deviations; a normal value exceeds 5 once in 1.7 million "
+        "[EKF2_GPS_P_GATE, EKF2_GPS_V_GATE, EKF2_BARO_GATE: 5; EKF2_MAG_GATE, EKF2_TAS_GATE: 3].",
+    )
+    take_back_sigma: float = quantity(
+        "",
+        gt=0.0,
+        le=100.0,
+        default=3.0,
+        doc="The same of an excluded sensor that is to be taken back.",
+    )
+    sideslip_deg: float = _angle(
+        10.0, "Sideslip where the side force says nothing, around 0 [EKF2_BETA_NOISE: 17]."
+    )
+    side_disturbance_m_s2: float = quantity(
+        "m/s^2",
+        ge=0.0,
+        le=10.0,
+        default=0.15,
+        doc="Side force over mass of what else than sideslip makes it.",
+    )
+    side_model: float = _number(0.3, "Relative error of the coefficient of the side force.")
+
+    tilt_deg: float = _angle(
+        4.0, "First estimate: error of roll and pitch where gravity shows [EKF2_ANGERR_INIT: 5.7]."
+    )
+    heading_deg: float = _angle(
+        6.0, "First estimate: error of the heading by the magnetometer [EKF2_HEAD_NOISE: 17]."
+    )
+    wind_m_s: float = quantity(
+        "m/s", gt=0.0, le=100.0, default=6.0, doc="First estimate: wind to be expected, each axis."
+    )
+    place_m: float = quantity(
+        "m", gt=0.0, le=1e6, default=1e4, doc="First estimate: distance from the origin."
+    )
+
+    smoothing_s: float = _time(
+        0.25, "Output: time constant in which it takes corrections over [EKF2_TAU_VEL: 0.25]."
+    )
+    rate_cutoff_hz: float = quantity(
+        "Hz", gt=0.0, default=40.0, doc="Output: low pass of the rates [IMU_GYRO_CUTOFF: 40]."
+    )
+    force_cutoff_hz: float = quantity(
+        "Hz",
+        gt=0.0,
+        default=30.0,
+        doc="Output: low pass of the specific force [IMU_ACCEL_CUTOFF: 30].",
+    )
+
+    silent_s: float = _time(
+        0.5, "Excluded: a sensor without samples for longer, and than 4 of its periods."
+    )
+    same_s: float = _time(0.5, "Excluded: with the same noisy sample for longer.")
+    failed_s: float = _time(
+        0.3, "Excluded: with samples that fail their test for longer, 3 at least."
+    )
+    take_back_s: float = _time(1.0, "Taken back: when its samples have passed for so long.")
+    position_growth_m_s: float = quantity(
+        "m/s",
+        ge=0.0,
+        le=100.0,
+        default=1.0,
+        doc="Growth of the position's error without a GNSS receiver, when one is back.",
+    )
+
+    imu_silent_s: float = _time(0.03, "Excluded: an IMU without samples for longer.")
+    imu_same: int = whole(
+        "", ge=1, le=100_000, default=30, doc="Excluded: an IMU with more equal samples in a row."
+    )
+    imu_noise: float = _number(
+        9.0, "Excluded: an IMU whose samples have more than so many times their variance."
+    )
+    imu_apart_deg_s: float = quantity(
+        "deg/s",
+        gt=0.0,
+        le=2000.0,
+        default=1.0,
+        doc="Two IMUs differ: angular velocity, and 1 % of it [EKF2_SEL_IMU_RAT: 7].",
+    )
+    imu_apart_m_s2: float = quantity(
+        "m/s^2",
+        gt=0.0,
+        le=160.0,
+        default=0.4,
+        doc="Two IMUs differ: specific force, and 1 % of it [EKF2_SEL_IMU_ACC: 1].",
+    )
+    imu_decide_s: float = _time(0.35, "Two IMUs differ: one is excluded after so long, at last.")
+    imu_take_back_s: float = _time(2.0, "Taken back: an IMU that has been well for so long.")
+
+    icing_mean_s: float = _time(15.0, "Icing: memory of the mean wind and of the mean lift.")
+    icing_change_m_s: float = quantity(
+        "m/s",
+        gt=0.0,
+        le=100.0,
+        default=1.5,
+        doc="Icing: least change of the wind along the x axis against its mean; more in gusts.",
+    )
+    icing_lift: float = _number(
+        0.3, "Icing: least change of the lift's airspeed, relative to what icing explains."
+    )
+    icing_confirm_s: float = _time(0.3, "Icing: time for which both must agree.")
