@@ -104,11 +104,11 @@ def is_loopback(address: UdpAddress) -> bool:
     return ipaddress.ip_address(_resolve(address)).is_loopback
 
 
-def exposed(address: UdpAddress, signed: bool) -> str:
+def exposed(address: UdpAddress | str, signed: bool) -> str:
     """Return a warning about an address that is not loopback.
 
     Args:
-        address: The address.
+        address: The address, or its host.
         signed: Whether unsigned frames are refused there.
     """
     text = f"warning: {address} can be reached from other machines"
