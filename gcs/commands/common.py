@@ -17,6 +17,8 @@ from gcs.progress import Task, working
 from gcs.scenario.changes import with_changes
 from gcs.scenario.model import Scenario
 from gcs.scenario.settings import values_of
+from gcs.terminal import console_of
+from mavlink_defs.endpoint import EXPOSED
 
 if TYPE_CHECKING:
     from gcs.flights.preparation import Prepared
@@ -126,9 +128,10 @@ def prepared(
 
 
 def tell(remarks: Iterable[str], console: Console) -> None:
-    """Print remarks on a flight, a line each."""
+    """Print remarks on a flight, a line each; that others can reach it also with ``--quiet``."""
     for text in remarks:
-        console.print(text, soft_wrap=True)
+        output = console_of() if EXPOSED in text else console
+        output.print(text, soft_wrap=True)
 
 
 class FlightProgress:
