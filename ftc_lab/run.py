@@ -1,4 +1,4 @@
-"""A campaign from Python: what ``gcs campaign`` does, without the terminal.
+"""A campaign, for the command line and for Python: planned and checked, and flown.
 
 `gcs.campaign` is simpler. As in::
 
@@ -6,15 +6,61 @@
     table = read_results(Path("runs/mine")).to_pandas()
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 from ftc_lab.campaigns.again import keep_flights
 from ftc_lab.campaigns.engine import fly_missing
-from ftc_lab.campaigns.plan import Plan
+from ftc_lab.campaigns.model import Campaign
+from ftc_lab.campaigns.plan import Plan, load_plan, plan
 from ftc_lab.campaigns.until import begin_campaign
-from ftc_lab.campaigns.workers import Flown
+from ftc_lab.campaigns.workers import Flown, check_scheduler
 from ftc_lab.reports.campaign import write_report
+from gcs.errors import BadInput
+from gcs.flights.preparation import checked
+from gcs.scenario.bundled import find_scenario
+from gcs.scenario.settings import plain
+from mavlink_defs.config.files import validate
+
+
+def check_workers(
+    jobs: int | None, scheduler: str | None, named: Callable[[str], str] = str
+) -> None:
+    """Check what is to fly a campaign; arguments as of `run_campaign` and `How`.
+
+    Raises:
+        BadInput: It is asked for workers here and elsewhere, or there is no such scheduler.
+    """
+    if jobs is not None and scheduler is not None:
+        text = f"{named('jobs')} starts workers here; {named('scheduler')} has its own"
+        raise BadInput(text, "leave one out")
+    if scheduler is not None:
+        check_scheduler(scheduler)
+
+
+def planned_campaign(
+    campaign: Path | str | Mapping[str, Any], draws: int | None = None
+) -> tuple[Plan, list[str]]:
+    """Return a campaign with all its draws checked, and the remarks on its scenario.
+
+    Args:
+        campaign: A file, the name of a bundled one, or what a file has, as a mapping.
+        draws: Number of draws instead of the campaign's.
+
+    Raises:
+        BadInput: It is none of these, or a simulator or a plug-in cannot fly it.
+        ConfigError: It cannot be flown; every problem is named.
+    """
+    if isinstance(campaign, Mapping):
+        tree = plain(campaign) | ({} if draws is None else {"draws": draws})
+        planned = plan(validate("campaign", tree, Campaign), Path("campaign"))
+    elif isinstance(campaign, Path | str):
+        planned = load_plan(find_scenario(campaign), draws)
+    else:
+        kind = type(campaign).__name__
+        raise BadInput(f"campaign: expected a name, a path or a mapping, got {kind}")
+    return planned, [] if planned.example is None else checked(planned.example)
 
 
 def run_campaign(

@@ -66,14 +66,14 @@ def ftc_launch(
 
     They fly in lockstep, or at a real-time factor `speed`, and are stopped after the test.
     """
-    from gcs.testing.fixtures import launch, read_scenario
+    from gcs.testing.fixtures import launch, prepared
 
     fleets = request.node.stash[_FLEETS] = []
     with ExitStack() as stack:
 
         def start(path: str | Path, *, speed: float | None = None, **changes: Any) -> TestFleet:
-            scenario = read_scenario(_found(request, path), changes)
-            fleet = launch(scenario, tmp_path_factory.mktemp("fleet"), speed)
+            flight = prepared(_found(request, path), changes, speed)
+            fleet = launch(flight, tmp_path_factory.mktemp("fleet"))
             stack.callback(fleet.close)
             fleets.append(fleet)
             return fleet
@@ -96,7 +96,7 @@ def ftc_fly(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
 
     Mode "in_process" uses no processes and no links. The same flight is flown once per session.
     """
-    from gcs.testing.fixtures import fly, read_scenario
+    from gcs.testing.fixtures import fly, prepared
 
     flights = request.config.stash[_FLIGHTS]
 
@@ -107,10 +107,10 @@ def ftc_fly(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
         mode: FlightMode = "wire",
         **changes: Any,
     ) -> FlightResult:
-        scenario = read_scenario(_found(request, path), changes)
-        key = f"{mode} {speed} {scenario.model_dump_json()}"
+        flight = prepared(_found(request, path), changes, speed, mode)
+        key = f"{mode} {speed} {flight.scenario.model_dump_json()}"
         if key not in flights:
-            flights[key] = fly(scenario, tmp_path_factory.mktemp("flight"), speed, mode)
+            flights[key] = fly(flight, tmp_path_factory.mktemp("flight"))
         return flights[key]
 
     return flown

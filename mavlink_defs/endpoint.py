@@ -17,6 +17,8 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 Direction: TypeAlias = Literal["in", "out"]
+EXPOSED = "can be reached from other machines"
+"""Part of each warning about an address that is not loopback."""
 
 _EVERY_INTERFACE, _LOOPBACK = "0.0.0.0", "127.0.0.1"
 _RANDOM = random.SystemRandom()  # processes that look at the same time find different ports
@@ -104,14 +106,14 @@ def is_loopback(address: UdpAddress) -> bool:
     return ipaddress.ip_address(_resolve(address)).is_loopback
 
 
-def exposed(address: UdpAddress, signed: bool) -> str:
+def exposed(address: UdpAddress | str, signed: bool) -> str:
     """Return a warning about an address that is not loopback.
 
     Args:
-        address: The address.
+        address: The address, or its host.
         signed: Whether unsigned frames are refused there.
     """
-    text = f"warning: {address} can be reached from other machines"
+    text = f"warning: {address} {EXPOSED}"
     return (
         f"{text}; signed frames only"
         if signed

@@ -6,7 +6,6 @@ autopilots that knows nothing of either. The plant must have applied what the au
 """
 
 import argparse
-import asyncio
 import ctypes
 import gc
 import hashlib
@@ -22,7 +21,6 @@ import numpy as np
 
 from gcs.errors import GcsError
 from gcs.fleet.flight import fly_and_record
-from gcs.fleet.ports import on_free_ports
 from gcs.fleet.precompile import compile_everything
 from gcs.results.figures import FlightSummary
 from gcs.results.recording import Recording
@@ -102,12 +100,7 @@ def _fly(drawn: Chapter) -> tuple[list[str], bytes]:
     """Fly a chapter; return what is wrong with its counts, and a digest of the flight."""
     with tempfile.TemporaryDirectory(prefix="soak-") as name:
         folder = Path(name)
-        flight = on_free_ports(
-            drawn.scenario,
-            lambda scenario, _: asyncio.run(
-                fly_and_record(scenario, folder, restart=True, crashes=drawn.crashes)
-            ),
-        )
+        flight = fly_and_record(drawn.scenario, folder, restart=True, crashes=drawn.crashes)
         summary = summarise(flight, drawn.scenario)
         wire = TapReport.from_json(json.loads((folder / "wire.json").read_text()))
         reported = reported_events(folder / "flight.tlog")

@@ -19,11 +19,10 @@ from gcs.commands.common import (
     SetOption,
     WithOption,
     changed_scenario,
-    check_simulators,
-    warm_up,
+    tell,
 )
-from gcs.commands.progress import working
 from gcs.errors import BadInput, FlightLost, Interrupted
+from gcs.progress import working
 from gcs.terminal import console_of, numbers, print_json, table_of, texts
 
 if TYPE_CHECKING:
@@ -129,6 +128,8 @@ def baseline(
     from ftc_lab.campaigns.model import load_campaign
     from ftc_lab.reports.baseline import COLUMNS, baseline_report, baseline_rows, baseline_sentences
     from ftc_lab.reports.markdown import save_markdown
+    from gcs.flights.preparation import checked
+    from gcs.flights.warm_up import warm_up
     from gcs.results.run_folder import make_run_folder
     from gcs.scenario.bundled import find_scenario
     from gcs.scenario.settings import values_of
@@ -142,8 +143,9 @@ def baseline(
         raise BadInput("--campaign draws no aircraft", "give their number with --aircraft")
     file = find_scenario(campaign or Path("campaigns/uncertainty"))
     drawn = load_campaign(file, draws=aircraft) if aircraft else None
-    check_simulators(triggered)
+    remarks = checked(triggered)
     folder = make_run_folder(out, f"baseline-{triggered.name}")
+    tell(remarks, console)
     warm_up(triggered, console)
     pool = ThreadPoolExecutor(jobs or os.cpu_count() or 1)
     try:

@@ -8,9 +8,9 @@ import numpy as np
 import typer
 
 from ftc_lab.commands.flights import JobsOption, fly_plan, interruptible
-from gcs.commands.common import QuietOption, check_simulators
-from gcs.commands.progress import working
+from gcs.commands.common import QuietOption, option, tell
 from gcs.errors import GcsError
+from gcs.progress import working
 from gcs.terminal import Terminal, console_of, numbers, table_of, texts
 
 if TYPE_CHECKING:
@@ -71,22 +71,14 @@ def campaign(
     flight, stored every few seconds: after any interruption, the same command continues there.
     """
     from ftc_lab.campaigns.folder import default_folder
-    from ftc_lab.campaigns.plan import load_plan
     from ftc_lab.campaigns.until import begin_campaign, stopping_condition, verdict_lines
-    from ftc_lab.campaigns.workers import check_scheduler
-    from gcs.errors import BadInput
-    from gcs.scenario.bundled import find_scenario
+    from ftc_lab.run import check_workers, planned_campaign
 
-    if jobs is not None and scheduler is not None:
-        raise BadInput("--jobs starts workers here; --scheduler has its own", "leave one out")
-    if scheduler is not None:
-        check_scheduler(scheduler)
+    check_workers(jobs, scheduler, option)
     console = console_of(quiet=quiet)
-    path = find_scenario(file)
     with working(console, "checking every draw"):
-        planned = load_plan(path, draws)
-    if planned.example is not None:
-        check_simulators(planned.example)
+        planned, remarks = planned_campaign(file, draws)
+    tell(remarks, console)
     folder = out or default_folder(planned.mark)
     enough = begin_campaign(planned, folder, until)
     with interruptible(folder, planned.draws.num_rows):

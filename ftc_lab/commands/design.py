@@ -9,7 +9,7 @@ import typer
 
 from ftc_autopilot.control.laws import KINDS
 from ftc_lab.written_files import check_out
-from gcs.commands.common import QuietOption, check_simulators, flight_progress, warm_up
+from gcs.commands.common import QuietOption, flight_progress
 from gcs.commands.options import options_of, with_options
 from gcs.errors import BadInput, FlightLost
 from gcs.outputs import write_file
@@ -131,6 +131,7 @@ def design(
     aircraft` that it does not meet.
     """
     from ftc_lab.design.scenario import plain, text_of, tree_of
+    from gcs.flights.preparation import check_simulators
     from gcs.scenario.model import scenario_of
 
     check_out(options.out, _MARK, "a design")
@@ -194,6 +195,7 @@ def _section(text: str | None) -> dict[str, Any] | None:
 
 def _fly(made: "Design", scenario: "Scenario", output: Terminal, console: Terminal) -> None:
     from gcs.fleet.in_process import fly_in_process
+    from gcs.flights.warm_up import warm_up
     from gcs.results.summary import summarise
 
     warm_up(scenario, console)

@@ -1,6 +1,5 @@
 """``gcs reproduce``: the paper's scenarios, tables and figures."""
 
-import asyncio
 import os
 import time
 from pathlib import Path
@@ -8,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gcs.commands.common import QuietOption, warm_up
-from gcs.commands.progress import working
+from gcs.commands.common import QuietOption
 from gcs.errors import FlightLost, Interrupted
+from gcs.flights.warm_up import warm_up
+from gcs.progress import working
 from gcs.scenario.bundled import SCENARIOS
 from gcs.terminal import console_of
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from gcs.results.recording import Recording
     from gcs.scenario.model import Scenario
-    from mavlink_defs.endpoint import UdpAddress
 
 EPILOG = """
 Examples:
@@ -110,15 +109,10 @@ def _in_process(file: str, scenario: "Scenario") -> "Recording":
 def _over_wire(folder: Path) -> "Callable[[str, Scenario], Recording]":
     """Fly with processes; each flight's tlog and logs go into a folder of its own."""
     from gcs.fleet.flight import fly_and_record
-    from gcs.fleet.ports import on_free_ports
 
     def fly(file: str, scenario: "Scenario") -> "Recording":
         own = folder / "wire" / file
         own.mkdir(parents=True)
-
-        def flown(chosen: "Scenario", _hub: "UdpAddress") -> "Recording":
-            return asyncio.run(fly_and_record(chosen, own))
-
-        return on_free_ports(scenario, flown)
+        return fly_and_record(scenario, own)
 
     return fly

@@ -7,9 +7,9 @@ import typer
 from rich.console import Console
 
 from ftc_lab.commands.flights import JobsOption, fly_plan, interruptible
-from gcs.commands.common import QuietOption, check_simulators
-from gcs.commands.progress import working
+from gcs.commands.common import QuietOption, tell
 from gcs.errors import GcsError
+from gcs.progress import working
 from gcs.terminal import console_of
 
 if TYPE_CHECKING:
@@ -70,6 +70,7 @@ def sweep(
     from ftc_lab.campaigns.folder import default_folder, open_folder
     from ftc_lab.campaigns.grid import plan_grid
     from ftc_lab.campaigns.points import choose_uav, read_points
+    from gcs.flights.preparation import checked
     from gcs.scenario.settings import parse_axes
 
     console = console_of(quiet=quiet)
@@ -77,7 +78,7 @@ def sweep(
     uav_id = choose_uav(grid.scenarios, uav)
     folder = out or default_folder(grid.plan.mark, "sweep")
     if grid.plan.example is not None:
-        check_simulators(grid.plan.example)
+        tell(checked(grid.plan.example), console)
     open_folder(folder, grid.plan)
     with interruptible(folder, len(grid.scenarios)):
         fly_plan(grid.plan, folder, jobs, console)

@@ -15,8 +15,8 @@ from gcs.commands.common import (
     WithOption,
     changed_scenario,
 )
-from gcs.commands.progress import working
 from gcs.errors import BadInput
+from gcs.progress import working
 from gcs.terminal import Terminal, console_of, numbers, print_json, table_of, texts
 from mavlink_defs.constants import Actuator
 

@@ -4,15 +4,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gcs.api.errors import python_errors
-from gcs.commands.common import check_simulators, warm_up
-from gcs.commands.progress import working
-from gcs.errors import BadInput
+from gcs.api.errors import python_errors, warn
 from gcs.extras import load_lab
-from gcs.scenario.bundled import find_scenario
-from gcs.scenario.settings import plain
+from gcs.flights.warm_up import warm_up
+from gcs.progress import working
 from gcs.terminal import console_of
-from mavlink_defs.config.files import validate
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -52,19 +48,12 @@ def campaign(
         OSError: A file cannot be written; it is named.
     """
     with python_errors():
-        plans, run = load_lab("campaigns.plan", "gcs.campaign"), load_lab("run")
-        if isinstance(campaign, Mapping):
-            tree = plain(campaign) | ({} if draws is None else {"draws": draws})
-            model = load_lab("campaigns.model").Campaign
-            planned = plans.plan(validate("campaign", tree, model), Path("campaign"))
-        elif isinstance(campaign, Path | str):
-            planned = plans.load_plan(find_scenario(campaign), draws)
-        else:
-            kind = type(campaign).__name__
-            raise BadInput(f"campaign: expected a name, a path or a mapping, got {kind}")
+        run = load_lab("run", "gcs.campaign")
+        run.check_workers(jobs, scheduler)
+        planned, remarks = run.planned_campaign(campaign, draws)
+        warn(remarks)
         console = console_of(quiet=not progress)
         if planned.example is not None:
-            check_simulators(planned.example)
             warm_up(planned.example, console)
         folder = Path(out or load_lab("campaigns.folder").default_folder(planned.mark))
         with working(console) as work:

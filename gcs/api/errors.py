@@ -1,7 +1,8 @@
-"""Errors of the command line, as exceptions."""
+"""Errors and warnings of the command line, as exceptions and warnings of Python."""
 
 import contextlib
-from collections.abc import Iterator
+import warnings
+from collections.abc import Iterable, Iterator
 
 from gcs.errors import BadInput, GcsError
 from mavlink_defs.config.models import ConfigError
@@ -20,3 +21,12 @@ def python_errors() -> Iterator[None]:
         if problem.hint and note not in getattr(problem, "__notes__", ()):
             problem.add_note(note)
         raise
+
+
+def warn(remarks: Iterable[str]) -> None:
+    """Warn the caller of our caller of those remarks on a flight that are warnings."""
+    from gcs.flights.remarks import WARNING
+
+    for text in remarks:
+        if text.startswith(WARNING):
+            warnings.warn(text.removeprefix(WARNING), stacklevel=3)

@@ -1,7 +1,7 @@
 """A flight that was flown: figures, events and trajectory, with names and units."""
 
 import functools
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
@@ -63,10 +63,12 @@ class Flight:
 
     Attributes:
         folder: Its run folder; None without one.
+        remarks: What was to be known before it was flown here; none of one that was opened.
     """
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: Source, remarks: Sequence[str] = ()) -> None:
         self._source = source
+        self.remarks = tuple(remarks)
         self.folder = source.folder
 
     # what is known of it

@@ -3,34 +3,28 @@
 import contextlib
 import itertools
 import os
-import tempfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
-from gcs.api.errors import python_errors
-from gcs.api.event_loops import LOOK_S, beside_any_loop, raise_if_cancelled, unless_cancelled
+from gcs.api.errors import python_errors, warn
 from gcs.api.flight import Flight, Source, open_run
-from gcs.commands.common import check_simulators, warm_up
-from gcs.commands.progress import working
-from gcs.errors import BadInput, GcsError
-from gcs.fleet.flight import fly_over_udp
+from gcs.errors import BadInput, FlightLost, GcsError
 from gcs.fleet.in_process import OnProgress, fly_and_summarise, fly_in_steps
 from gcs.fleet.local_workers import LocalWorkers
-from gcs.fleet.ports import check_ports, on_free_ports
+from gcs.flights.event_loops import LOOK_S, raise_if_cancelled
+from gcs.flights.flying import fly as fly_prepared
+from gcs.flights.flying import recorded
+from gcs.flights.preparation import How, Prepared, prepare
+from gcs.flights.warm_up import warm_up
+from gcs.progress import working
 from gcs.results.choices import Record
-from gcs.results.disk_space import check_space
 from gcs.results.figures import FlightSummary
-from gcs.results.flight_mark import FlightMark, marked
 from gcs.results.recorder import FlightRecorder
-from gcs.results.recording import Ending
 from gcs.results.run_folder import make_run_folder
-from gcs.scenario.changes import with_changes
+from gcs.scenario.changes import ScenarioLike
 from gcs.scenario.model import Scenario
-from gcs.scenario.settings import plain
-from gcs.scenario.signing_key import signed
 from gcs.terminal import console_of
-from mavlink_defs.endpoint import UdpAddress
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -40,9 +34,6 @@ Recorded: TypeAlias = Literal["full", "light", "none"]
 
 Changes: TypeAlias = Mapping[str, Any]
 """Values by key, as in ``{"controller.kind": "surviving", "faults": []}``; mappings are merged."""
-
-ScenarioLike: TypeAlias = Scenario | Path | str
-"""A scenario, a file, or the name of a bundled one."""
 
 
 def fly(
@@ -54,6 +45,7 @@ def fly(
     record: Recorded = "light",
     out: Path | str | None = None,
     speed: float | None = None,
+    restart: bool = False,
     free_ports: bool = True,
     autopilot_processes: int | None = None,
     signing_key: Path | str | None = None,
@@ -63,6 +55,9 @@ def fly(
 
     A lost flight is a flight, too: `Flight.loss` says why, and what was recorded is there.
     `Flight.check` raises for it what ends `gcs fly`.
+
+    What should be known of a flight before it begins is a `UserWarning` if it is one of the
+    warnings of `gcs fly`, as that nothing keeps UAVs apart; all of it is in `Flight.remarks`.
 
     `fly` can be called from any thread, and while an event loop runs, which then waits;
     ``await asyncio.to_thread(fly, ...)`` lets the loop go on. Ctrl-C ends the flight, in a task of
@@ -79,6 +74,7 @@ def fly(
         out: Run folder, new or empty, with the files of `gcs fly` but its figures; None to record
             in memory.
         speed: Real-time factor of a flight over UDP; None for lockstep.
+        restart: Whether autopilots that fail over UDP are started again; they resume their flight.
         free_ports: Whether a flight over UDP takes free ports; else the scenario's.
         autopilot_processes: Processes that the autopilots share over UDP in lockstep; None for one
             each.
@@ -96,52 +92,33 @@ def fly(
             `asyncio.run`.
     """
     with python_errors():
-        loaded = _scenario(scenario, changes, overlays)
-        mark = _mark(scenario, loaded, changes, overlays)
-        loaded = signed(loaded, None if signing_key is None else str(signing_key))
-        recording = _record(record)
-        if over_udp:
-            _check_udp(loaded, speed, free_ports, autopilot_processes)
-        else:
-            _check_in_process(loaded, speed, autopilot_processes)
-        check_simulators(loaded)
-        warm_up(loaded, console_of())
-        if not over_udp:
-            on_progress = unless_cancelled(on_progress)
-            if out is None and recording is Record.NONE:
-                summary = fly_and_summarise(loaded, on_progress)
-                return _in_memory(loaded, summary, None, None)
-            folder = None if out is None else make_run_folder(Path(out), loaded.name)
-            return _fly(
-                loaded,
-                mark,
-                folder,
-                recording,
-                lambda recorder: fly_in_steps(loaded, recorder.add, on_progress),
-            )
-        with contextlib.ExitStack() as stack:
-            if out is None:
-                temporary = stack.enter_context(tempfile.TemporaryDirectory(prefix="ftc-sitl-"))
-                files, folder = Path(temporary), None
-            else:
-                files = folder = make_run_folder(Path(out), loaded.name)
-
-            def over_the_wire(recorder: FlightRecorder) -> Ending:
-                def flown(on_ports: Scenario, _hub: UdpAddress | None = None) -> Ending:
-                    return beside_any_loop(
-                        lambda: fly_over_udp(
-                            on_ports,
-                            files,
-                            recorder.add,
-                            speed,
-                            on_progress,
-                            autopilot_processes=autopilot_processes,
-                        )
-                    )
-
-                return on_free_ports(loaded, flown) if free_ports else flown(loaded)
-
-            return _fly(loaded, mark, folder, recording, over_the_wire, over_udp=True)
+        how = How(
+            over_udp=over_udp,
+            speed=speed,
+            restart=restart,
+            autopilot_processes=autopilot_processes,
+            free_ports=free_ports,
+            record=_record(record),
+        )
+        flight = prepare(scenario, how, additions=overlays, values=changes, signing_key=signing_key)
+        warn(flight.remarks)
+        warm_up(flight.scenario, console_of())
+        folder = None if out is None else make_run_folder(Path(out), flight.scenario.name)
+        summary = None
+        try:
+            with recorded(flight, folder) as recorder:
+                ending = fly_prepared(flight, recorder, folder, on_progress)
+                summary = recorder.finish(ending)
+                if summary.loss is not None:
+                    raise FlightLost(summary.loss)  # as its mark says
+        except FlightLost:
+            if summary is None:
+                raise
+        if folder is None:
+            return _in_memory(flight, summary, recorder.trajectory, recorder.events)
+        flown = open_run(folder)
+        flown.remarks = flight.remarks
+        return flown
 
 
 class Job(NamedTuple):
@@ -191,22 +168,23 @@ def fly_many(
         if isinstance(flights, ScenarioLike):
             got = flights.name if isinstance(flights, Scenario) else str(flights)
             raise BadInput(f"flights: expected a list of scenarios, as in [{got!r}]")
-        scenarios = [_one_of_many(k, one, overlays) for k, one in enumerate(flights)]
-        if not scenarios:
+        prepared = [_one_of_many(k, one, overlays) for k, one in enumerate(flights)]
+        if not prepared:
             return []
+        warn(dict.fromkeys(text for one in prepared for text in one.remarks))
         console = console_of(quiet=not progress)
-        warm_up(scenarios[0], console)
-        count = min(jobs or os.cpu_count() or 1, len(scenarios))
+        warm_up(prepared[0].scenario, console)
+        count = min(jobs or os.cpu_count() or 1, len(prepared))
         done: dict[int, Done] = {}
         with (
             contextlib.closing(LocalWorkers[Job, Done](count, _fly_job)) as workers,
             working(console) as work,
         ):
-            task = work.add("flying", len(scenarios), "flights")
-            rest = (Job(k, one.model_dump(), recording) for k, one in enumerate(scenarios))
+            task = work.add("flying", len(prepared), "flights")
+            rest = (Job(k, one.scenario.model_dump(), recording) for k, one in enumerate(prepared))
             for job in itertools.islice(rest, count):
                 workers.submit(job)
-            while len(done) < len(scenarios):
+            while len(done) < len(prepared):
                 while not workers.done(LOOK_S):
                     raise_if_cancelled()
                 job, flown = workers.wait()
@@ -216,7 +194,7 @@ def fly_many(
                 task.advance()
                 if (following := next(rest, None)) is not None:
                     workers.submit(following)
-    return [_in_memory(one, *done[k]) for k, one in enumerate(scenarios)]
+    return [_in_memory(one, *done[k]) for k, one in enumerate(prepared)]
 
 
 def _fly_job(job: Job, _worker: str) -> Done:
@@ -232,23 +210,22 @@ def _fly_job(job: Job, _worker: str) -> Done:
 
 
 def _in_memory(
-    scenario: Scenario,
+    flight: Prepared,
     summary: FlightSummary,
     trajectory: "bytes | pa.Buffer | None",
     events: "bytes | pa.Buffer | None",
 ) -> Flight:
     import pyarrow as pa
 
-    recorded = (None if one is None else pa.py_buffer(one) for one in (trajectory, events))
-    return Flight(Source(lambda: summary, lambda: scenario, *recorded))
+    parts = (None if one is None else pa.py_buffer(one) for one in (trajectory, events))
+    source = Source(lambda: summary, lambda: flight.scenario, *parts)
+    return Flight(source, flight.remarks)
 
 
 def _one_of_many(
-    number: int,
-    one: ScenarioLike | tuple[ScenarioLike, Changes],
-    overlays: Sequence[Path | str],
-) -> Scenario:
-    """Return the scenario of a flight of many, checked.
+    number: int, one: ScenarioLike | tuple[ScenarioLike, Changes], overlays: Sequence[Path | str]
+) -> Prepared:
+    """Prepare a flight of many.
 
     Raises:
         BadInput: It cannot be flown; its index is named.
@@ -256,38 +233,9 @@ def _one_of_many(
     scenario, changes = one if isinstance(one, tuple) else (one, None)
     try:
         with python_errors():
-            loaded = _scenario(scenario, changes, overlays)
-            _check_in_process(loaded, None, None)
-            check_simulators(loaded)
-            return loaded
+            return prepare(scenario, additions=overlays, values=changes)
     except BadInput as problem:
         raise BadInput(f"flights[{number}]: {problem}", problem.hint) from None
-
-
-def _scenario(
-    scenario: ScenarioLike, changes: Changes | None, overlays: Sequence[Path | str]
-) -> Scenario:
-    if not isinstance(scenario, Scenario | Path | str):
-        kind = type(scenario).__name__
-        raise BadInput(f"scenario: expected a name, a path or a Scenario, got {kind}")
-    if isinstance(overlays, str | Path):
-        raise BadInput(f"overlays: expected a list, as in [{str(overlays)!r}]")
-    if changes is not None and not isinstance(changes, Mapping):
-        kind = type(changes).__name__
-        raise BadInput(
-            f"changes: expected a mapping, got {kind}", "as in {'controller.kind': 'surviving'}"
-        )
-    for key, value in (changes or {}).items():
-        if callable(value):
-            name = getattr(value, "__name__", type(value).__name__)
-            raise BadInput(
-                f"changes: {key} is {name}, an object of Python; expected plain data",
-                f"name its file and class in a text: 'FILE.py:{name}'",
-            )
-    try:
-        return with_changes(scenario, overlays, plain(changes or {}), "changes")
-    except TypeError as problem:
-        raise BadInput(f"changes: expected plain data: {problem}") from None
 
 
 def _record(record: Recorded) -> Record:
@@ -296,57 +244,3 @@ def _record(record: Recorded) -> Record:
         names = ", ".join(map(repr, map(str, known)))
         raise BadInput(f"record: expected {names}, got {record!r}", "npz: see gcs export --to npz")
     return Record(record)
-
-
-def _check_udp(
-    scenario: Scenario, speed: float | None, free_ports: bool, processes: int | None
-) -> None:
-    if speed is not None and not 0.0 < speed < float("inf"):
-        raise BadInput(f"speed is {speed:g}, expected a factor above 0", "1 is real time")
-    if processes is not None and (speed is not None or processes < 1):
-        raise BadInput(
-            f"autopilot_processes is {processes}: expected at least 1, and no speed: autopilots "
-            "share processes only in lockstep"
-        )
-    if not free_ports:
-        check_ports(scenario)
-
-
-def _check_in_process(scenario: Scenario, speed: float | None, processes: int | None) -> None:
-    for name, value in (("speed", speed), ("autopilot_processes", processes)):
-        if value is not None:
-            raise BadInput(f"{name} is of processes; a flight in process has none", "over_udp=True")
-    if scenario.links.impairments is not None:
-        text = "links.impairments apply to the wire; a flight in process has none"
-        raise BadInput(text, "over_udp=True, or leave them out")
-
-
-def _mark(
-    named: ScenarioLike, loaded: Scenario, changes: Changes | None, overlays: Sequence[Path | str]
-) -> FlightMark:
-    """Return the mark of a run folder of `fly`, by which `gcs runs` lists it."""
-    name = named.name if isinstance(named, Scenario) else str(named)
-    additions = [str(one) for one in overlays]
-    return FlightMark.of("fly", name, loaded, additions, plain(changes or {}))
-
-
-def _fly(
-    scenario: Scenario,
-    mark: FlightMark,
-    folder: Path | None,
-    record: Record,
-    flown: Callable[[FlightRecorder], Ending],
-    *,
-    over_udp: bool = False,
-) -> Flight:
-    """Fly, and record to a folder or in memory."""
-    with contextlib.ExitStack() as stack:
-        if folder is not None:
-            check_space(folder, scenario, record, over_udp=over_udp)
-            stack.enter_context(marked(folder, scenario, mark))
-        recorder = stack.enter_context(contextlib.closing(FlightRecorder(scenario, folder, record)))
-        recorder.load_code()
-        summary = recorder.finish(flown(recorder))
-    if folder is None:
-        return _in_memory(scenario, summary, recorder.trajectory, recorder.events)
-    return open_run(folder)

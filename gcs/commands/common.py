@@ -1,31 +1,27 @@
 """Options and output shared by several subcommands."""
 
 import contextlib
-import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
 from rich.console import Console
 
-from ftc_autopilot.control.laws.pid import Pid
-from ftc_autopilot.control.triggers.static import PerChannel
-from ftc_autopilot.guidance.laws.path_following import PathFollowing
-from ftc_autopilot.plugins.loading import calling
 from gcs.commands.options import SigningKeyOption
-from gcs.commands.progress import Task, working
-from gcs.errors import BadInput
+from gcs.progress import Task, working
 from gcs.scenario.changes import with_changes
 from gcs.scenario.model import Scenario
-from gcs.scenario.plugins import prepare_plugins
 from gcs.scenario.settings import values_of
-from sitl_plant.sensing.observability import observability_warnings
-from sitl_plant.simulators.config import OwnPlant
+from gcs.terminal import console_of
+from mavlink_defs.endpoint import EXPOSED
+
+if TYPE_CHECKING:
+    from gcs.flights.preparation import Prepared
 
 ScenarioArgument = Annotated[
     Path, typer.Argument(help="Scenario: a file, or a bundled one.", metavar="SCENARIO")
@@ -96,115 +92,46 @@ class FleetOptions:
     signing_key: SigningKeyOption = None
 
 
-def check_speed(speed: float | None) -> None:
-    """Check a real-time factor.
-
-    Raises:
-        BadInput: It is not above 0, or infinite.
-    """
-    if speed is not None and not 0.0 < speed < math.inf:
-        raise BadInput(f"--speed is {speed:g}, expected a factor above 0", "1 is real time")
+def option(name: str) -> str:
+    """Return what a keyword argument of Python is called on the command line."""
+    return "--set" if name == "changes" else "--" + name.replace("_", "-")
 
 
 def changed_scenario(
     scenario: Path, additions: list[str] | None, settings: list[str] | None
 ) -> Scenario:
-    """Read a scenario, merge additions into it, and set keys.
-
-    The name of the flight says what was changed.
-
-    Args:
-        scenario: A file, or the name of a bundled scenario.
-        additions: Files or bundled additions, each merged into the ones before it.
-        settings: As in ``--set KEY=VALUE``.
-
-    Raises:
-        BadInput: A setting is not of that form, or its key does not exist.
-        ConfigError: A file cannot be used, or the result is no valid scenario.
-    """
+    """Return a scenario with what ``--with`` and ``--set`` say; errors as of `with_changes`."""
     return with_changes(scenario, additions or (), values_of(settings or ()), "--set")
 
 
-def check_simulators(scenario: Scenario) -> None:
-    """Load what flies the aircraft in place of the plant's own equations, if anything does.
+def prepared(
+    scenario: Scenario | Path, options: FleetOptions, command: str, name: str = "", **how: Any
+) -> "Prepared":
+    """Prepare the flight of a command; arguments and errors as of `prepare` and `How`."""
+    from gcs.flights.preparation import How, prepare
 
-    Raises:
-        BadInput: It cannot fly one of them.
-    """
-    plant = scenario.plant_config()
-    flown = [uav for uav in plant.uavs if not isinstance(uav.plant, OwnPlant)]
-    if not flown:
-        return
-    from sitl_plant.loop.simulators import simulator_of
-    from sitl_plant.simulators.base import SimulatorError
-
-    try:
-        for uav in flown:
-            simulator_of(uav, plant.step_us)
-    except SimulatorError as problem:
-        raise BadInput(str(problem), problem.hint) from problem
-
-
-def warn_of_one_path(scenario: Scenario, console: Console) -> None:
-    """Warn if several UAVs fly one mission without slots: nothing keeps them apart."""
-    if scenario.mission is None or scenario.formation is not None or len(scenario.uavs) < 2:
-        return
-    uavs = ", ".join(str(uav.id) for uav in scenario.uavs)
-    console.print(
-        f"warning: UAVs {uavs} fly one path, and nothing keeps them apart: "
-        "give each a slot in the section formation, as missions/hexagon does",
-        soft_wrap=True,
+    asked = How(
+        free_ports=options.free_ports,
+        autopilot_processes=options.processes,
+        named=option,
+        **how,
+    )
+    return prepare(
+        scenario,
+        asked,
+        additions=options.additions or (),
+        values=values_of(options.settings or ()),
+        signing_key=options.signing_key,
+        command=command,
+        name=name,
     )
 
 
-def warn_of_sensors(scenario: Scenario, console: Console) -> None:
-    """Warn of what the sensors that an autopilot navigates by do not observe at all times."""
-    if scenario.navigation == "true_state":
-        return
-    for loc, text in observability_warnings(scenario.sensors.navigation):
-        key = ".".join(["sensors", "navigation", *map(str, loc)])
-        console.print(f"warning: {key} is false: {text}", soft_wrap=True)
-
-
-def tell_heading(scenario: Scenario, console: Console) -> None:
-    """Tell of which UAVs the heading is held by bank, and why."""
-    uavs: dict[str, list[int]] = {}
-    for uav in scenario.uavs:
-        with calling(type(scenario.controller), "holds_heading_by_bank"):
-            reason = scenario.controller.holds_heading_by_bank(scenario.aircraft_of(uav.id))
-        if reason is not None:
-            uavs.setdefault(reason, []).append(uav.id)
-    for reason, ids in uavs.items():
-        named = ", ".join(map(str, ids))
-        console.print(f"UAV {named}: heading is held by bank ({reason})", soft_wrap=True)
-
-
-def warm_up(scenario: Scenario, console: Console, *, law: bool = True) -> None:
-    """Compile the numeric core, and plug-ins, before processes need them, unless they are cached.
-
-    Args:
-        scenario: What is to be flown.
-        console: For remarks.
-        law: Whether its law, trigger and guidance law are; without, ours are compiled.
-
-    Raises:
-        BadInput: A plug-in cannot be used.
-    """
-    from mavlink_defs.runtime.code_cache import cache_is_cold
-
-    if not law:
-        own: dict[str, Any] = {"controller": Pid(), "trigger": PerChannel()}
-        scenario = scenario.model_copy(update={**own, "guidance": PathFollowing()})
-    for text in prepare_plugins(scenario):
-        console.print(text, soft_wrap=True)
-    if not cache_is_cold():
-        return
-    from gcs.fleet.precompile import compile_everything, ctrl_c_while_compiling
-
-    message = "compiling the numeric core: about a minute on two cores, once after an install"
-    console.print(message)
-    with working(console, message), ctrl_c_while_compiling():
-        compile_everything(scenario)
+def tell(remarks: Iterable[str], console: Console) -> None:
+    """Print remarks on a flight, a line each; that others can reach it also with ``--quiet``."""
+    for text in remarks:
+        output = console_of() if EXPOSED in text else console
+        output.print(text, soft_wrap=True)
 
 
 class FlightProgress:

@@ -12,12 +12,14 @@ from gcs.commands.common import (
     SetOption,
     WithOption,
     changed_scenario,
-    warm_up,
+    tell,
 )
 from gcs.commands.options import InsecureOption, SigningKeyOption
 from gcs.errors import BadInput
+from gcs.flights.warm_up import warm_up
 from gcs.outputs import all_or_none, make_folder
 from gcs.scenario.model import Scenario
+from gcs.scenario.plugins import prepare_plugins
 from gcs.scenario.signing_key import refuse_unsigned, signed
 from gcs.terminal import console_of, print_line
 from mavlink_defs.config.files import dump
@@ -76,6 +78,7 @@ def config(
         dump(_plant(loaded, moved), plant)
         for uav_id, file in files.items():
             dump(_autopilot(loaded, uav_id, moved), file)
+    tell(prepare_plugins(loaded), console_of())
     warm_up(loaded, console_of())
     for name, address in hosts.items():
         program = {"plant": "sitl-plant", "gcs": "gcs"}.get(name, "ftc-autopilot")

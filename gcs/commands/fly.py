@@ -1,9 +1,5 @@
 """``gcs fly``: fly one scenario to its end."""
 
-import asyncio
-import contextlib
-import os
-import threading
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,34 +11,22 @@ from gcs.commands.common import (
     FleetOptions,
     Restart,
     RestartOption,
-    changed_scenario,
-    check_simulators,
-    check_speed,
     flight_progress,
-    tell_heading,
-    warm_up,
-    warn_of_one_path,
-    warn_of_sensors,
+    prepared,
+    tell,
 )
 from gcs.commands.options import options_of, with_options
-from gcs.commands.progress import working
 from gcs.errors import BadInput, FlightLost, Interrupted
 from gcs.extras import load_lab
+from gcs.progress import working
 from gcs.results.choices import Record
 from gcs.scenario.model import Scenario
-from gcs.scenario.settings import values_of
-from gcs.scenario.signing_key import signed
-from gcs.station.connection import warn_if_exposed
 from gcs.terminal import console_of, print_json
-from mavlink_defs.endpoint import UdpAddress
 
 if TYPE_CHECKING:
     from gcs.results.figures import FlightSummary
     from gcs.results.recorder import FlightRecorder
     from gcs.results.recording import Ending
-
-_LARGE = 100e6  # bytes of a recording that are worth a word
-_MANY = 4  # autopilots for each core that are worth another
 
 EPILOG = """
 Examples:
@@ -104,36 +88,6 @@ class FlyOptions(FleetOptions):
         ),
     ] = None
 
-    @property
-    def restarts(self) -> bool:
-        """Whether autopilots that fail are started again."""
-        return self.restart is Restart.ON_FAILURE
-
-    @property
-    def can_share(self) -> bool:
-        """Whether autopilots can share processes: in lockstep over UDP, without restarts."""
-        return not (self.in_process or self.restarts) and self.speed is None
-
-    def check(self) -> None:
-        """Check that the options go together.
-
-        Raises:
-            BadInput: They do not.
-        """
-        check_speed(self.speed)
-        if self.restarts and self.in_process:
-            text = "--restart applies to processes; --in-process has none"
-            raise BadInput(text, "leave one of them out")
-        if self.speed is not None and self.in_process:
-            text = "--speed paces processes; --in-process has none"
-            raise BadInput(text, "leave one of them out")
-        if self.processes is not None and not self.can_share:
-            raise BadInput(
-                f"--autopilot-processes is {self.processes}: autopilots share processes only in "
-                "lockstep over UDP, where a step waits for all of them, and end together",
-                "leave it out, or --in-process, --speed or --restart",
-            )
-
 
 @with_options("options", options_of(FlyOptions), FlyOptions)
 def fly(
@@ -151,41 +105,30 @@ def fly(
     trajectory.arrows and the figures. With --campaign and --row, a flight of a campaign is flown
     again, and compared with its row of the table, bit for bit.
     """
-    options.check()
-    from gcs.fleet.ports import check_ports
-    from gcs.results.disk_space import check_space
-    from gcs.results.flight_mark import FlightMark, marked
-    from gcs.results.recorder import FlightRecorder, trajectory_bytes
+    from gcs.flights.flying import fly as fly_prepared
+    from gcs.flights.flying import recorded
+    from gcs.flights.warm_up import warm_up
     from gcs.results.run_folder import make_run_folder
 
-    loaded = signed(_scenario(scenario, options), options.signing_key)
-    named = f"{options.campaign} row {options.row}" if scenario is None else str(scenario)
-    values = values_of(options.settings or ())
-    mark = FlightMark.of("fly", named, loaded, options.additions, values)
-    if options.in_process and loaded.links.impairments is not None:
-        text = "links.impairments apply to the wire; --in-process has none"
-        raise BadInput(text, "leave one of them out")
-    if not (options.free_ports or options.in_process):
-        check_ports(loaded)
-    check_simulators(loaded)
+    flight = prepared(
+        _scenario(scenario, options),
+        options,
+        "fly",
+        f"{options.campaign} row {options.row}" if scenario is None else str(scenario),
+        over_udp=not options.in_process,
+        speed=options.speed,
+        restart=options.restart is Restart.ON_FAILURE,
+        record=options.record,
+    )
+    loaded = flight.scenario
     folder = make_run_folder(options.out, loaded.name)
     console = console_of(quiet=options.quiet)
-    record, over_udp = options.record, not options.in_process
     try:
-        check_space(folder, loaded, record, over_udp=over_udp, restart=options.restarts)
-        if (size := trajectory_bytes(loaded, record)) > _LARGE:
-            console.print(f"recording the trajectory needs up to {size / 1e6:.0f} MB")
-        with (
-            marked(folder, loaded, mark),
-            contextlib.closing(FlightRecorder(loaded, folder, record)) as recorder,
-        ):
-            warn_of_one_path(loaded, console)
-            warn_of_sensors(loaded, console)
-            tell_heading(loaded, console)
+        with recorded(flight, folder) as recorder:
+            tell(flight.remarks, console)
             warm_up(loaded, console)
-            if options.can_share and options.processes is None:
-                _suggest_sharing(len(loaded.uavs), console)
-            ending = _fly(loaded, folder, recorder, options, console)
+            with flight_progress(loaded, console) as shown:
+                ending = fly_prepared(flight, recorder, folder, shown, shown.starts)
             _report(recorder, ending, loaded, folder, console, options)
     except KeyboardInterrupt:
         raise Interrupted(f"interrupted; what was recorded is in {folder}") from None
@@ -194,21 +137,10 @@ def fly(
         raise
 
 
-def _suggest_sharing(uavs: int, console: Console) -> None:
-    """Say how a large fleet flies faster than with a process for each autopilot."""
-    cores = os.cpu_count() or 1
-    if uavs >= _MANY * cores:
-        console.print(
-            f"{uavs} autopilots share {cores} cores: they fly faster with "
-            f"--autopilot-processes {cores}",
-            highlight=False,
-        )
-
-
-def _scenario(scenario: Path | None, options: FlyOptions) -> Scenario:
+def _scenario(scenario: Path | None, options: FlyOptions) -> Scenario | Path:
     """Return the scenario to fly, or a campaign row's, which is flown as it was."""
     if options.campaign is None and options.row is None and scenario is not None:
-        return changed_scenario(scenario, options.additions, options.settings)
+        return scenario
     if scenario is not None or options.campaign is None or options.row is None:
         raise BadInput(
             "expected either a SCENARIO, or --campaign FOLDER and --row NUMBER",
@@ -221,48 +153,6 @@ def _scenario(scenario: Path | None, options: FlyOptions) -> Scenario:
         )
     again: Scenario = load_lab("campaigns.again").scenario_of_row(options.campaign, options.row)
     return again
-
-
-def _load_ahead(recorder: "FlightRecorder") -> None:
-    """Load the recorder's code while the fleet starts; a failure is reported when it is needed."""
-    with contextlib.suppress(Exception):
-        recorder.load_code()
-
-
-def _fly(
-    scenario: Scenario,
-    folder: Path,
-    recorder: "FlightRecorder",
-    options: FlyOptions,
-    console: Console,
-) -> "Ending":
-    from gcs.fleet.flight import fly_over_udp
-    from gcs.fleet.in_process import fly_in_steps
-    from gcs.fleet.ports import on_free_ports
-
-    with flight_progress(scenario, console) as on_progress:
-        if options.in_process:
-            recorder.load_code()
-            return fly_in_steps(scenario, recorder.add, on_progress)
-        threading.Thread(target=_load_ahead, args=(recorder,), daemon=True).start()
-
-        def flown(scenario: Scenario, _hub: UdpAddress | None = None) -> "Ending":
-            links = scenario.links
-            gcs = UdpAddress(links.host, links.gcs_port)
-            warn_if_exposed(gcs, links.signing_key is not None)
-            flight = fly_over_udp(
-                scenario,
-                folder,
-                recorder.add,
-                options.speed,
-                on_progress,
-                on_start=on_progress.starts,
-                restart=options.restarts,
-                autopilot_processes=options.processes,
-            )
-            return asyncio.run(flight)
-
-        return on_free_ports(scenario, flown) if options.free_ports else flown(scenario)
 
 
 def _report(

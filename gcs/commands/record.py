@@ -10,9 +10,9 @@ from typing import Annotated
 import typer
 
 from gcs.commands.options import ConnectOption, JsonOption, SigningKeyOption, TimeoutOption
-from gcs.commands.progress import working
 from gcs.commands.station import run_interruptible as run
 from gcs.errors import BadInput, NoAnswer
+from gcs.progress import working
 from gcs.station.client import Client
 from gcs.station.connection import choose_connection, own_identity
 from gcs.stopping import stop_signals

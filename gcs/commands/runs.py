@@ -13,9 +13,9 @@ from rich.text import Text
 from typer.core import TyperGroup
 
 from gcs.commands.common import QuietOption
-from gcs.commands.progress import working
 from gcs.errors import BadInput
 from gcs.outputs import check_file
+from gcs.progress import working
 from gcs.results.quantities import percent
 from gcs.runs.index import list_runs
 from gcs.runs.run import Run

@@ -4,10 +4,10 @@ from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
-from gcs.commands.progress import working
 from gcs.commands.station import Station
 from gcs.errors import BadInput
 from gcs.outputs import write_file
+from gcs.progress import working
 from gcs.station.vehicle import Vehicle
 from gcs.terminal import console_of
 

@@ -16,23 +16,16 @@ from gcs.commands.common import (
     Restart,
     RestartOption,
     ScenarioArgument,
-    changed_scenario,
-    check_simulators,
-    check_speed,
-    tell_heading,
-    warm_up,
-    warn_of_one_path,
-    warn_of_sensors,
+    prepared,
+    tell,
 )
 from gcs.commands.listening import listen, listening_address
 from gcs.commands.options import InsecureOption, options_of, with_options
-from gcs.commands.progress import working
 from gcs.errors import BadInput, Interrupted
 from gcs.extras import load_package
+from gcs.progress import working
 from gcs.scenario.model import Scenario
-from gcs.scenario.settings import values_of
-from gcs.scenario.signing_key import refuse_unsigned, signed
-from gcs.station.connection import warn_if_exposed
+from gcs.scenario.signing_key import refuse_unsigned
 from gcs.stopping import stop_signals
 from gcs.terminal import console_of, print_json
 from mavlink_defs.config.models import counted
@@ -112,7 +105,7 @@ class UpOptions(FleetOptions):
     @property
     def pace(self) -> float | None:
         """Real-time factor; None in lockstep."""
-        return None if self.lockstep else self.speed or 1.0
+        return None if self.lockstep else 1.0 if self.speed is None else self.speed
 
     def check(self) -> None:
         """Check that the options go together.
@@ -120,16 +113,8 @@ class UpOptions(FleetOptions):
         Raises:
             BadInput: They do not.
         """
-        check_speed(self.speed)
         if self.speed is not None and self.lockstep:
             raise BadInput("--speed paces the plant; --lockstep does not", "leave one of them out")
-        restarts = self.restart is Restart.ON_FAILURE
-        if self.processes is not None and (not self.lockstep or restarts):
-            raise BadInput(
-                f"--autopilot-processes is {self.processes}: autopilots share processes only in "
-                "lockstep and without restarts",
-                "add --lockstep --restart never, or leave it out",
-            )
 
 
 @with_options("options", options_of(UpOptions), UpOptions)
@@ -142,21 +127,21 @@ def up(scenario: ScenarioArgument, options: UpOptions) -> None:
     other machines can reach must be signed, unless --insecure is given.
     """
     options.check()
-    from gcs.fleet.ports import check_ports, on_free_ports
-    from gcs.results.flight_mark import FlightMark, marked
+    from gcs.fleet.ports import on_free_ports
+    from gcs.flights.warm_up import warm_up
+    from gcs.results.flight_mark import marked
     from gcs.results.run_folder import make_run_folder
 
-    changed = changed_scenario(scenario, options.additions, options.settings)
-    loaded = signed(changed, options.signing_key)
+    hub_port = options.hub_port or HUB_PORT
+    restart = options.restart is Restart.ON_FAILURE
+    flight = prepared(
+        scenario, options, "up", speed=options.pace, restart=restart, hub_port=hub_port
+    )
+    loaded = flight.scenario
     if not options.insecure:
         refuse_unsigned(loaded)
     foxglove = _foxglove_address(options)
-    hub = UdpAddress(loaded.links.host, options.hub_port or HUB_PORT)
-    if not options.free_ports:
-        check_ports(loaded, hub)
-    check_simulators(loaded)
-    values = values_of(options.settings or ())
-    mark = FlightMark.of("up", str(scenario), loaded, options.additions, values)
+    hub = UdpAddress(loaded.links.host, hub_port)
     folder = make_run_folder(options.out, loaded.name)
     console = console_of(quiet=options.quiet or options.as_json)
 
@@ -166,10 +151,8 @@ def up(scenario: ScenarioArgument, options: UpOptions) -> None:
             _up(scenario, folder, chosen, console, options, server)
 
     try:
-        with marked(folder, loaded, mark):
-            warn_of_one_path(loaded, console)
-            warn_of_sensors(loaded, console)
-            tell_heading(loaded, console)
+        with marked(folder, loaded, flight.mark):
+            tell(flight.remarks, console)
             warm_up(loaded, console)
             if options.free_ports:
                 on_free_ports(loaded, fly)
@@ -192,13 +175,9 @@ def _up(
     from gcs.fleet.observer import Observer
     from gcs.fleet.standing import keep_up
 
-    links = scenario.links
-    for address in (UdpAddress(links.host, links.gcs_port), hub):
-        warn_if_exposed(address, links.signing_key is not None)
-
     stderr = console_of()
 
-    def tell(text: str) -> None:
+    def notify(text: str) -> None:
         with contextlib.suppress(OSError):  # nobody reads it
             stderr.print(text, soft_wrap=True)
 
@@ -210,14 +189,14 @@ def _up(
             _announce(scenario, folder, hub, console, options, server)
         if server is None:
             return []
-        return [Observer("Foxglove", partial(server.feed, hub), tell)]
+        return [Observer("Foxglove", partial(server.feed, hub), notify)]
 
     fleet = keep_up(
         scenario,
         folder,
         hub,
         on_ready=ready,
-        on_message=tell,
+        on_message=notify,
         on_start=lambda text: task.show(0.0, text),
         speed=options.pace,
         start=options.start,

@@ -15,9 +15,9 @@ import typer
 from rich.console import Group
 from rich.live import Live
 
-from gcs.commands.progress import working
 from gcs.errors import BadInput, GcsError
 from gcs.outputs import write_file
+from gcs.progress import working
 from gcs.reports.wire import wire_tables, write_csv
 from gcs.terminal import console_of, print_json, print_line
 from mavlink_defs import dialect

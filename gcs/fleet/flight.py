@@ -15,8 +15,8 @@ import numpy as np
 
 from ftc_autopilot.vehicle.telemetry import DEFAULT_INTERVALS_US
 from gcs.fleet.collector import Collector
+from gcs.fleet.ports import on_free_ports
 from gcs.fleet.processes import FleetProcesses
-from gcs.fleet.relays import relay_of
 from gcs.fleet.start import prepare
 from gcs.results.recording import Ending, Recording, Steps
 from gcs.scenario.model import Scenario
@@ -84,16 +84,15 @@ async def fly_over_udp(
             on_progress(message.time_boot_ms / 1e3, events)
 
     links = scenario.links
-    with TlogWriter(folder / "flight.tlog") as tlog, relay_of(scenario) as relay:
-        connection = Connection("in", UdpAddress(links.host, links.gcs_port))
-        key = links.signing_key
+    connection = Connection("in", UdpAddress(links.host, links.gcs_port))
+    with TlogWriter(folder / "flight.tlog") as tlog:
         async with Client(
             connection,
             tlog=tlog,
             on_message=follow,
             private=True,
             only_recorded=_FOR_DISPLAYS,
-            signing_key=key,
+            signing_key=links.signing_key,
             patience=ENDLESS,  # the start sees who lives
         ) as client:
             with FleetProcesses(
@@ -103,7 +102,6 @@ async def fly_over_udp(
                 restart=restart,
                 autopilot_processes=autopilot_processes,
                 crashes=crashes,
-                via=relay.via,
             ) as fleet:
                 collector = Collector(scenario, fleet.recording_of)
                 try:
@@ -119,22 +117,27 @@ async def fly_over_udp(
                 finally:
                     fleet.wait(_END_TIMEOUT_S if fleet.plant_returncode is not None else 0.0)
                     collector.pass_on(on_steps, over=True)
-                    if relay.via:
-                        report = json.dumps(relay.report().to_json(), indent=2)
+                    if links.impairments is not None:
+                        report = json.dumps(fleet.relay.report().to_json(), indent=2)
                         write_text(folder / "wire.json", report + "\n")
     fleet.check()
     restarts = tuple(map(fleet.restarts_of, ids))
     return collector.ending("real_time" if speed else "lockstep", restarts)
 
 
-async def fly_and_record(scenario: Scenario, folder: Path, **options: Any) -> Recording:
-    """Fly as `fly_over_udp` does, and return every step of the flight.
+def fly_and_record(scenario: Scenario, folder: Path, **options: Any) -> Recording:
+    """Fly as `fly_over_udp` does, on free ports, and return every step of the flight.
 
     Args:
         scenario: The scenario.
         folder: As of `fly_over_udp`, which raises the same.
         options: Of `fly_over_udp`.
     """
-    ids, parts = tuple(uav.id for uav in scenario.uavs), list[Steps]()
-    ending = await fly_over_udp(scenario, folder, parts.append, **options)
-    return Recording.of(Steps.joined(parts, len(ids)), ending, ids, scenario.step_us)
+    ids = tuple(uav.id for uav in scenario.uavs)
+
+    def flown(on_ports: Scenario, _hub: UdpAddress) -> Recording:
+        parts = list[Steps]()
+        ending = asyncio.run(fly_over_udp(on_ports, folder, parts.append, **options))
+        return Recording.of(Steps.joined(parts, len(ids)), ending, ids, scenario.step_us)
+
+    return on_free_ports(scenario, flown)

@@ -18,7 +18,7 @@ from typing import Self
 from ftc_autopilot.config import PLUGIN_FAILED
 from gcs.errors import BadInput, FlightLost, PortInUse
 from gcs.fleet.forked import FORKS, Forked, ForkServer, processor_time_s, start_alone
-from gcs.fleet.relays import through
+from gcs.fleet.relays import Gate, relay_of, through
 from gcs.fleet.restarts import MOST_IN_A_ROW, Restarts
 from gcs.scenario.model import Scenario
 from gcs.scenario.plugins import libraries_of
@@ -53,8 +53,10 @@ class _Process:
 class FleetProcesses:
     """The processes of one scenario, as a context manager that stops them all.
 
-    Their configurations, logs and recordings go into `folder`. `via` maps addresses that
-    autopilots send to onto relays' addresses, as `Relay.via` does.
+    Their configurations, logs and recordings go into `folder`.
+
+    Attributes:
+        relay: The relays between them, as the scenario asks for them.
     """
 
     def __init__(
@@ -69,7 +71,7 @@ class FleetProcesses:
         autopilot_processes: int | None = None,
         crashes: Mapping[int, Sequence[int]] = MappingProxyType({}),
         ground_stations: Sequence[UdpAddress] = (),
-        via: Mapping[str, str] = MappingProxyType({}),
+        gate: Gate | None = None,
     ) -> None:
         """Prepare a fleet.
 
@@ -85,10 +87,10 @@ class FleetProcesses:
                 without `restart`; None: each has its own.
             crashes: Steps after which autopilots crash, by UAV, one for each start: for tests.
             ground_stations: Addresses that autopilots send to besides the scenario's GCS port.
-            via: Relays to send through, as of `gcs.fleet.relays`.
+            gate: As of `relay_of`.
         """
+        self.relay = relay_of(scenario, gate)
         self._scenario = scenario
-        self._via = via
         self._speed = speed
         self._folder = folder
         self._endless = endless
@@ -109,15 +111,15 @@ class FleetProcesses:
         """Write the configurations and start all processes."""
         scenario = self._scenario
         self._folder.mkdir(parents=True, exist_ok=True)
-        self._configure()
-        try:
+        with contextlib.ExitStack() as stack:
+            stack.enter_context(self.relay)
+            stack.callback(self.stop)
+            self._configure()
             self._start([_PLANT], [scenario.links.plant_port])
             for uavs in self._shares():
                 ports = [scenario.links.formation_base_port + uav for uav in uavs]
                 self._start([f"uav{uav}" for uav in uavs], ports, *self._options(uavs[0]))
-        except BaseException:
-            self.stop()
-            raise
+            self._stack = stack.pop_all()
         return self
 
     def _shares(self) -> list[list[int]]:
@@ -142,7 +144,7 @@ class FleetProcesses:
         trace: TracebackType | None,
     ) -> None:
         """Stop all processes that still run."""
-        self.stop()
+        self._stack.close()
 
     def recording_of(self, name: str) -> Path:
         """Return the folder for the recording of the plant ("plant") or a UAV ("uav3")."""
@@ -254,7 +256,7 @@ class FleetProcesses:
             plant = plant.model_copy(update={"wait_for_restart": True})
         dump(plant, self._folder / f"{_PLANT}.yaml")
         for uav in self._scenario.uavs:
-            config = through(self._scenario.autopilot_config(uav.id), self._via)
+            config = through(self._scenario.autopilot_config(uav.id), self.relay.via)
             changes: dict[str, object] = {"gcs": (*config.gcs, *self._ground_stations)}
             if self._restart:  # the supervisor sees the plant end; a slow one is waited for
                 changes["silence_timeout_s"] = _SUPERVISED_SILENCE_S

@@ -1,6 +1,7 @@
 """The relays between the processes of a flight, as its scenario asks for them."""
 
 from collections.abc import Callable, Mapping
+from typing import TypeAlias
 
 from ftc_autopilot.config import AutopilotConfig
 from gcs.scenario.model import Scenario
@@ -9,8 +10,10 @@ from mavlink_defs.capture.impairment import Impairment
 from mavlink_defs.capture.relay import Relay, Route
 from mavlink_defs.endpoint import UdpAddress
 
+Gate: TypeAlias = Callable[[str, str, bytes], bool]
 
-def relay_of(scenario: Scenario, gate: Callable[[str, str, bytes], bool] | None = None) -> Relay:
+
+def relay_of(scenario: Scenario, gate: Gate | None = None) -> Relay:
     """Return the relay for a scenario's `links.impairments`; without them, one with no routes.
 
     The plant link is relayed along with any other link, since it carries the simulated time.

@@ -10,7 +10,6 @@ from gcs.fleet.hub import Hub
 from gcs.fleet.hub_socket import HubSocket
 from gcs.fleet.observer import Observer
 from gcs.fleet.processes import FleetProcesses
-from gcs.fleet.relays import relay_of
 from gcs.fleet.standing_record import StandingRecord
 from gcs.fleet.start import prepare
 from gcs.scenario.model import Scenario
@@ -77,20 +76,16 @@ async def keep_up(
         observers.append(Observer("recording", recording.watch, on_message))
     try:
         processes = folder / "processes"
-        with (
-            relay_of(scenario) as relay,
-            FleetProcesses(
-                scenario,
-                speed,
-                processes,
-                endless=True,
-                record=record,
-                restart=restart,
-                autopilot_processes=autopilot_processes,
-                ground_stations=[hub],
-                via=relay.via,
-            ) as fleet,
-        ):
+        with FleetProcesses(
+            scenario,
+            speed,
+            processes,
+            endless=True,
+            record=record,
+            restart=restart,
+            autopilot_processes=autopilot_processes,
+            ground_stations=[hub],
+        ) as fleet:
             async with Client(Connection("out", hub), signing_key=key) as client:
                 await prepare(client, fleet, scenario, start, on_start, on_message)
             observers += on_ready()

@@ -9,7 +9,7 @@ from mavlink_defs.endpoint import EndpointError, UdpAddress, is_loopback
 from mavlink_defs.framing.signing import SigningError, read_key
 
 
-def signed(scenario: Scenario, path: str | None) -> Scenario:
+def signed(scenario: Scenario, path: Path | str | None) -> Scenario:
     """Return the scenario with another key file; unchanged if `path` is None.
 
     Raises:

@@ -2,75 +2,74 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
+from gcs.api.errors import python_errors, warn
 from gcs.errors import BadInput
 from gcs.fleet.in_process import fly_in_process
 from gcs.fleet.ports import on_free_ports
-from gcs.fleet.precompile import compile_everything
-from gcs.scenario.model import Scenario, scenario_of, scenario_tree
+from gcs.flights.preparation import How, Prepared, prepare
+from gcs.flights.warm_up import warm_up
+from gcs.scenario.model import Scenario
+from gcs.terminal import console_of
 from gcs.testing.flying import TestFleet
 from gcs.testing.results import FlightResult
-from mavlink_defs.config.inherit import PlaceError, with_values
-from mavlink_defs.config.models import ConfigError
 from mavlink_defs.endpoint import UdpAddress
-from mavlink_defs.runtime.code_cache import cache_is_cold
 
 FlightMode = Literal["wire", "in_process"]
 
 
-def read_scenario(path: Path, changes: Mapping[str, Any]) -> Scenario:
-    """Read a scenario and lay changes over it.
+def prepared(
+    path: Path, changes: Mapping[str, Any], speed: float | None, mode: FlightMode = "wire"
+) -> Prepared:
+    """Prepare the flight of a test, as `gcs.fly` does.
 
     Args:
         path: Scenario file.
         changes: Values by top-level key or path (``trigger.b2_deg``), merged as by `extends`:
             mappings merge, None removes.
+        speed: Real-time factor; None for lockstep.
+        mode: Whether it flies over UDP or in process.
 
     Raises:
         BadInput: The file or the changes cannot be used; the text has every problem.
     """
-    try:
-        scenario = scenario_of(path, with_values(scenario_tree(path), changes))
-    except ConfigError as problem:
-        raise BadInput(str(problem)) from None
-    except PlaceError as problem:
-        raise BadInput(f"{path}: {problem}") from None
-    if cache_is_cold():
-        compile_everything(scenario)
-    return scenario
+    with python_errors():
+        if mode not in get_args(FlightMode):
+            raise BadInput(f"mode: expected 'wire' or 'in_process', got {mode!r}")
+        how = How(over_udp=mode == "wire", speed=speed, free_ports=True)
+        flight = prepare(path, how, values=changes)
+    warn(flight.remarks)
+    warm_up(flight.scenario, console_of(quiet=True))
+    return flight
 
 
-def launch(scenario: Scenario, folder: Path, speed: float | None) -> TestFleet:
+def launch(flight: Prepared, folder: Path) -> TestFleet:
     """Start a fleet on free ports; the caller must close it.
 
     Args:
-        scenario: On any ports.
+        flight: What it is to fly.
         folder: Existing folder for the files of the processes.
-        speed: Real-time factor; None for lockstep.
 
     Raises:
         GcsError: As of `TestFleet.open`.
     """
+    scenario = flight.scenario
     links = scenario.links.model_copy(update={"plant_relay": None})
 
     def opened(scenario: Scenario, _hub: UdpAddress) -> TestFleet:
-        fleet = TestFleet(scenario, folder, speed)
+        fleet = TestFleet(scenario, folder, flight.how.speed)
         fleet.open()
         return fleet
 
     return on_free_ports(scenario.model_copy(update={"links": links}), opened)
 
 
-def fly(scenario: Scenario, folder: Path, speed: float | None, mode: FlightMode) -> FlightResult:
-    """Fly a scenario to its end, or until it is lost; arguments as of `launch`."""
-    if mode == "in_process":
-        if speed is not None or scenario.links.impairments is not None:
-            raise BadInput("speed and links.impairments apply to processes; mode is 'in_process'")
-        return FlightResult(scenario, fly_in_process(scenario))
-    if mode != "wire":
-        raise BadInput(f"mode: expected 'wire' or 'in_process', got {mode!r}")
-    fleet = launch(scenario, folder, speed)
+def fly(flight: Prepared, folder: Path) -> FlightResult:
+    """Fly to the end of the scenario, or until it is lost; arguments as of `launch`."""
+    if not flight.how.over_udp:
+        return FlightResult(flight.scenario, fly_in_process(flight.scenario))
+    fleet = launch(flight, folder)
     try:
         fleet.begin()
         return fleet.run_to_end()

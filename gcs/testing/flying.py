@@ -17,7 +17,6 @@ from typing import Any, TypeVar
 from gcs.errors import BadInput, FlightLost, NoAnswer
 from gcs.fleet.collector import Collector
 from gcs.fleet.processes import FleetProcesses
-from gcs.fleet.relays import relay_of
 from gcs.fleet.start import prepare
 from gcs.results.recording import Mode
 from gcs.scenario.model import Scenario
@@ -63,7 +62,9 @@ class TestFleet:
         self._speed = speed
         self._ids = [uav.id for uav in scenario.uavs]
         self._gate = StepGate(self._ids, closed=speed is None)
-        self._relay = relay_of(scenario, self._gate)
+        processes = folder / "processes"
+        self._fleet = FleetProcesses(self.scenario, speed, processes, gate=self._gate)
+        self._relay = self._fleet.relay
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, name="client", daemon=True)
         self._stack = contextlib.ExitStack()
@@ -83,12 +84,10 @@ class TestFleet:
             self._thread.start()
             stack.callback(self._end_loop)
             tlog = stack.enter_context(TlogWriter(self.folder / "flight.tlog"))
-            relay = stack.enter_context(self._relay)
-            self.client = Client(connection, tlog=tlog, private=True)
+            key = links.signing_key
+            self.client = Client(connection, tlog=tlog, private=True, signing_key=key)
             self.call(self.client.__aenter__())
             stack.callback(lambda: self.call(self.client.__aexit__(None, None, None)))
-            folder = self.folder / "processes"
-            self._fleet = FleetProcesses(self.scenario, self._speed, folder, via=relay.via)
             stack.enter_context(self._fleet)
             self.call(prepare(self.client, self._fleet, self.scenario, start=False))
             self._stack = stack.pop_all()

@@ -254,21 +254,6 @@ def test_run_folder_that_is_a_file(tmp_path: Path) -> None:
     assert file.read_text() == "keep"
 
 
-@pytest.mark.parametrize("speed", ["0", "-1", "nan", "inf", "fast"])
-def test_bad_speed(tmp_path: Path, speed: str) -> None:
-    message = assert_refused(tmp_path, SCENARIO_1, f"--speed={speed}", "--out", tmp_path / "run")
-    assert "--speed" in message
-    assert not (tmp_path / "run").exists()
-
-
-def test_speed_without_processes(tmp_path: Path) -> None:
-    message = assert_refused(
-        tmp_path, SCENARIO_1, "--speed", "2", "--in-process", "--out", tmp_path / "run"
-    )
-    assert "--speed" in message
-    assert "--in-process" in message
-
-
 def test_unknown_option(tmp_path: Path) -> None:
     message = assert_refused(tmp_path, SCENARIO_1, "--sped", "2", "--out", tmp_path / "run")
     assert "--sped" in message

@@ -1,6 +1,5 @@
 """Every formation link goes out and comes back: nothing jumps."""
 
-import asyncio
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +7,6 @@ import pytest
 
 from gcs.fleet.flight import fly_and_record
 from gcs.fleet.in_process import fly_in_process
-from gcs.fleet.ports import on_free_ports
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import Impairments
@@ -26,10 +24,7 @@ def test_no_command_jumps_when_all_edges_are_lost_and_when_they_return(
     whole = scenario1.model_copy(update={"duration_s": DURATION_S, "faults": ()})
     outage = Impairment(outages=(Outage(from_s=FROM_S, to_s=TO_S),))
     links = whole.links.model_copy(update={"impairments": Impairments(formation=outage)})
-    flown = on_free_ports(
-        whole.model_copy(update={"links": links}),
-        lambda on_ports, _: asyncio.run(fly_and_record(on_ports, tmp_path)),
-    )
+    flown = fly_and_record(whole.model_copy(update={"links": links}), tmp_path)
     said = "".join(
         message.text
         for _, message in read_tlog(tmp_path / "flight.tlog")

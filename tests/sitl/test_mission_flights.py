@@ -1,6 +1,5 @@
 """Missions in space by real processes: the same as in one process, and resumed after a crash."""
 
-import asyncio
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,6 @@ from flying import fly_well, scenario_tree, write_scenario
 
 from gcs.fleet.flight import fly_and_record
 from gcs.fleet.in_process import fly_in_process
-from gcs.fleet.ports import on_free_ports
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario, scenario_of
 
@@ -45,12 +43,7 @@ def test_flights_of_a_mission_are_equal_bit_for_bit(tmp_path: Path) -> None:
 
 
 def flown(scenario: Scenario, folder: Path) -> Recording:
-    return on_free_ports(
-        scenario,
-        lambda on_ports, _: asyncio.run(
-            fly_and_record(on_ports, folder, restart=True, crashes={2: [1200]})
-        ),
-    )
+    return fly_and_record(scenario, folder, restart=True, crashes={2: [1200]})
 
 
 def test_an_autopilot_that_dies_goes_on_with_its_mission(tmp_path: Path) -> None:

@@ -4,10 +4,8 @@ The datagrams pass a relay of the flight. They are read here by the layout of MA
 any sniffer could; no counter or codec of this project takes part.
 """
 
-import asyncio
 import struct
 from collections import Counter
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +13,9 @@ import numpy as np
 import pytest
 from flying import scenario_tree
 
-from gcs.fleet import flight
+from gcs.fleet import processes
+from gcs.fleet.flight import fly_and_record
 from gcs.fleet.in_process import fly_in_process
-from gcs.fleet.ports import on_free_ports
 from gcs.fleet.relays import relay_of
 from gcs.results.figures import FlightSummary
 from gcs.results.recording import Recording
@@ -25,7 +23,7 @@ from gcs.results.summary import summarise
 from gcs.scenario.bundled import find_scenario
 from gcs.scenario.model import Scenario, scenario_of
 from gcs.scenario.model import scenario_tree as gcs_tree
-from mavlink_defs.endpoint import UdpAddress
+from mavlink_defs.capture.relay import Relay
 from mavlink_defs.framing.signing import make_key
 
 pytestmark = pytest.mark.sitl
@@ -85,13 +83,13 @@ def fly_sniffed(
     """Fly over UDP, in lockstep, past a sniffer."""
     sniffers: list[Sniffer] = []
 
-    def fly(on_ports: Scenario, _: UdpAddress) -> Recording:
+    def sniffed(on_ports: Scenario, _gate: None) -> Relay:
         sniffers.append(Sniffer())
-        monkeypatch.setattr(flight, "relay_of", partial(relay_of, gate=sniffers[-1]))
-        folder.mkdir(exist_ok=True)
-        return asyncio.run(flight.fly_and_record(on_ports, folder))
+        return relay_of(on_ports, sniffers[-1])
 
-    return on_free_ports(scenario, fly), sniffers[-1]
+    monkeypatch.setattr(processes, "relay_of", sniffed)
+    folder.mkdir(exist_ok=True)
+    return fly_and_record(scenario, folder), sniffers[-1]
 
 
 def assert_counts_are_what_was_sniffed(summary: FlightSummary, sniffer: Sniffer) -> None:

@@ -1,6 +1,5 @@
 """Laws and triggers of a project and of files, over UDP, as tutorial and docs/how-to say."""
 
-import asyncio
 import json
 import os
 import re
@@ -15,9 +14,7 @@ from own_laws import COMPILER, TRIGGERS, C, build, write_law, write_trigger
 
 from gcs.commands.new import PROJECT
 from gcs.fleet.flight import fly_and_record
-from gcs.fleet.ports import on_free_ports
-from gcs.results.recording import Recording
-from gcs.scenario.model import Scenario, load_scenario
+from gcs.scenario.model import load_scenario
 
 pytestmark = pytest.mark.sitl
 
@@ -252,12 +249,7 @@ def test_a_law_goes_on_with_its_state_after_a_crash_of_its_process(
         "controller: {kind: law.py:Counting}\n"
     )
     scenario = load_scenario(tmp_path / "s.yaml")
-
-    def fly(scenario: Scenario, _hub: object) -> Recording:
-        how = {"restart": True, "crashes": {1: [300]}}
-        return asyncio.run(fly_and_record(scenario, tmp_path, **how))
-
-    flight = on_free_ports(scenario, fly)
+    flight = fly_and_record(scenario, tmp_path, restart=True, crashes={1: [300]})
     assert flight.restarts == (1, 0, 0)
     steps = (flight.signals["demand"][:, 0, 3] - 800.0) / 0.001
     assert steps[299] == pytest.approx(300)

@@ -138,7 +138,7 @@ def test_a_wrong_expectation_says_what_came_instead_and_where(project: Path) -> 
         rf"UAV 2 aileron: expected transmissions at least 500 ms apart, got {number} ms between ",
         r"expected a flight of 6 s, got 0\.200 s: it was stopped",
         r"<fleet of 'two UAVs' at 0\.200 s>, files in ",
-        r"my\.yaml: duration_s: expected \(0, 86400\] s, got -1\n(?!\nDuring)",
+        r"changes: duration_s: expected \(0, 86400\] s, got -1\n(?!\nDuring)",
     ):
         assert re.search(line, output), (line, output)
 

@@ -18,6 +18,7 @@ from flying import (
 )
 from numpy.lib.stride_tricks import sliding_window_view
 
+from gcs.flights.preparation import How, prepare
 from gcs.scenario.model import Scenario
 from gcs.testing.fixtures import launch
 from gcs.testing.flying import TestFleet
@@ -127,7 +128,8 @@ def rearmed(
 ) -> tuple[FlightResult, Any]:
     """A flight of which UAV 2 is disarmed from 1 s to 2 s, and the last FTC_EVENTS of UAV 2."""
     scenario = scenario1.model_copy(update={"duration_s": 6.0, "faults": ()})
-    fleet: TestFleet = launch(scenario, tmp_path_factory.mktemp("rearmed"), None)
+    folder = tmp_path_factory.mktemp("rearmed")
+    fleet: TestFleet = launch(prepare(scenario, How(free_ports=True)), folder)
     try:
         fleet.begin()
         fleet.run_until(1.0)

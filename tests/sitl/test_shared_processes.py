@@ -9,7 +9,6 @@ import pytest
 from flying import (
     TIMEOUT_S,
     arrays_of,
-    assert_one_message,
     fly_well,
     flying,
     free_links,
@@ -80,28 +79,6 @@ def test_all_autopilots_of_a_process_stop_with_it(scenario1: Scenario, tmp_path:
     with standing(scenario1, tmp_path, speed=None, autopilot_processes=1):
         assert len(processes_of(tmp_path)) == 2
     assert (tmp_path / "uav1-uav3.log").read_text() == ""
-
-
-@pytest.mark.parametrize(
-    "others", [["--in-process"], ["--speed", "1"], ["--restart", "on-failure"]]
-)
-def test_only_lockstep_over_udp_can_share_processes(tmp_path: Path, others: list[str]) -> None:
-    options = ("--autopilot-processes", "2", "--out", tmp_path / "run")
-    done = run("gcs", "fly", "paper/scenario1", *others, *options)
-    assert done.returncode == 2
-    assert_one_message(done.stderr)
-    assert "--autopilot-processes is 2" in done.stderr
-    assert not (tmp_path / "run").exists()
-
-
-def test_a_large_fleet_gets_a_hint_how_it_flies_faster(tmp_path: Path) -> None:
-    cores = os.cpu_count() or 1
-    tree = star_tree(4 * cores, duration_s=0.1, links=free_links(4 * cores))
-    scenario = write_scenario(tmp_path, tree)
-    hint = f"they fly faster with --autopilot-processes {cores}"
-    assert hint in fly_well(scenario, "--out", tmp_path / "slow").stderr.replace("\n", " ")
-    done = fly_well(scenario, f"--autopilot-processes={cores}", "--out", tmp_path / "fast")
-    assert hint not in done.stderr.replace("\n", " ")
 
 
 def test_none_in_a_process_is_refused(tmp_path: Path) -> None:

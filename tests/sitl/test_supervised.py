@@ -1,6 +1,5 @@
 """Autopilots that die are started again and resume their flight."""
 
-import asyncio
 import itertools
 import os
 import signal
@@ -25,7 +24,6 @@ from station import state_of, status_when, up
 from ftc_autopilot.config import AutopilotConfig
 from gcs.fleet.flight import fly_and_record
 from gcs.fleet.in_process import fly_in_process
-from gcs.fleet.ports import on_free_ports
 from gcs.results.recording import Recording
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario
@@ -41,12 +39,7 @@ SILENCE_S = 1.2 * AutopilotConfig.model_fields["silence_timeout_s"].default
 
 def flown(scenario: Scenario, folder: Path) -> Recording:
     folder.mkdir()
-    return on_free_ports(
-        scenario,
-        lambda on_ports, _: asyncio.run(
-            fly_and_record(on_ports, folder, restart=True, crashes={2: [DIES_AT]})
-        ),
-    )
+    return fly_and_record(scenario, folder, restart=True, crashes={2: [DIES_AT]})
 
 
 @pytest.mark.parametrize("navigation", ["true_state", "estimated"])
@@ -117,12 +110,8 @@ def test_by_the_clock_an_autopilot_is_back_within_two_seconds_of_simulated_time(
 ) -> None:
     """At half speed, for the load of machines that test."""
     scenario = scenario1.model_copy(update={"duration_s": 3.0, "faults": ()})
-    flight = on_free_ports(
-        scenario,
-        lambda on_ports, _: asyncio.run(
-            fly_and_record(on_ports, tmp_path, speed=0.5, restart=True, crashes={2: [DIES_AT]})
-        ),
-    )
+    how = {"speed": 0.5, "restart": True, "crashes": {2: [DIES_AT]}}
+    flight = fly_and_record(scenario, tmp_path, **how)
     assert flight.restarts == (0, 1, 0)
     flown = np.flatnonzero(~flight.missing[:, 1])  # a busy machine costs steps before and after
     died, back = max(itertools.pairwise(flown), key=lambda gap: gap[1] - gap[0])
