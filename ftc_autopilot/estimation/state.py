@@ -2,7 +2,7 @@
 
 The error is x_true - x, but for the attitude: a rotation vector phi in NED axes, with
 R_true = (I + [phi]x) R, the global error of J. Solà, Quaternion kinematics for the error-state
-Kalman kalman, 2017, section 7.
+Kalman filter, 2017, section 7.
 """
 
 import math
