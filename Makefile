@@ -8,17 +8,24 @@ export PYTHONDONTWRITEBYTECODE :=
 # two for each processor: whole flights also wait
 WORKERS ?= $(shell echo $$((2 * $$(getconf _NPROCESSORS_ONLN))))
 
+# these call equations part by part: plain Python takes less time than to compile each part for them
+PLAIN := tests/plain_python.txt
+COMPILED := $(addprefix --ignore=,$(shell cat $(PLAIN)))
+
 .PHONY: fly check test coverage explore mutants docs bench fuzz soak lock clean
 
 fly: $(READY)  ## fly the paper's scenario 1 over MAVLink
 	$(BIN)/gcs fly scenarios/paper/scenario1.yaml
 
 check: lint  ## for the daily loop: format, lint, types and the quick tests
-	$(BIN)/pytest -q -n auto --dist worksteal -m "not slow" tests/unit tests/test_architecture.py
+	NUMBA_DISABLE_JIT=1 $(BIN)/pytest -q -n auto --dist worksteal -m "not slow" @$(PLAIN)
+	$(BIN)/pytest -q -n auto --dist worksteal -m "not slow" $(COMPILED) tests/unit tests/test_architecture.py
 
 # a worker that dies ends the session: xdist hangs where it goes on without it
+ALL := -n $(WORKERS) --dist loadfile --no-loadscope-reorder --max-worker-restart 0
 test: lint  ## everything that must pass: format, lint, types, all tests
-	$(BIN)/pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder --max-worker-restart 0 tests
+	NUMBA_DISABLE_JIT=1 $(BIN)/pytest $(ALL) @$(PLAIN)
+	$(BIN)/pytest $(ALL) $(COMPILED) tests
 
 .PHONY: lint
 lint: $(READY)

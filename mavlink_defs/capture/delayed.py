@@ -1,7 +1,7 @@
 """Datagrams that are to be delivered later, for compiled code: a heap, and chunks of bytes.
 
 Arrays do not grow by themselves: `with_room` returns larger ones with the same datagrams. The heap
-is not of `heapq`, which needs a typed list: numba compiles that again in each process.
+is not of ``heapq``, which needs a typed list: numba compiles that again in each process.
 """
 
 from typing import NamedTuple

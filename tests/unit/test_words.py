@@ -1,6 +1,9 @@
-"""The words that the glossary retires are used on no page, in no scenario and in no code."""
+"""Words of pages, scenarios and code: none that the glossary retires, none twice, no lost name."""
 
+import io
 import re
+import tokenize
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -62,12 +65,14 @@ def texts() -> dict[str, str]:
     return found
 
 
-@pytest.mark.parametrize("word", retired(GLOSSARY.read_text()))
-def test_a_retired_word_is_used_nowhere(word: str) -> None:
-    found = [f"{name}:{line}" for name, text in texts().items() for line in uses(word, text)]
-    assert not found, f"{len(found)} × {word!r}, for which the glossary has another\n" + "\n".join(
-        found
-    )
+def test_a_retired_word_is_used_nowhere() -> None:
+    found = [
+        f"{name}:{line}: {word}, for which the glossary has another"
+        for word in retired(GLOSSARY.read_text())
+        for name, text in texts().items()
+        for line in uses(word, text)
+    ]
+    assert not found, "\n".join(found)
 
 
 @pytest.mark.parametrize(
@@ -97,3 +102,80 @@ def test_a_use_is_found(word: str, text: str, line: int) -> None:
 )
 def test_another_word_is_not_found(word: str, text: str) -> None:
     assert uses(word, text) == []
+
+
+TWICE = re.compile(r"(?<![\w.*/'-])([a-z]+)[ \n]+\1(?![\w.*/-])", re.IGNORECASE)
+BACK_TICKED = re.compile(r"(?<!`)`([A-Za-z_]\w*(?:\.\w+)*)(?:\(\))?`(?!`)")
+OUR_OWN = re.compile(r"`((?:gcs|ftc_lab|ftc_autopilot|sitl_plant|mavlink_defs)\.[\w.]+)`")
+
+
+def parts_of_code(text: str) -> Iterator[tuple[bool, str]]:
+    """Docstrings and whole lines of comments, which are prose, and all else."""
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        alone = not token.line[: token.start[1]].strip()
+        is_text = token.type == tokenize.STRING and token.string.endswith('"""')
+        if token.type == tokenize.COMMENT or (alone and is_text):
+            lines = [line.strip().lstrip("#: ") for line in token.string.split("\n")]
+            yield True, "\n".join(lines) + ("\n" if alone else "|\n")
+        elif token.type in {tokenize.NAME, tokenize.STRING}:
+            yield False, token.string
+
+
+def prose_of(name: str, text: str) -> str:
+    """The sentences of a file: of code and scenarios its comments; of pages what is not code."""
+    if name.endswith(".py"):
+        return "".join(part for is_prose, part in parts_of_code(text) if is_prose)
+    if name.endswith(".md"):
+        text = re.sub(r"```.*?```|^(?:    |#).*$", "|", text, flags=re.DOTALL | re.MULTILINE)
+        return re.sub(r"`[^`\n]*`", "|", text)
+    return "\n".join(re.findall(r"^ *# ?(.*)$", text, re.MULTILINE))
+
+
+@cache
+def names_of_code() -> set[str]:
+    """Every name that code and scenarios have, those within texts and of files as well."""
+    parts = list(texts())
+    for name, text in texts().items():
+        if name.endswith(".py"):
+            parts += [part for is_prose, part in parts_of_code(text) if not is_prose]
+        elif name.endswith(".yaml"):
+            parts.append(text)
+    return set(re.findall(r"\w+", " ".join(parts)))
+
+
+def lost(name: str, text: str) -> list[str]:
+    """Names between back-ticks that no code has: in code every name, on pages those of our own."""
+    if name.endswith(".py"):
+        text, named = prose_of(name, text), BACK_TICKED
+    else:
+        named = OUR_OWN
+    found = named.findall(text)
+    return [one for one in found if not set(re.findall(r"\w+", one)) <= names_of_code()]
+
+
+def test_no_word_stands_twice() -> None:
+    twice = [
+        f"{name}: {found[0]!r}"
+        for name, text in texts().items()
+        for found in TWICE.finditer(prose_of(name, text))
+    ]
+    assert not twice, "\n".join(twice)
+
+
+def test_a_name_between_back_ticks_exists() -> None:
+    found = [f"{name}: {one}" for name, text in texts().items() for one in lost(name, text)]
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "twice", "gone"),
+    [
+        ("a.py", 'x = 1\n"""The Kalman\nkalman of `no_such`, `texts`, ``no_other``."""\n', 1, 1),
+        ("a.py", "a = 1  # rad\nb = 2  # rad\n# the\n# the end\nc = b * b\n", 1, 0),
+        ("a.md", "Is is\n\n    gcs gcs\n\nof `gcs gcs`, `gcs.no_such` and `no.matter`", 1, 1),
+        ("a.yaml", "# in in\nfor: for\n", 1, 0),
+    ],
+)
+def test_what_stands_twice_or_is_lost_is_found(name: str, text: str, twice: int, gone: int) -> None:
+    assert len(TWICE.findall(prose_of(name, text))) == twice
+    assert len(lost(name, text)) == gone

@@ -7,6 +7,7 @@ surrogate and separator character that the door can carry, and what people see i
 import json
 import sys
 import unicodedata
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -140,40 +141,40 @@ def test_errors() -> None:
     assert_visible(str(ConfigError(PATH, [Problem((EVERY, 1), EVERY)])))
 
 
-@pytest.mark.parametrize("suffix", [".yaml", ".plan", ".waypoints", ".tlog", ".pcap"])
-@pytest.mark.parametrize("content", [None, EVERY, json.dumps({"name": EVERY, EVERY: [EVERY]})])
-@pytest.mark.parametrize(
-    "command",
-    [
-        ("fly",),
-        ("sweep",),
-        ("campaign",),
-        ("mission", "show"),
-        ("profile", "check"),
-        ("log",),
-        ("wire",),
-        ("compare", "runs"),
-        ("export",),
-        ("fly", SCENARIO_1, "--with"),
-        ("mission", "show", SCENARIO_1, "--fleet"),
-    ],
-)
+READING = [
+    ("fly",),
+    ("sweep",),
+    ("campaign",),
+    ("mission", "show"),
+    ("profile", "check"),
+    ("log",),
+    ("wire",),
+    ("compare", "runs"),
+    ("export",),
+    ("fly", SCENARIO_1, "--with"),
+    ("mission", "show", SCENARIO_1, "--fleet"),
+]
+CONTENTS = [None, EVERY, json.dumps({"name": EVERY, EVERY: [EVERY]})]
+SUFFIXES = [".yaml", ".plan", ".waypoints", ".tlog", ".pcap"]
+
+
 def test_files_on_the_command_line(
-    command: tuple[str, ...],
-    content: str | None,
-    suffix: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
+    subtests: pytest.Subtests,
 ) -> None:
-    file = tmp_path / PATH.replace(".yaml", suffix)
-    if content is not None:
-        file.write_bytes(content.encode(errors="surrogatepass"))
-    monkeypatch.setattr(sys, "argv", ["gcs", *command, str(file)])
-    with pytest.raises(SystemExit):
-        cli.main()
-    captured = capsys.readouterr()
-    assert_visible(captured.out + captured.err)
+    for command, content, suffix in product(READING, CONTENTS, SUFFIXES):
+        with subtests.test(" ".join(command), content=CONTENTS.index(content), suffix=suffix):
+            file = tmp_path / PATH.replace(".yaml", suffix)
+            file.unlink(missing_ok=True)
+            if content is not None:
+                file.write_bytes(content.encode(errors="surrogatepass"))
+            monkeypatch.setattr(sys, "argv", ["gcs", *command, str(file)])
+            with pytest.raises(SystemExit):
+                cli.main()
+            captured = capsys.readouterr()
+            assert_visible(captured.out + captured.err)
 
 
 @pytest.mark.parametrize(

@@ -15,14 +15,12 @@ from typer.testing import CliRunner
 
 import gcs
 from ftc_lab.campaigns.flights import figures_of
-from gcs import BadInput, Flight, FlightLost, fly, load_scenario, open_run
+from gcs import BadInput, Flight, FlightLost, fly, open_run
 from gcs.cli import app
 from gcs.commands.common import changed_scenario
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.columns import COLUMNS, LIGHT
 from gcs.results.quantities import PAPER_ORDER
-from gcs.scenario.bundled import bundled_names
-from gcs.scenario.changes import with_changes
 from mavlink_defs.config.models import ConfigError
 
 SHORT = {"duration_s": 2.0}
@@ -336,13 +334,6 @@ def test_a_folder_that_is_not_empty_stays_as_it_is(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="not empty"):
         fly("paper/scenario1", SHORT, out=tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
-
-
-@pytest.mark.parametrize("name", [n for n in bundled_names() if not n.startswith("campaigns/")])
-def test_a_scenario_that_was_read_can_be_changed(name: str) -> None:
-    scenario = load_scenario(name)
-    same = with_changes(scenario, (), {"name": scenario.name}, "changes")
-    assert same == scenario
 
 
 # the package

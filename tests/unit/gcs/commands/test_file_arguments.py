@@ -3,6 +3,7 @@
 import os
 import signal
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -72,8 +73,8 @@ def make(kind: str, path: Path) -> Path:
     return path
 
 
-@pytest.fixture(autouse=True)
-def _ten_seconds() -> Iterator[None]:
+@contextmanager
+def ten_seconds() -> Iterator[None]:
     """A command that waits for a pipe fails instead of waiting for ever."""
 
     def late(*_: Any) -> None:
@@ -81,29 +82,36 @@ def _ten_seconds() -> Iterator[None]:
 
     before = signal.signal(signal.SIGALRM, late)
     signal.alarm(10)
-    yield
-    signal.alarm(0)
-    signal.signal(signal.SIGALRM, before)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("argument", READ, ids=" ".join)
 def test_it_is_refused(
-    argument: tuple[str, str], kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, subtests: pytest.Subtests
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    path = make(kind, tmp_path / "thing")
-    before = sorted(tmp_path.iterdir())
-    given = [str(path) if word == "@" else word for word in READ[argument]]
-    result = CliRunner(env={"COLUMNS": "200", "NO_COLOR": "1"}).invoke(app, given)
-    problem = result.exception
-    assert isinstance(problem, BadInput | ConfigError), (problem, result.output)
-    first = str(problem).splitlines()[0]
-    assert path.name in first or path.name in str(problem)
-    assert first == first.strip()
-    assert first.isprintable()
-    assert result.stdout == ""
-    assert sorted(tmp_path.iterdir()) == before
+    for kind in KINDS:
+        folder = tmp_path / kind
+        folder.mkdir()
+        monkeypatch.chdir(folder)
+        path = make(kind, folder / "thing")
+        before = sorted(folder.iterdir())
+        for argument, words in READ.items():
+            with subtests.test(" ".join(argument), kind=kind):
+                given = [str(path) if word == "@" else word for word in words]
+                with ten_seconds():
+                    runner = CliRunner(env={"COLUMNS": "200", "NO_COLOR": "1"})
+                    result = runner.invoke(app, given)
+                problem = result.exception
+                assert isinstance(problem, BadInput | ConfigError), (problem, result.output)
+                first = str(problem).splitlines()[0]
+                assert path.name in first or path.name in str(problem)
+                assert first == first.strip()
+                assert first.isprintable()
+                assert result.stdout == ""
+                assert sorted(folder.iterdir()) == before
 
 
 def test_every_argument_that_is_a_file_is_read_here_or_written() -> None:

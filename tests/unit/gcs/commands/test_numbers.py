@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Iterator
+from itertools import product
 from typing import Any
 
 import pytest
@@ -39,32 +40,23 @@ def given(command: Any, number: Any, value: str) -> Iterator[str]:
             yield str(choices[0]) if choices else "1"
 
 
-@pytest.mark.parametrize(
-    ("names", "command", "number"),
-    NUMBERS,
-    ids=[f"{' '.join(names)} {number.opts[0]}" for names, _, number in NUMBERS],
-)
 def test_what_is_no_finite_number_is_refused_with_what_is_expected(
-    names: tuple[str, ...],
-    command: Any,
-    number: Any,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
+    subtests: pytest.Subtests,
 ) -> None:
-    whole = number.type_descriptor.annotation in {int, list[int]}
-    for value in ("nan", "inf"):
-        monkeypatch.setattr(sys, "argv", ["gcs", *names, *given(command, number, value)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        shown = capsys.readouterr()
-        assert (ended.value.code, shown.out) == (2, "")
-        name = number.opts[-1] if number.param_type_name == "option" else ""
-        expected = "a whole number" if whole else "a finite number"
-        assert f"{name}: expected {expected}" in shown.err
-        assert f"got '{value}'" in shown.err
-        for bound in (number.min, number.max):
-            assert bound is None or whole or f"{bound:g}" in shown.err
-
-
-def test_there_are_numbers() -> None:
     assert len(NUMBERS) > 100
+    for (names, command, number), value in product(NUMBERS, ("nan", "inf")):
+        with subtests.test(f"{' '.join(names)} {number.opts[0]}", value=value):
+            whole = number.type_descriptor.annotation in {int, list[int]}
+            monkeypatch.setattr(sys, "argv", ["gcs", *names, *given(command, number, value)])
+            with pytest.raises(SystemExit) as ended:
+                main()
+            shown = capsys.readouterr()
+            assert (ended.value.code, shown.out) == (2, "")
+            name = number.opts[-1] if number.param_type_name == "option" else ""
+            expected = "a whole number" if whole else "a finite number"
+            assert f"{name}: expected {expected}" in shown.err
+            assert f"got '{value}'" in shown.err
+            for bound in (number.min, number.max):
+                assert bound is None or whole or f"{bound:g}" in shown.err

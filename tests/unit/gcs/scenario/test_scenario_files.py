@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from gcs.commands.common import changed_scenario
+from gcs.scenario.changes import with_changes
 from gcs.scenario.model import Scenario, load_scenario, scenario_of, scenario_tree
 from gcs.scenario.profile_file import load_profile
 from mavlink_defs.config.inherit import merged, with_values
@@ -29,11 +30,15 @@ def identify(path: Path) -> str:
     return str(path.relative_to(SCENARIOS).with_suffix(""))
 
 
-@pytest.mark.parametrize("path", FILES, ids=identify)
-def test_it_loads_and_says_what_it_shows(path: Path) -> None:
-    scenario = load_scenario(path)
-    assert path.read_text().startswith("# ")
-    assert path == PAPER or scenario.description != load_scenario(PAPER).description
+def test_every_file_loads_and_says_what_it_shows(
+    scenario1: Scenario, subtests: pytest.Subtests
+) -> None:
+    for path in FILES:
+        with subtests.test(identify(path)):
+            scenario = load_scenario(path)
+            assert path.read_text().startswith("# ")
+            assert path == PAPER or scenario.description != scenario1.description
+            assert with_changes(scenario, (), {"name": scenario.name}, "changes") == scenario
 
 
 @pytest.mark.parametrize("path", ADDITIONS, ids=identify)
@@ -75,12 +80,14 @@ def test_fault_modes_of_scenario_3_are_the_papers(
     assert scenario.model_copy(update=same) == scenario1
 
 
-@pytest.mark.parametrize("path", sorted((SCENARIOS / "faults").iterdir()), ids=identify)
-def test_faults_strike_the_papers_flight(path: Path, scenario1: Scenario) -> None:
-    scenario = load_scenario(path)
-    same = ("name", "description", "faults", "duration_s")
-    assert scenario.model_copy(update={key: getattr(scenario1, key) for key in same}) == scenario1
-    assert all(fault.start_s < scenario.duration_s for fault in scenario.faults)
+def test_faults_strike_the_papers_flight(scenario1: Scenario, subtests: pytest.Subtests) -> None:
+    names = ("name", "description", "faults", "duration_s")
+    same = {key: getattr(scenario1, key) for key in names}
+    for path in sorted((SCENARIOS / "faults").iterdir()):
+        with subtests.test(identify(path)):
+            scenario = load_scenario(path)
+            assert scenario.model_copy(update=same) == scenario1
+            assert all(fault.start_s < scenario.duration_s for fault in scenario.faults)
 
 
 def extending(folder: Path, text: str) -> Path:

@@ -47,22 +47,16 @@ def by_pymavlink(message: dialect.MAVLink_message, sequence: int = 0) -> bytes:
     return bytes(message.pack(mavlink))
 
 
-@pytest.mark.parametrize("kind", MESSAGES, ids=lambda kind: kind.msgname)
 @given(data=st.data())
 @settings(max_examples=6)
-def test_every_message(kind: type[dialect.MAVLink_message], data: st.DataObject) -> None:
+def packs_as_pymavlink_does(kind: type[dialect.MAVLink_message], data: st.DataObject) -> None:
     message = data.draw(messages(kind))
     assert FramePacker(7, 190).pack(message) == by_pymavlink(message)
 
 
-@pytest.mark.parametrize(
-    "kind", [kind for kind in MESSAGES if kind.id < 256], ids=lambda kind: kind.msgname
-)
 @given(data=st.data())
 @settings(max_examples=3)
-def test_what_mavlink_1_says_is_said_in_mavlink_2(
-    kind: type[dialect.MAVLink_message], data: st.DataObject
-) -> None:
+def says_the_same_in_mavlink_1(kind: type[dialect.MAVLink_message], data: st.DataObject) -> None:
     """All but extensions; no byte may be another, or be missing."""
     mavlink = dialect.MAVLink(None, 7, 190)
     mavlink.seq = 200
@@ -78,6 +72,15 @@ def test_what_mavlink_1_says_is_said_in_mavlink_2(
     assert [of_mavlink1(one) for one in (damaged, older[:-1], older + b"\0", b"", newer)] == [
         None
     ] * 5
+
+
+@pytest.mark.hypothesis
+def test_every_message(subtests: pytest.Subtests) -> None:
+    for kind in MESSAGES:
+        with subtests.test(kind.msgname):
+            packs_as_pymavlink_does(kind)
+            if kind.id < 256:
+                says_the_same_in_mavlink_1(kind)
 
 
 def test_sequence_numbers_are_contiguous() -> None:
