@@ -187,10 +187,9 @@ class Gentle(PathFollowing):
 
 
 @compiled
-def gentle_law(now, path, near, coordination, aircraft, limits, gains, state, command):
-    s = path_law(now, path, near, coordination, aircraft, limits, gains, state, command)
-    command[0] += gains["faster_m_s"]
-    return s
+def gentle_law(now, path, aircraft, limits, gains, state):
+    airspeed, roll, pitch, yaw = path_law(now, path, aircraft, limits, gains, state)
+    return airspeed + gains["faster_m_s"], roll, pitch, yaw
 """
 
 
@@ -213,10 +212,8 @@ def test_a_guidance_law_is_one_file_and_its_registration(copy: Path) -> None:
             '    limits = parameters["common"]\n',
             '    limits = parameters["common"]\n'
             '    if parameters["law"] == KINDS.index("gentle"):\n'
-            "        return gentle_law(\n"
-            "            now, path, near, coordination, aircraft, limits,\n"
-            '            parameters["gentle"], state["gentle"], command,\n'
-            "        )\n",
+            '        own, memory = parameters["gentle"], state["gentle"]\n'
+            "        return gentle_law(now, path, aircraft, limits, own, memory)\n",
         ),
     )
     flights = {
