@@ -79,14 +79,14 @@ def level_flight(aircraft: Aircraft, airspeed_m_s: float) -> LevelFlight | None:
     if not is_solved or max(abs(alpha), abs(beta)) > _LARGEST:
         return None
     return LevelFlight(
-        airspeed_m_s,
-        math.degrees(alpha),
-        math.degrees(beta),
-        math.degrees(aileron),
-        math.degrees(elevator),
-        math.degrees(rudder),
-        _NEWTONS * thrust,
-        math.degrees(roll),
+        airspeed_m_s=airspeed_m_s,
+        alpha_deg=math.degrees(alpha),
+        beta_deg=math.degrees(beta),
+        aileron_deg=math.degrees(aileron),
+        elevator_deg=math.degrees(elevator),
+        rudder_deg=math.degrees(rudder),
+        thrust_n=_NEWTONS * thrust,
+        roll_deg=math.degrees(roll),
     )
 
 

@@ -27,7 +27,7 @@ from ftc_autopilot.plugins.memory import (
     store,
     tuple_at,
 )
-from ftc_autopilot.plugins.models import PLUGIN
+from ftc_autopilot.plugins.models import ADDRESSES, PLUGIN, area
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.airframe.aircraft import AIRCRAFT, AircraftRecord
 
@@ -36,15 +36,14 @@ PARAMETER_BYTES, STATE_BYTES = 4096, 24576
 
 PLUGIN_PARAMETERS = np.dtype(
     [
-        ("step", "u8"),  # address of its C function
-        ("init", "u8"),  # 0: it has none
+        *ADDRESSES,
         ("by_bank", "i8"),  # as of `HeadingLoop`
         ("heading_gain_1_s", "f8"),
         ("bank_limit_rad", "f8"),
-        ("own", [("numbers", "f8", (PARAMETER_BYTES // 8,))]),  # begins with the law's own record
+        area(PARAMETER_BYTES),
     ]
 )
-PLUGIN_STATE = np.dtype([("own", [("numbers", "f8", (STATE_BYTES // 8,))])])
+PLUGIN_STATE = np.dtype([area(STATE_BYTES)])
 
 LawInput, LawOutput = Step, Command
 LAW_INPUT, LAW_OUTPUT = layout_of(Step), layout_of(Command)

@@ -23,25 +23,17 @@ from ftc_autopilot.plugins.memory import (
     store,
     tuple_at,
 )
+from ftc_autopilot.plugins.models import ADDRESSES, area
 from mavlink_defs.runtime.jit import compiled
 
 PARAMETER_BYTES, STATE_BYTES = 1024, 2048
 """Room for parameters and state of a plug-in."""
 
-PLUGIN_PARAMETERS = np.dtype(
-    [
-        ("step", "u8"),  # address of its C function
-        ("init", "u8"),  # 0: it has none
-        (
-            "own",
-            [("numbers", "f8", (PARAMETER_BYTES // 8,))],
-        ),  # begins with the trigger's own record
-    ]
-)
+PLUGIN_PARAMETERS = np.dtype([*ADDRESSES, area(PARAMETER_BYTES)])
 PLUGIN_STATE = np.dtype(
     [
         ("failure", "i8"),  # why it is not called any more; 0 if it is
-        ("own", [("numbers", "f8", (STATE_BYTES // 8,))]),
+        area(STATE_BYTES),
     ]
 )
 

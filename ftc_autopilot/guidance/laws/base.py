@@ -130,7 +130,7 @@ class Situation(NamedTuple):
     dt: float  # time since the update before [s]
     s: float  # path parameter [m]
     bandwidth: float  # of the reference filter, its triple pole [rad/s]
-    command: Four  # in force, to a plug-in that of `path`: airspeed [m/s], roll, pitch, yaw [rad]
+    command: Four  # in force; a plug-in gets what `path` commands [m/s, rad]
     position: Vec3  # NED [m]
     velocity: Vec3  # over ground, NED [m/s]
     air_velocity: Vec3  # through the air, NED [m/s]

@@ -96,12 +96,12 @@ def test_a_law_of_ours_is_one_file_and_its_registration(copy: Path) -> None:
 def test_another_aerodynamic_model_is_two_files(copy: Path) -> None:
     """Drag that grows with the square of the lift, by a coefficient of its own."""
     before = fly(copy, "")
-    config = copy / "sitl_plant" / "aircraft_config.py"
+    config = copy / "sitl_plant" / "airframe" / "config.py"
     drag = '    cD0: float = quantity("", ge=0.0, doc="Drag.")\n'
     induced = '    cD_induced: float = quantity("", default=0.05, doc="Drag by lift squared.")\n'
     assert drag in config.read_text()
     config.write_text(config.read_text().replace(drag, drag + induced))
-    model = copy / "sitl_plant" / "aerodynamics.py"
+    model = copy / "sitl_plant" / "airframe" / "aerodynamics.py"
     force = "    F = scale(qS"
     assert force in model.read_text()
     more = '    C_D = C_D + aircraft["cD_induced"] * C_L * C_L\n'
