@@ -68,4 +68,4 @@ def call_messages(config: AutopilotConfig) -> None:
 
 def endless_path() -> np.void:
     """Return a straight and level path to the north, record of dtype `PATH`."""
-    return path_record([Leg(0.0, 0.0, 0.0, 0.0, math.inf, 0.0, 0.0, 40.0, 1)])
+    return path_record([Leg(0.0, 0.0, 0.0, 0.0, math.inf, airspeed_m_s=40.0, item=1)])

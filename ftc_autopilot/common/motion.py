@@ -45,7 +45,17 @@ def motion_of(measured: np.void, aircraft: AircraftRecord, thrust: float = 0.0) 
     gravity = gravity_body(phi, aircraft["g"])
     force = vec3(measured["specific_force"])
     V_dot = dot(v, add(force, gravity)) / air.V
-    return Motion(v, phi, omega, air.V, V_dot, force, gravity, air, by_thrust)
+    return Motion(
+        v=v,
+        phi=phi,
+        omega=omega,
+        V=air.V,
+        V_dot=V_dot,
+        specific_force=force,
+        gravity=gravity,
+        air=air,
+        by_thrust=by_thrust,
+    )
 
 
 @compiled

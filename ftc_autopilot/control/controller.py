@@ -13,6 +13,7 @@ import numpy as np
 from ftc_autopilot.common.motion import Motion
 from ftc_autopilot.common.records import fill, record_dtype
 from ftc_autopilot.common.schedule import scheduled
+from ftc_autopilot.common.tuples import four, rows_of
 from ftc_autopilot.control.config import FormationTrigger
 from ftc_autopilot.control.heading import along_flight, bank_for
 from ftc_autopilot.control.laws import (
@@ -255,7 +256,7 @@ def control_step(inputs: Inputs, records: Records, may_send: bool = True) -> int
     for i in range(N_CHANNELS):
         signals["predicted_exit"][i] = math.nan
     signals["dead_steps"] = 0  # of a law without diagnosis, too
-    flown = along_flight(now, aircraft["g"]) if now.by_bank else now
+    flown = along_flight(now, aircraft["g"]) if now.by_bank != 0 else now
     command = evaluate(flown, aircraft, parameters, state, signals)
     mask = 0
     if may_send:
@@ -263,8 +264,8 @@ def control_step(inputs: Inputs, records: Records, may_send: bool = True) -> int
         state["started"] = 1
         state["steps"] += 1
 
-    _record_signals(signals, now, command, mask)
-    filter_reference(now.command, state["reference"], now.bandwidth, now.dt)
+    _record_signals(signals, now, command, state["held"], mask)
+    filter_reference(state["command"], state["reference"], now.bandwidth, now.dt)
     return mask
 
 
@@ -297,27 +298,35 @@ def _step(
     b = scheduled(trigger["b1"], t)[0], scheduled(trigger["b2_rad"], t)[0]
     due, clock_s = clock_of(parameters["mode"], dt, trigger, state["trigger"])
     return Step(
-        t,
-        dt,
-        first,
-        motion,
-        seen,
-        command,
-        reference,
-        state["reference"],
-        bandwidth,
-        formation_errors(motion, reference, edges, common),
-        state["held"],
-        Thresholds(a, b),
-        due,
-        clock_s,
-        loop.by_bank,
+        t=t,
+        dt=dt,
+        first=int(first),
+        by_bank=int(loop.by_bank),
+        due=due,
+        ahead=seen.ahead,
+        links=seen.links,
+        after_gap=seen.after_gap,
+        bandwidth=bandwidth,
+        clock_s=clock_s,
+        thresholds=Thresholds(a, b),
+        command=four(command),
+        held=four(state["held"]),
+        filtered=rows_of(state["reference"]),
+        errors=formation_errors(motion, reference, edges, common),
+        motion=motion,
+        seen=seen,
+        reference=reference,
     )
 
 
 @inlined
-def _record_signals(signals: SignalsRecord, now: Step, command: Command, mask: int) -> None:
-    """Write what a step computed; a law's inner quantities are written by the law."""
+def _record_signals(
+    signals: SignalsRecord, now: Step, command: Command, held: np.ndarray, mask: int
+) -> None:
+    """Write what a step computed, and the commands held after it.
+
+    A law's inner quantities are written by the law.
+    """
     motion, reference, errors = now.motion, now.reference, now.errors
     signals["V"], signals["V_dot"], signals["events"] = motion.V, motion.V_dot, mask
     signals["not_finite"] = not_finite(command)
@@ -331,7 +340,7 @@ def _record_signals(signals: SignalsRecord, now: Step, command: Command, mask: i
     signals["demand"][THROTTLE] = command.thrust
     for i in range(N_CHANNELS):
         signals["command"][i] = now.command[i]
-        signals["held"][i] = now.held[i]
+        signals["held"][i] = held[i]
 
 
 @compiled

@@ -22,15 +22,14 @@ import numpy as np
 
 from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.common.motion import Motion
+from ftc_autopilot.common.tuples import replaced
 from ftc_autopilot.control.pairing import surfaces_by_sideslip
-from ftc_autopilot.control.reference import Reference
 from ftc_autopilot.control.step import Step
-from ftc_autopilot.control.synchronisation_errors import FormationErrors
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.airframe.aerodynamics import lateral
 from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft
-from sitl_plant.vec3 import clamp
+from sitl_plant.vec3 import Vec3, clamp
 
 _LARGEST_GAIN = 27.0 / 256.0  # without overshoot, relative to the bandwidth of the reference
 _YAW = 3  # row of the reference
@@ -122,35 +121,17 @@ def along_flight(now: Step, g: float) -> Step:
     cosine = max(math.cos(roll), _LEAST_COSINE)
     turning = g * math.sin(roll) / (cosine * max(now.motion.v[0], 1.0))
     reference, errors = now.reference, now.errors
-    e, e_prime, e_dot = errors.e, errors.e_prime, errors.e_dot_sum
-    return Step(
-        now.t,
-        now.dt,
-        now.first,
-        now.motion,
-        now.seen,
-        now.command,
-        Reference(
-            reference.V,
-            reference.V_dot,
-            (reference.phi[0], reference.phi[1], yaw + beta),
-            (reference.phi_dot[0], reference.phi_dot[1], turning),
-        ),
-        now.filtered,
-        now.bandwidth,
-        FormationErrors(
-            errors.V_tilde,
-            (e[0], e[1], -beta),
-            errors.V_tilde_prime,
-            (e_prime[0], e_prime[1], -errors.lambda_omega * beta),
-            errors.lambda_v,
-            errors.lambda_omega,
-            errors.V_tilde_dot_sum,
-            (e_dot[0], e_dot[1], 0.0),
-        ),
-        now.held,
-        now.thresholds,
-        now.due,
-        now.clock_s,
-        True,
-    )
+    reference = replaced(reference, "phi", _with_yaw(reference.phi, yaw + beta))
+    reference = replaced(reference, "phi_dot", _with_yaw(reference.phi_dot, turning))
+    e_prime = _with_yaw(errors.e_prime, -errors.lambda_omega * beta)
+    errors = replaced(errors, "e", _with_yaw(errors.e, -beta))
+    errors = replaced(errors, "e_prime", e_prime)
+    errors = replaced(errors, "e_dot_sum", _with_yaw(errors.e_dot_sum, 0.0))
+    now = replaced(now, "errors", errors)
+    now = replaced(now, "by_bank", 1)
+    return replaced(now, "reference", reference)
+
+
+@compiled
+def _with_yaw(angles: Vec3, yaw: float) -> Vec3:
+    return angles[0], angles[1], yaw

@@ -10,7 +10,7 @@ from sitl_plant.airframe.aerodynamics import control_effectiveness, force
 from sitl_plant.airframe.aircraft import AircraftRecord, aircraft_record
 from sitl_plant.airframe.config import Aircraft
 from sitl_plant.airframe.stops import has_actuator
-from sitl_plant.vec3 import Mat3, Vec3, add, dot, mat3, mul, scale, vec3
+from sitl_plant.vec3 import Mat3, Vec3, add, dot, mat3, mul, scale
 
 _LEAST_EFFECT = 1e-3
 """Least effect of the weakest combination of the surfaces, relative to the strongest one.
@@ -114,7 +114,7 @@ def speed_terms(now: Step, aircraft: AircraftRecord) -> tuple[float, float, floa
     motion, errors = now.motion, now.errors
     lam = errors.lambda_v
     r_v = lam * now.reference.V_dot + errors.V_tilde_dot_sum
-    known = acceleration_without_thrust(motion, vec3(now.held), aircraft)
+    known = acceleration_without_thrust(motion, now.held[:3], aircraft)
     return r_v, known, motion.v[0] * lam / (aircraft["m"] * motion.V)
 
 

@@ -55,12 +55,13 @@ def speed_law(
         V_tp * g_v * zeta_v / eps
     )
     return SpeedLaw(
-        -(1.0 + now.thresholds.a[0]) * B_v / zeta_v,  # (33)
-        lam * gains["gamma_v1"] * V_tp * approximation - gains["sigma_v1"] * Phi_v,  # (34)
-        gains["gamma_v2"] * abs(V_tp) * zeta_v - gains["sigma_v2"] * g_v,  # (35)
-        gains["gamma_v3"] * V_tp * (alpha_v - r_v) - gains["sigma_v3"] * beta_v,  # (36)
-        alpha_v,
-        r_v,
-        zeta_v,
-        B_v,
+        T_hat=-(1.0 + now.thresholds.a[0]) * B_v / zeta_v,  # (33)
+        Phi_v_dot=lam * gains["gamma_v1"] * V_tp * approximation
+        - gains["sigma_v1"] * Phi_v,  # (34)
+        g_v_dot=gains["gamma_v2"] * abs(V_tp) * zeta_v - gains["sigma_v2"] * g_v,  # (35)
+        beta_v_dot=gains["gamma_v3"] * V_tp * (alpha_v - r_v) - gains["sigma_v3"] * beta_v,  # (36)
+        alpha_v=alpha_v,
+        r_v=r_v,
+        zeta_v=zeta_v,
+        B_v=B_v,
     )

@@ -5,6 +5,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from ftc_autopilot.common.motion import Motion
+from ftc_autopilot.common.tuples import Four, Rows
 from ftc_autopilot.control.reference import Reference
 from ftc_autopilot.control.synchronisation_errors import FormationErrors
 from mavlink_defs.constants import N_CHANNELS
@@ -34,27 +35,33 @@ class Seen(NamedTuple):
     motion: Motion  # as measured; a step's is predicted from it
     ahead: int  # by how many control periods the commands that it shows are older, of surfaces
     links: int  # the same without what is known of servos and sensors
-    after_gap: bool  # whether states before it were lost, or the command in force is not known
+    after_gap: int  # 1: states before it were lost, or the command in force is not known
 
 
 class Step(NamedTuple):
-    """One control step, the same for every law."""
+    """One control step, the same for every law, ours or a plug-in's.
+
+    In memory it begins with struct ftc_law_input, which ends with the motion of `seen`.
+    """
 
     t: float  # time that schedules run on [s]
     dt: float  # control period [s]
-    first: bool  # whether this is the law's first step
+    first: int  # 1: this is the law's first step
+    by_bank: int  # 1: heading is held by bank, the yaw error is minus the sideslip
+    due: int  # mask of the channels that the trigger sends now by the clock
+    ahead: int  # this and the next two as of `seen`, where a C function finds them
+    links: int
+    after_gap: int
+    bandwidth: float  # of the reference filter [rad/s]
+    clock_s: Four  # period of the trigger's clock by channel [s]; 0: no clock
+    thresholds: Thresholds
+    command: Four  # unfiltered reference: airspeed [m/s], roll, pitch, yaw [rad]
+    held: Four  # commands in force: aileron, elevator, rudder [rad], thrust [N]
+    filtered: Rows  # filtered reference and its two derivatives [m/s, rad]
+    errors: FormationErrors  # errors against reference and neighbours, (31), (32)
     motion: Motion  # own motion, when the commands of this step will act
     seen: Seen
-    command: np.ndarray  # unfiltered reference: airspeed [m/s], roll, pitch, yaw [rad]
-    reference: Reference  # filtered reference
-    filtered: np.ndarray  # the same and its two derivatives [m/s, rad], shape (4, 3); read only
-    bandwidth: float  # of the reference filter [rad/s]
-    errors: FormationErrors  # errors against reference and neighbours, (31), (32)
-    held: np.ndarray  # commands in force: aileron, elevator, rudder [rad], thrust [N]; read only
-    thresholds: Thresholds
-    due: int  # mask of the channels that the trigger sends now by the clock
-    clock_s: tuple[float, float, float, float]  # its period by channel [s]; 0: no clock
-    by_bank: bool = False  # heading is held by bank: the yaw error is minus the sideslip
+    reference: Reference  # of `filtered`; if heading is held by bank, yaw is the way of flight
 
 
 class Command(NamedTuple):

@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from ftc_autopilot.common.motion import Motion, fill_neighbour_state, motion_of
+from ftc_autopilot.common.tuples import four, replaced, rows_of
 from ftc_autopilot.control import state_predictor
 from ftc_autopilot.control.controller import (
     Inputs,
@@ -28,6 +29,7 @@ from ftc_autopilot.guidance.coordination import no_coordination
 from ftc_autopilot.guidance.formation_flight import fly_in_formation, tell_place
 from ftc_autopilot.guidance.laws import guide
 from ftc_autopilot.guidance.laws.base import Situation
+from ftc_autopilot.guidance.path import locate, point_at
 from ftc_autopilot.guidance.places import note_relayed, take_in
 from ftc_autopilot.plugins.models import PLUGIN
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
@@ -138,7 +140,7 @@ def _seen(
         step, held = int(np.int64(measured["step"])), uav["controller"]["held"]
         thrust = state_predictor.thrust_believed(delay, step, links, held)
         motion = motion_of(measured, uav["aircraft"], thrust)
-    return Seen(motion, ahead, links, gap)
+    return Seen(motion, ahead, links, int(gap))
 
 
 @inlined
@@ -264,26 +266,30 @@ def _guide(
         since = (step - guidance["guided_step"]) * dt
         if since < period - 0.5 * dt:
             return
-    to_ned = R1(motion.phi)
-    situation = Situation(
-        min(since, _LONGEST_UPDATE_S),
-        vec3(measured["position"]),
-        mul(to_ned, vec3(measured["velocity"])),
-        mul(to_ned, motion.v),
-        motion,
-        uav["controller"]["reference"],
-        parameters["common"]["reference_bandwidth_rad_s"],
+    to_ned, position = R1(motion.phi), vec3(measured["position"])
+    s, off = locate(path, position[0], position[1], guidance["path_position"])
+    now = Situation(
+        dt=min(since, _LONGEST_UPDATE_S),
+        s=s,
+        bandwidth=parameters["common"]["reference_bandwidth_rad_s"],
+        command=four(guidance["command"]),
+        position=position,
+        velocity=mul(to_ned, vec3(measured["velocity"])),
+        air_velocity=mul(to_ned, motion.v),
+        reference=rows_of(uav["controller"]["reference"]),
+        coordination=no_coordination(),
+        here=point_at(path, s),
+        motion=motion,
+        off=off,
     )
-    coordination = no_coordination()
     if uav["layout"]["count"] > 0:
         coordination = fly_in_formation(
-            situation,
+            now,
             step,
             dt,
             clock,
             guidance["in_slot"] != 0,
             path,
-            guidance["path_position"],
             edges,
             uav["signals"],
             uav["layout"],
@@ -291,16 +297,11 @@ def _guide(
             guidance["law"],
             uav["formation"],
         )
-    guidance["path_position"] = guide(
-        situation,
-        path,
-        guidance["path_position"],
-        coordination,
-        uav["aircraft"],
-        parameters["guidance"],
-        guidance["law"],
-        guidance["command"],
-    )
+        now = replaced(now, "coordination", coordination)
+    command = guide(now, path, uav["aircraft"], parameters["guidance"], guidance["law"])
+    for k in range(4):
+        guidance["command"][k] = command[k]
+    guidance["path_position"] = s
     guidance["guided_step"] = step
 
 

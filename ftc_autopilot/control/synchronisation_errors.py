@@ -71,14 +71,14 @@ def formation_errors(
     lambda1, lambda2 = weighting["lambda1"], weighting["lambda2"]
     lambda3, lambda4 = weighting["lambda3"], weighting["lambda4"]
     return FormationErrors(
-        V_tilde,
-        e,
-        lambda1 * V_tilde + lambda2 * V_sum,  # (31)
-        add(scale(lambda3, e), scale(lambda4, e_sum)),  # (32)
-        lambda1 + lambda2 * a_sum,
-        lambda3 + lambda4 * a_sum,
-        lambda2 * V_dot_sum,
-        scale(lambda4, e_dot_sum),
+        V_tilde=V_tilde,
+        e=e,
+        V_tilde_prime=lambda1 * V_tilde + lambda2 * V_sum,  # (31)
+        e_prime=add(scale(lambda3, e), scale(lambda4, e_sum)),  # (32)
+        lambda_v=lambda1 + lambda2 * a_sum,
+        lambda_omega=lambda3 + lambda4 * a_sum,
+        V_tilde_dot_sum=lambda2 * V_dot_sum,
+        e_dot_sum=scale(lambda4, e_dot_sum),
     )
 
 

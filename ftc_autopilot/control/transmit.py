@@ -72,9 +72,14 @@ def transmit(
         _saturated(command.thrust, THROTTLE, V, aircraft, held[THROTTLE]),
     )
     a, b = now.thresholds.a, now.thresholds.b
-    relative, absolute = (b[0], b[0], b[0], a[0]), (b[1], b[1], b[1], a[1])
     candidates = Candidates(
-        now.dt, now.first, saturated, held, command.channels, relative, absolute
+        dt=now.dt,
+        first=now.first,
+        selected=command.channels,
+        commanded=saturated,
+        held=now.held,
+        relative=(b[0], b[0], b[0], a[0]),
+        absolute=(b[1], b[1], b[1], a[1]),
     )
     mask = decide(candidates, parameters["mode"], parameters["trigger"], state["trigger"])
     for i in range(N_CHANNELS):

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from ftc_autopilot.common.motion import Motion
+from ftc_autopilot.common.tuples import replaced
 from ftc_autopilot.guidance.coordination import Coordination, Progress, coordinate
 from ftc_autopilot.guidance.laws import intention_of, pace_of
 from ftc_autopilot.guidance.laws.base import Intention, Situation
@@ -26,7 +27,6 @@ def fly_in_formation(
     clock: float,
     in_slot: bool,
     path: np.void,
-    near: float,
     edges: np.ndarray,
     signals: np.void,
     layout: np.void,
@@ -43,7 +43,6 @@ def fly_in_formation(
         clock: Time on the mission's clock [s].
         in_slot: Whether it flies in its slot, not on the path itself.
         path: Record of dtype `ftc_autopilot.guidance.path.PATH`.
-        near: Path parameter at the update before [m].
         edges: What is known of each neighbour, dtype `ftc_autopilot.control.edges.EDGE`, shape
             (degree,).
         signals: Of the step before, dtype `ftc_autopilot.control.controller.SIGNALS`.
@@ -53,12 +52,21 @@ def fly_in_formation(
         state: Record of dtype `ftc_autopilot.guidance.coordination.FORMATION`, updated in place.
     """
     gains = parameters["formation"]
-    pace = pace_of(now, path, near, state["slot"]["place"][0], parameters["guidance"], law)
+    pace = pace_of(now, path, state["slot"]["place"][0], parameters["guidance"], law)
     progress = Progress(
-        step, dt, now.dt, clock, in_slot, path["id"], pace.s, pace.s_dot, pace.speed
+        step=step,
+        dt=dt,
+        since=now.dt,
+        clock=clock,
+        in_slot=in_slot,
+        path_id=path["id"],
+        s=pace.s,
+        s_dot=pace.s_dot,
+        speed=pace.speed,
     )
     plain = coordinate(progress, edges, signals, layout, gains, state)
-    intention = intention_of(now, path, near, plain, parameters["guidance"], law)
+    now = replaced(now, "coordination", plain)
+    intention = intention_of(now, path, parameters["guidance"], law)
     state["error"][1], state["error"][2] = intention.off_right, intention.off_up
     asked = _in_ned(intention)
     least, rate = gains["separation_m"], gains["separation_rate"]

@@ -85,14 +85,14 @@ def point_at(path: np.void, s: float) -> PathPoint:
     else:
         forward, right = math.sin(turned) / curvature, (1.0 - math.cos(turned)) / curvature
     return PathPoint(
-        path["north"][k] + cos_c * forward - sin_c * right,
-        path["east"][k] + sin_c * forward + cos_c * right,
-        course + turned,
-        curvature,
-        path["height"][k] + path["climb"][k] * distance,
-        path["climb"][k],
-        path["airspeed"][k],
-        k,
+        north=path["north"][k] + cos_c * forward - sin_c * right,
+        east=path["east"][k] + sin_c * forward + cos_c * right,
+        course=course + turned,
+        curvature=curvature,
+        height=path["height"][k] + path["climb"][k] * distance,
+        climb=path["climb"][k],
+        airspeed=path["airspeed"][k],
+        leg=k,
     )
 
 

@@ -86,18 +86,14 @@ class Autopilots(NamedTuple):
     def of(self, i: int) -> Self:
         """Return one of them, sharing its memory."""
         one = slice(i, i + 1)
-        arrays = self[:-1]
-        own, edges, paths, histories, record, estimates, shared, newest = arrays
-        return type(self)(
-            own[one],
-            edges[one, : own[i]["degree"]],
-            paths[one],
-            histories[one],
-            record[one],
-            estimates[one],
-            shared,
-            newest[one],
-            self.checkpoint,
+        return self._replace(
+            own=self.own[one],
+            edges=self.edges[one, : self.own[i]["degree"]],
+            paths=self.paths[one],
+            histories=self.histories[one],
+            record=self.record[one],
+            estimates=self.estimates[one],
+            newest=self.newest[one],
         )
 
     @property
@@ -154,15 +150,15 @@ def new_autopilots(
         join_neighbours(edges[i, : len(config.neighbours)], config.neighbours)
     estimated = any(own["navigation"]["count"] > 0)
     autopilots = Autopilots(
-        own,
-        edges,
-        paths,
-        np.stack([navigation.history for navigation in navigations]),
-        np.zeros((n, record_rows), RECORD),
-        np.zeros((n, record_rows if estimated else 0, ESTIMATED)),
-        signers[0].shared,
-        newest,
-        no_checkpoint(),
+        own=own,
+        edges=edges,
+        paths=paths,
+        histories=np.stack([navigation.history for navigation in navigations]),
+        record=np.zeros((n, record_rows), RECORD),
+        estimates=np.zeros((n, record_rows if estimated else 0, ESTIMATED)),
+        shared=signers[0].shared,
+        newest=newest,
+        checkpoint=no_checkpoint(),
     )
     reset_links(autopilots)
     return autopilots

@@ -44,6 +44,15 @@ def layout_of(kind: Any) -> np.dtype:
     raise TypeError(f"{kind} is no number and no tuple of numbers")
 
 
+def offset_of(layout: np.dtype, *names: str) -> int:
+    """Return where a field of a field of a record begins [bytes]."""
+    offset = 0
+    for name in names:
+        layout, at = dict(layout.fields or {})[name][:2]
+        offset += at
+    return offset
+
+
 def tuple_at(kind: type[T], memory: Buffer) -> T:
     """Return a value of a tuple's type from memory of `layout_of` it."""
     form, make = _reader_of(kind)
@@ -150,6 +159,14 @@ def _load(_context: Any, pointer: Any, like: Any) -> Any:
 
 
 @intrinsic
+def _record_at(_context: Any, pointer: Any) -> Any:
+    def build(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.bitcast(arguments[0], context.get_value_type(pointer.dtype))
+
+    return pointer.dtype(pointer), build
+
+
+@intrinsic
 def _store(_context: Any, pointer: Any, value: Any) -> Any:
     _check(value, value.instance_class)
 
@@ -225,3 +242,6 @@ load: Any = _load
 
 store: Any = _store
 """Write a tuple to a pointer (pointer, tuple); for compiled code."""
+
+record_at: Any = _record_at
+"""Return the record at a pointer; for compiled code."""

@@ -15,8 +15,15 @@ PLUGIN = "plugin"
 """Name of their part of a record."""
 PLUGIN_TAG = "FILE.py:CLASS"
 """Tag of all plug-ins, which messages show beside our own names."""
+ADDRESSES = (("step", "u8"), ("init", "u8"))
+"""Fields of a record: the C functions of a plug-in; 0 for none."""
 
 _M = TypeVar("_M", bound=Model)
+
+
+def area(size: int) -> tuple[str, list[Any]]:
+    """Return the field of a record in which a plug-in's own record begins; its size [bytes]."""
+    return "own", [("numbers", "f8", (size // 8,))]
 
 
 def is_plugin(name: object, group: str, own: Iterable[str]) -> bool:

@@ -93,7 +93,7 @@ def _step(
     signals: np.void,
 ) -> None:
     """Call `control_step` with the types that a flight has: its machine code is in the cache."""
-    seen = Seen(motion, ahead, links, after_gap)
+    seen = Seen(motion, ahead, links, int(after_gap))
     inputs = Inputs(time[0], time[1], motion, seen, guidance["command"], edges)
     records = Records(aircraft, parameters, state, actuators["controls"], signals)
     control_step(inputs, records, True)

@@ -266,6 +266,18 @@ class Mine(Faster):
     def step(now, path, s, coordination, aircraft, limits, gains, state, command):
         return fast(now, path, s, coordination, aircraft, limits, gains, state, command)
 """,
+    "of three arguments": GUIDANCE_HEAD
+    + """
+
+class Mine(Faster):
+    @staticmethod
+    @compiled
+    def step(now, gains, state):
+        state["updates"] += 1
+        share = min(state["updates"] * 0.1, 1.0)
+        airspeed = min(now.command[0] + share * gains["faster_m_s"], 60.0)
+        return airspeed, now.command[1], now.command[2] + 1e-9 * now.s * now.dt, now.command[3]
+""",
     "plain": GUIDANCE_HEAD
     + """
 

@@ -1,98 +1,54 @@
-"""Laws of plug-ins: what their C functions are given, and what they return.
+"""Laws of plug-ins: how their C functions are called.
 
 A plug-in is a subclass of `LawParameters` with a static method `step`, as the functions of our own
 laws, or with a `LIBRARY` that has the interface of `ftc_autopilot/plugins/ftc_law.h`.
 """
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from pydantic import ConfigDict
 
-from ftc_autopilot.common.motion import Motion
 from ftc_autopilot.control.laws.base import LawParameters
-from ftc_autopilot.control.reference import read_reference
-from ftc_autopilot.control.step import (
-    ALL,
-    Command,
-    ControllerRecord,
-    Seen,
-    SignalsRecord,
-    Step,
-    Thresholds,
-)
-from ftc_autopilot.control.synchronisation_errors import FormationErrors
+from ftc_autopilot.control.step import ALL, Command, ControllerRecord, SignalsRecord, Step
 from ftc_autopilot.control.transmit import not_finite
 from ftc_autopilot.plugins.functions import NOT_FINITE
 from ftc_autopilot.plugins.interface import Interface
 from ftc_autopilot.plugins.loading import LAWS
-from ftc_autopilot.plugins.memory import call, call_records, layout_of, tuple_at
-from ftc_autopilot.plugins.models import PLUGIN
+from ftc_autopilot.plugins.memory import (
+    call,
+    call_records,
+    layout_of,
+    load,
+    offset_of,
+    record_at,
+    store,
+    tuple_at,
+)
+from ftc_autopilot.plugins.models import ADDRESSES, PLUGIN, area
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.airframe.aircraft import AIRCRAFT, AircraftRecord
-from sitl_plant.vec3 import Vec3
 
 PARAMETER_BYTES, STATE_BYTES = 4096, 24576
 """Room for parameters and state of a plug-in."""
 
 PLUGIN_PARAMETERS = np.dtype(
     [
-        ("step", "u8"),  # address of its C function
-        ("init", "u8"),  # 0: it has none
+        *ADDRESSES,
         ("by_bank", "i8"),  # as of `HeadingLoop`
         ("heading_gain_1_s", "f8"),
         ("bank_limit_rad", "f8"),
-        ("own", [("numbers", "f8", (PARAMETER_BYTES // 8,))]),  # begins with the law's own record
+        area(PARAMETER_BYTES),
     ]
 )
-PLUGIN_STATE = np.dtype([("own", [("numbers", "f8", (STATE_BYTES // 8,))])])
+PLUGIN_STATE = np.dtype([area(STATE_BYTES)])
 
-
-class LawInput(NamedTuple):
-    """`Step` as a C function sees it, struct ftc_law_input."""
-
-    t: float
-    dt: float
-    first: int
-    by_bank: int
-    due: int
-    ahead: int
-    links: int
-    after_gap: int
-    bandwidth: float
-    clock_s: tuple[float, float, float, float]
-    a: tuple[float, float]
-    b: tuple[float, float]
-    command: tuple[float, float, float, float]
-    held: tuple[float, float, float, float]
-    filtered: tuple[Vec3, Vec3, Vec3, Vec3]
-    errors: FormationErrors
-    motion: Motion
-    seen: Motion
-
-
-class LawOutput(NamedTuple):
-    """`Command` as a C function writes it, struct ftc_law_output."""
-
-    delta: Vec3
-    thrust: float
-    channels: int
-
-
-LAW_INPUT, LAW_OUTPUT = layout_of(LawInput), layout_of(LawOutput)
-LIKE = tuple_at(LawInput, bytes(LAW_INPUT.itemsize))
-_NOTHING = LawOutput((math.nan, math.nan, math.nan), math.nan, ALL)
-
-
-@compiled
-def _four(a: np.ndarray) -> tuple[float, float, float, float]:
-    return a[0], a[1], a[2], a[3]
-
-
-@compiled
-def _row(a: np.ndarray, i: int) -> Vec3:
-    return a[i, 0], a[i, 1], a[i, 2]
+LawInput, LawOutput = Step, Command
+LAW_INPUT, LAW_OUTPUT = layout_of(Step), layout_of(Command)
+_LIKE = tuple_at(Step, bytes(LAW_INPUT.itemsize))
+_NOTHING = Command((math.nan, math.nan, math.nan), math.nan, ALL)
 
 
 @compiled
@@ -112,85 +68,41 @@ def plugin_law(
         states: `plugin` is updated in place; `law_failure` is written if it fails.
         signals: It may write to it.
     """
-    state = states[PLUGIN]
-    if now.first and own["init"] != 0 and states["law_failure"] == 0:
-        records = (own["own"], state["own"], aircraft)
-        states["law_failure"] = call_records(own["init"], records)
-    if states["law_failure"] != 0:
-        return Command(_NOTHING.delta, _NOTHING.thrust, ALL)
-    given = LawInput(
-        now.t,
-        now.dt,
-        int(now.first),
-        int(now.by_bank),
-        int(now.due),
-        int(now.seen.ahead),
-        int(now.seen.links),
-        int(now.seen.after_gap),
-        now.bandwidth,
-        now.clock_s,
-        now.thresholds.a,
-        now.thresholds.b,
-        _four(now.command),
-        _four(now.held),
-        (
-            _row(now.filtered, 0),
-            _row(now.filtered, 1),
-            _row(now.filtered, 2),
-            _row(now.filtered, 3),
-        ),
-        now.errors,
-        now.motion,
-        now.seen.motion,
-    )
-    status, output = call(
-        own["step"], given, _NOTHING, (own["own"], state["own"], aircraft, signals)
-    )
-    command = Command(output.delta, output.thrust, output.channels)
-    if status == 0 and not_finite(command) != 0:
-        status = NOT_FINITE
+    state, status, command = states[PLUGIN], states["law_failure"], _NOTHING
+    if now.first and own["init"] != 0 and status == 0:
+        status = call_records(own["init"], (own["own"], state["own"], aircraft))
+    if status == 0:
+        records = (own["own"], state["own"], aircraft, signals)
+        status, command = call(own["step"], now, _NOTHING, records)
+        if status == 0 and not_finite(command) != 0:
+            status = NOT_FINITE
     states["law_failure"] = status
     return command
 
 
 @compiled
-def step_of(given: LawInput, command: np.ndarray, held: np.ndarray, filtered: np.ndarray) -> Step:
-    """Return the step that a C function is given.
-
-    Args:
-        given: What it is given.
-        command: Its `command` as an array, shape (4,).
-        held: Its `held`, shape (4,).
-        filtered: Its `filtered`, shape (4, 3).
-    """
-    return Step(
-        given.t,
-        given.dt,
-        given.first != 0,
-        given.motion,
-        Seen(given.seen, given.ahead, given.links, given.after_gap != 0),
-        command,
-        read_reference(filtered),
-        filtered,
-        given.bandwidth,
-        given.errors,
-        held,
-        Thresholds(given.a, given.b),
-        given.due,
-        given.clock_s,
-        given.by_bank != 0,
-    )
+def _command(given: Command) -> Command:
+    delta, thrust, channels = given
+    surfaces = float(delta[0]), float(delta[1]), float(delta[2])
+    return Command(surfaces, float(thrust), int(channels))
 
 
-@compiled
-def output_of(command: Command) -> LawOutput:
-    """Return a command as a C function writes it."""
-    delta = command.delta
-    return LawOutput(
-        (float(delta[0]), float(delta[1]), float(delta[2])),
-        float(command.thrust),
-        int(command.channels),
-    )
+def _entry(step: Callable[..., Command]) -> Callable[..., int]:
+    def entry(now: Any, out: Any, gains: Any, state: Any, aircraft: Any, _signals: Any) -> int:
+        own, memory = record_at(gains), record_at(state)
+        store(out, _command(step(load(now, _LIKE), record_at(aircraft), own, memory)))
+        return 0
+
+    return entry
+
+
+def _entry_with_signals(step: Callable[..., Command]) -> Callable[..., int]:
+    def entry(now: Any, out: Any, gains: Any, state: Any, aircraft: Any, signals: Any) -> int:
+        own, memory, written = record_at(gains), record_at(state), record_at(signals)
+        store(out, _command(step(load(now, _LIKE), record_at(aircraft), own, memory, written)))
+        return 0
+
+    return entry
 
 
 class UnreadLaw(LawParameters):
@@ -209,10 +121,16 @@ LAW = Interface(
     base=LawParameters,
     unread=UnreadLaw,
     symbol="ftc_law",
-    counts=(4, 5),
-    signature="(now, aircraft, gains, state) or (now, aircraft, gains, state, signals)",
-    given=LAW_INPUT,
-    result=LAW_OUTPUT,
+    entries={
+        "now, aircraft, gains, state": _entry,
+        "now, aircraft, gains, state, signals": _entry_with_signals,
+    },
+    given=Step,
+    known=offset_of(LAW_INPUT, "seen", "ahead"),
+    result=_command,
+    output=Command,
+    expected="Command(delta, thrust, channels), delta three numbers",
+    records=("gains", "state", "aircraft", "signals"),
     further=AIRCRAFT.itemsize,
     room=(PARAMETER_BYTES, STATE_BYTES),
     record=lambda law: law.record(),

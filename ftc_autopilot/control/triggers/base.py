@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from ftc_autopilot.common.schedule import Schedule, schedule
+from ftc_autopilot.common.tuples import Four
 from mavlink_defs.config.models import Loc, Model
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
@@ -56,15 +57,18 @@ class TriggerParameters(Model):
 
 
 class Candidates(NamedTuple):
-    """Commands of one control step beside those sent last; channels as in FTC_ACTUATOR."""
+    """Commands of one control step beside those sent last; channels as in FTC_ACTUATOR.
+
+    In memory it is struct ftc_trigger_input.
+    """
 
     dt: float  # control period [s]
-    first: bool  # whether everything is sent, whatever the trigger says
-    commanded: tuple[float, float, float, float]  # saturated commands [rad, rad, rad, N]
-    held: np.ndarray  # commands in force [rad, rad, rad, N], shape (4,); read only
+    first: int  # 1: everything is sent, whatever the trigger says
     selected: int  # mask of the channels that the law has selected
-    relative: tuple[float, float, float, float]  # thresholds b1, b1, b1, a1 [-]
-    absolute: tuple[float, float, float, float]  # thresholds b2, b2, b2 [rad], a2 [N]
+    commanded: Four  # saturated commands [rad, rad, rad, N]
+    held: Four  # commands in force [rad, rad, rad, N]
+    relative: Four  # thresholds b1, b1, b1, a1 [-]
+    absolute: Four  # thresholds b2, b2, b2 [rad], a2 [N]
 
 
 @compiled

@@ -1,10 +1,11 @@
-"""Triggers of plug-ins: what their C functions are given, and what they return.
+"""Triggers of plug-ins: how their C functions are called.
 
 A plug-in is a subclass of `TriggerParameters` with a static method `step`, as the functions of our
 own triggers, or with a `LIBRARY` that has the interface of `ftc_autopilot/plugins/ftc_trigger.h`.
 """
 
-from typing import ClassVar, NamedTuple
+from collections.abc import Callable
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from pydantic import ConfigDict
@@ -13,40 +14,28 @@ from ftc_autopilot.common.records import record_dtype
 from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters
 from ftc_autopilot.plugins.interface import Interface
 from ftc_autopilot.plugins.loading import TRIGGERS
-from ftc_autopilot.plugins.memory import call, call_records, layout_of, tuple_at
+from ftc_autopilot.plugins.memory import (
+    call,
+    call_records,
+    layout_of,
+    load,
+    record_at,
+    store,
+    tuple_at,
+)
+from ftc_autopilot.plugins.models import ADDRESSES, area
 from mavlink_defs.runtime.jit import compiled
 
 PARAMETER_BYTES, STATE_BYTES = 1024, 2048
 """Room for parameters and state of a plug-in."""
 
-PLUGIN_PARAMETERS = np.dtype(
-    [
-        ("step", "u8"),  # address of its C function
-        ("init", "u8"),  # 0: it has none
-        (
-            "own",
-            [("numbers", "f8", (PARAMETER_BYTES // 8,))],
-        ),  # begins with the trigger's own record
-    ]
-)
+PLUGIN_PARAMETERS = np.dtype([*ADDRESSES, area(PARAMETER_BYTES)])
 PLUGIN_STATE = np.dtype(
     [
         ("failure", "i8"),  # why it is not called any more; 0 if it is
-        ("own", [("numbers", "f8", (STATE_BYTES // 8,))]),
+        area(STATE_BYTES),
     ]
 )
-
-
-class TriggerInput(NamedTuple):
-    """`Candidates` as a C function sees them, struct ftc_trigger_input."""
-
-    dt: float
-    first: int
-    selected: int
-    commanded: tuple[float, float, float, float]
-    held: tuple[float, float, float, float]
-    relative: tuple[float, float, float, float]
-    absolute: tuple[float, float, float, float]
 
 
 class TriggerOutput(NamedTuple):
@@ -55,8 +44,9 @@ class TriggerOutput(NamedTuple):
     channels: int
 
 
-TRIGGER_INPUT, TRIGGER_OUTPUT = layout_of(TriggerInput), layout_of(TriggerOutput)
-LIKE = tuple_at(TriggerInput, bytes(TRIGGER_INPUT.itemsize))
+TriggerInput = Candidates
+TRIGGER_INPUT, TRIGGER_OUTPUT = layout_of(Candidates), layout_of(TriggerOutput)
+_LIKE = tuple_at(Candidates, bytes(TRIGGER_INPUT.itemsize))
 _NONE = TriggerOutput(0)
 
 
@@ -73,40 +63,22 @@ def plugin_trigger(now: Candidates, own: np.void, state: np.void) -> int:
         state["failure"] = call_records(own["init"], (own["own"], state["own"]))
     if state["failure"] != 0:
         return 0
-    held = now.held
-    given = TriggerInput(
-        now.dt,
-        int(now.first),
-        int(now.selected),
-        now.commanded,
-        (held[0], held[1], held[2], held[3]),
-        now.relative,
-        now.absolute,
-    )
-    status, output = call(own["step"], given, _NONE, (own["own"], state["own"]))
-    state["failure"] = status
+    state["failure"], output = call(own["step"], now, _NONE, (own["own"], state["own"]))
     channels: int = output.channels
     return channels
 
 
 @compiled
-def candidates_of(given: TriggerInput, held: np.ndarray) -> Candidates:
-    """Return what a C function is given; `held` are its commands in force, shape (4,)."""
-    return Candidates(
-        given.dt,
-        given.first != 0,
-        given.commanded,
-        held,
-        given.selected,
-        given.relative,
-        given.absolute,
-    )
+def _mask(channels: int) -> TriggerOutput:
+    return TriggerOutput(channels | 0)  # of integers only
 
 
-@compiled
-def output_of(channels: int) -> TriggerOutput:
-    """Return the channels as a C function writes them."""
-    return TriggerOutput(int(channels))
+def _entry(step: Callable[..., int]) -> Callable[..., int]:
+    def entry(now: Any, out: Any, parameters: Any, state: Any) -> int:
+        store(out, _mask(step(load(now, _LIKE), record_at(parameters), record_at(state))))
+        return 0
+
+    return entry
 
 
 def own_record(trigger: type[TriggerParameters]) -> np.dtype:
@@ -126,10 +98,13 @@ TRIGGER = Interface(
     base=TriggerParameters,
     unread=UnreadTrigger,
     symbol="ftc_trigger",
-    counts=(3,),
-    signature="(now, parameters, state)",
-    given=TRIGGER_INPUT,
-    result=TRIGGER_OUTPUT,
+    entries={"now, parameters, state": _entry},
+    given=Candidates,
+    known=TRIGGER_INPUT.itemsize,
+    result=_mask,
+    output=TriggerOutput,
+    expected="a mask of channels",
+    records=("parameters", "state"),
     further=0,
     room=(PARAMETER_BYTES, STATE_BYTES),
     record=own_record,

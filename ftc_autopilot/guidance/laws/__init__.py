@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import BeforeValidator, Discriminator, SerializeAsAny, Tag
 
 from ftc_autopilot.common.records import fill, record_dtype
-from ftc_autopilot.guidance.coordination import Coordination
+from ftc_autopilot.common.tuples import Four, replaced
 from ftc_autopilot.guidance.laws.base import GuidanceParameters, Intention, Pace, Situation
 from ftc_autopilot.guidance.laws.path_following import (
     PathFollowing,
@@ -32,6 +32,7 @@ from ftc_autopilot.guidance.laws.plugin import (
 from ftc_autopilot.plugins.loading import GUIDANCE_LAWS as GROUP
 from ftc_autopilot.plugins.models import PLUGIN, PLUGIN_TAG, is_plugin, model_of, owned
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.airframe.aircraft import AircraftRecord
 
 GUIDANCE_LAWS: dict[str, type[GuidanceParameters]] = {"path": PathFollowing}
 """Our own laws by name."""
@@ -97,70 +98,45 @@ def guidance_record(guidance: Guidance) -> np.void:
 
 @compiled
 def guide(
-    now: Situation,
-    path: np.void,
-    near: float,
-    coordination: Coordination,
-    aircraft: np.void,
-    parameters: np.void,
-    state: np.void,
-    command: np.ndarray,
-) -> float:
+    now: Situation, path: np.void, aircraft: AircraftRecord, parameters: np.void, state: np.void
+) -> Four:
     """Evaluate the guidance law that a scenario has chosen, and advance its state.
 
     Args:
         now: The situation.
         path: Record of dtype `ftc_autopilot.guidance.path.PATH` with at least one leg.
-        near: Path parameter at the update before [m].
-        coordination: Slot and corrections of the formation.
-        aircraft: Nominal aircraft, dtype `sitl_plant.airframe.aircraft.AIRCRAFT`.
+        aircraft: Nominal aircraft.
         parameters: Record of dtype `GUIDANCE_PARAMETERS`.
         state: Record of dtype `GUIDANCE_STATE`; the law's own part is updated in place.
-        command: Airspeed [m/s], roll, pitch, yaw [rad], shape (4,), written.
 
     Returns:
-        The path parameter [m].
+        Airspeed [m/s], roll, pitch, yaw [rad].
     """
     limits = parameters["common"]
-    s = path_law(
-        now, path, near, coordination, aircraft, limits, parameters["path"], state["path"], command
-    )
+    command = path_law(now, path, aircraft, limits, parameters["path"], state["path"])
     if parameters["law"] == PLUGIN_GUIDANCE:
-        own, memory = parameters[PLUGIN], state[PLUGIN]
-        plugin_guidance(now, path, s, coordination, aircraft, limits, own, memory, command)
-    return s
+        now = replaced(now, "command", command)
+        return plugin_guidance(now, path, aircraft, limits, parameters[PLUGIN], state[PLUGIN])
+    return command
 
 
 @compiled
 def pace_of(
-    now: Situation,
-    path: np.void,
-    near: float,
-    ahead: float,
-    parameters: np.void,
-    state: np.void,
+    now: Situation, path: np.void, ahead: float, parameters: np.void, state: np.void
 ) -> Pace:
     """Return how a UAV gets on along its path.
 
     Args:
         now: The situation.
         path: Record of dtype `ftc_autopilot.guidance.path.PATH` with at least one leg.
-        near: Path parameter at the update before [m].
         ahead: What its slot lies ahead of the formation [m].
         parameters: Record of dtype `GUIDANCE_PARAMETERS`.
         state: Record of dtype `GUIDANCE_STATE`.
     """
-    return path_pace(now, path, near, ahead, state["path"])
+    return path_pace(now, path, ahead, state["path"])
 
 
 @compiled
-def intention_of(
-    now: Situation,
-    path: np.void,
-    near: float,
-    coordination: Coordination,
-    parameters: np.void,
-    state: np.void,
-) -> Intention:
+def intention_of(now: Situation, path: np.void, parameters: np.void, state: np.void) -> Intention:
     """Return the velocity that `guide` would ask for with the same arguments, nobody evaded."""
-    return path_intention(now, path, near, coordination, parameters["path"], state["path"])
+    return path_intention(now, path, parameters["path"], state["path"])

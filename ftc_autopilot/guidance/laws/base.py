@@ -6,6 +6,9 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ftc_autopilot.common.motion import Motion
+from ftc_autopilot.common.tuples import Four, Rows
+from ftc_autopilot.guidance.coordination import Coordination
+from ftc_autopilot.guidance.path import PathPoint
 from mavlink_defs.config.models import Model, Problems
 from mavlink_defs.config.quantity import quantity
 from sitl_plant.vec3 import Vec3
@@ -119,15 +122,23 @@ class GuidanceParameters(Model):
 
 
 class Situation(NamedTuple):
-    """What a guidance law knows of the flight at an update."""
+    """What a guidance law, ours or a plug-in's, knows of the flight at an update.
+
+    In memory it begins with struct ftc_guidance_input, which ends with `motion`.
+    """
 
     dt: float  # time since the update before [s]
+    s: float  # path parameter [m]
+    bandwidth: float  # of the reference filter, its triple pole [rad/s]
+    command: Four  # in force; a plug-in gets what `path` commands [m/s, rad]
     position: Vec3  # NED [m]
     velocity: Vec3  # over ground, NED [m/s]
     air_velocity: Vec3  # through the air, NED [m/s]
+    reference: Rows  # filtered reference and its two derivatives [m/s, rad]
+    coordination: Coordination  # slot and corrections of the formation
+    here: PathPoint  # the path at s
     motion: Motion  # own motion
-    reference: np.ndarray  # state of the reference filter, shape (4, 3); read only
-    bandwidth: float  # of the reference filter, its triple pole [rad/s]
+    off: float  # how far the UAV is to the right of the path [m]
 
 
 class Pace(NamedTuple):

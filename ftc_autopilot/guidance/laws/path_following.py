@@ -39,9 +39,10 @@ import numpy as np
 from pydantic import Field
 
 from ftc_autopilot.common.angles import wrap
-from ftc_autopilot.guidance.coordination import Coordination, no_coordination
+from ftc_autopilot.common.tuples import Four
+from ftc_autopilot.guidance.coordination import Coordination
 from ftc_autopilot.guidance.laws.base import GuidanceParameters, Intention, Pace, Situation
-from ftc_autopilot.guidance.path import PathPoint, height_at, locate, point_at
+from ftc_autopilot.guidance.path import PathPoint, height_at, point_at
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.airframe.aerodynamics import carried_linearly, drag
@@ -110,14 +111,12 @@ class PathFollowing(GuidanceParameters):
 
 
 class _Place(NamedTuple):
-    """Where the UAV is relative to the path, and where it will be after the filter's delay."""
+    """How the UAV moves along the path, and where it will be after the filter's delay."""
 
-    s: float  # [m]
     s_dot: float  # [m/s]
     e: float  # to the right of the slot [m]
     ground_speed: float  # [m/s]
     course: float  # over ground [rad]
-    here: PathPoint
     ahead: PathPoint
 
 
@@ -125,14 +124,11 @@ class _Place(NamedTuple):
 def path_law(
     now: Situation,
     path: np.void,
-    near: float,
-    coordination: Coordination,
     aircraft: np.void,
     limits: np.void,
     gains: np.void,
     state: np.void,
-    command: np.ndarray,
-) -> float:
+) -> Four:
     """Make one update.
 
     The first one commands the present motion, so that the reference filter starts from there.
@@ -140,52 +136,44 @@ def path_law(
     Args:
         now: The situation.
         path: Record of dtype `ftc_autopilot.guidance.path.PATH` with at least one leg.
-        near: Path parameter at the update before [m].
-        coordination: Slot and corrections.
         aircraft: Nominal aircraft, dtype `sitl_plant.airframe.aircraft.AIRCRAFT`.
         limits: Record made of `ftc_autopilot.guidance.laws.base.GuidanceParameters`.
         gains: Record made of what `PathFollowing` has beyond that.
         state: Record of dtype `PathFollowing.STATE`, updated in place.
-        command: Airspeed [m/s], roll, pitch, yaw [rad], shape (4,), written.
 
     Returns:
-        The path parameter [m].
+        Airspeed [m/s], roll, pitch, yaw [rad].
     """
     _estimate_wind(now, gains, state)
     V = max(now.motion.V, 1.0)
     wind = state["wind"][0], state["wind"][1]
-    place = _place(now, path, near, coordination)
+    place = _place(now, path)
     if state["started"] == 0:
         state["started"] = 1
         state["course"] = wrap(now.motion.phi[2] - _drift(place.course, V, wind))
         state["airspeed"] = now.motion.V
-        command[0] = now.motion.V
-        for k in range(3):
-            command[1 + k] = now.motion.phi[k]
-        return place.s
-    command[0] = _airspeed(now, path, place, coordination, wind, aircraft, limits, state)
-    climb, climb_now = _climb(now, path, place, coordination, aircraft, limits, gains, state)
+        return now.motion.V, *now.motion.phi
+    airspeed = _airspeed(now, path, place, wind, aircraft, limits, state)
+    climb, climb_now = _climb(now, path, place, aircraft, limits, gains, state)
     weight = aircraft["m"] * aircraft["g"] * math.cos(climb)
-    lift = 0.5 * aircraft["rho"] * command[0] ** 2 * aircraft["S"]
+    lift = 0.5 * aircraft["rho"] * airspeed**2 * aircraft["S"]
     at_zero, slope = carried_linearly(aircraft)
 
     most = at_zero + slope * limits["incidence_max_rad"]
     load = max(lift * most / weight, 1.0)  # 1/cos of the bank at the largest angle of attack
     bank_max = min(limits["bank_max_rad"], math.acos(1.0 / load))
-    roll, drift = _turn(now, place, coordination, V, wind, bank_max, aircraft["g"], gains, state)
+    roll, drift = _turn(now, place, V, wind, bank_max, aircraft["g"], gains, state)
     alpha = (weight / (lift * math.cos(roll)) - at_zero) / slope
     gamma = math.asin(min(max(-now.air_velocity[2] / V, -1.0), 1.0))
     correction = min(max(climb_now - gamma, -_CLIMB_CORRECTION_MAX), _CLIMB_CORRECTION_MAX)
-    command[1] = roll
-    command[2] = climb + alpha * math.cos(roll) + gains["climb_feedback"] * correction
-    command[3] = wrap(state["course"] + drift + alpha * math.sin(roll))
-    return place.s
+    pitch = climb + alpha * math.cos(roll) + gains["climb_feedback"] * correction
+    return airspeed, roll, pitch, wrap(state["course"] + drift + alpha * math.sin(roll))
 
 
 @compiled
-def path_pace(now: Situation, path: np.void, near: float, ahead: float, state: np.void) -> Pace:
+def path_pace(now: Situation, path: np.void, ahead: float, state: np.void) -> Pace:
     """Return how a UAV whose slot lies ahead [m] gets on; other arguments as of `path_law`."""
-    return _pace(now, path, _place(now, path, near, no_coordination()), ahead, state)
+    return _pace(now, path, _place(now, path), ahead, state)
 
 
 @compiled
@@ -193,32 +181,24 @@ def _pace(now: Situation, path: np.void, place: _Place, ahead: float, state: np.
     wind = state["wind"][0], state["wind"][1]
     if state["started"] == 0:
         wind = now.velocity[0] - now.air_velocity[0], now.velocity[1] - now.air_velocity[1]
-    formation = point_at(path, place.s - ahead)
+    formation = point_at(path, now.s - ahead)
     speed = _ground_speed(formation.course, formation.airspeed, wind)
-    return Pace(place.s, place.s_dot, speed)
+    return Pace(now.s, place.s_dot, speed)
 
 
 @compiled
-def path_intention(
-    now: Situation,
-    path: np.void,
-    near: float,
-    coordination: Coordination,
-    gains: np.void,
-    state: np.void,
-) -> Intention:
+def path_intention(now: Situation, path: np.void, gains: np.void, state: np.void) -> Intention:
     """Return the velocity that `path_law` asks for with the same arguments, nobody evaded."""
-    place = _place(now, path, near, coordination)
+    place, here, coordination = _place(now, path), now.here, now.coordination
     pace = _pace(now, path, place, coordination.slot[0], state)
     along = pace.speed + coordination.speed
-    along *= max(1.0 - coordination.slot[1] * place.here.curvature, 0.2)
+    along *= max(1.0 - coordination.slot[1] * here.curvature, 0.2)
     speed = max(place.ground_speed, 1.0)
-    approach = math.atan(_sideways(now, place, coordination, gains, state) / speed)
+    approach = math.atan(_sideways(now, place, gains, state) / speed)
     right = -speed * math.sin(min(max(approach, -_APPROACH_MAX), _APPROACH_MAX))
-    high = place.here.height + coordination.slot[2] + now.position[2]
-    climb = place.here.climb * place.s_dot
-    up = _upwards(high, coordination, gains, state) + climb
-    return Intention(place.here.course, along, right, up, place.e, -high)
+    high = here.height + coordination.slot[2] + now.position[2]
+    up = _upwards(high, coordination, gains, state) + here.climb * place.s_dot
+    return Intention(here.course, along, right, up, place.e, -high)
 
 
 @compiled
@@ -231,16 +211,16 @@ def _estimate_wind(now: Situation, gains: np.void, state: np.void) -> None:
 
 
 @compiled
-def _place(now: Situation, path: np.void, near: float, coordination: Coordination) -> _Place:
-    """Project the position on the path."""
-    s, off = locate(path, now.position[0], now.position[1], near)
-    here = point_at(path, s)
+def _place(now: Situation, path: np.void) -> _Place:
+    """Return how the UAV moves along its path."""
     ground_speed = math.hypot(now.velocity[0], now.velocity[1])
     course = math.atan2(now.velocity[1], now.velocity[0])
-    room = max(1.0 - off * here.curvature, 0.2)  # beyond it, the centre of the arc is too near
-    s_dot = ground_speed * math.cos(course - here.course) / room
-    ahead = point_at(path, s + 3.0 / now.bandwidth * s_dot)
-    return _Place(s, s_dot, off - coordination.slot[1], ground_speed, course, here, ahead)
+    room = max(
+        1.0 - now.off * now.here.curvature, 0.2
+    )  # beyond it, the centre of the arc is too near
+    s_dot = ground_speed * math.cos(course - now.here.course) / room
+    ahead = point_at(path, now.s + 3.0 / now.bandwidth * s_dot)
+    return _Place(s_dot, now.off - now.coordination.slot[1], ground_speed, course, ahead)
 
 
 @compiled
@@ -262,17 +242,16 @@ def _airspeed(
     now: Situation,
     path: np.void,
     place: _Place,
-    coordination: Coordination,
     wind: tuple[float, float],
     aircraft: np.void,
     limits: np.void,
     state: np.void,
 ) -> float:
     """Return V_r, which rises no faster than the propulsion permits at the present airspeed."""
-    ahead, right, _ = coordination.slot
-    s = place.s + 3.0 / now.bandwidth * place.s_dot
+    ahead, right, _ = now.coordination.slot
+    s = now.s + 3.0 / now.bandwidth * place.s_dot
     formation = point_at(path, s - ahead)
-    speed = _ground_speed(formation.course, formation.airspeed, wind) + coordination.speed
+    speed = _ground_speed(formation.course, formation.airspeed, wind) + now.coordination.speed
     speed *= max(1.0 - right * place.ahead.curvature, 0.2)
     north = speed * math.cos(place.ahead.course) - wind[0]
     east = speed * math.sin(place.ahead.course) - wind[1]
@@ -289,12 +268,10 @@ def _airspeed(
 
 
 @compiled
-def _sideways(
-    now: Situation, place: _Place, coordination: Coordination, gains: np.void, state: np.void
-) -> float:
+def _sideways(now: Situation, place: _Place, gains: np.void, state: np.void) -> float:
     """Return the velocity to the left that brings the UAV to its slot [m/s]."""
-    moving = coordination.slot_rate[1]
-    e_dot = place.ground_speed * math.sin(place.course - place.here.course) - moving
+    moving = now.coordination.slot_rate[1]
+    e_dot = place.ground_speed * math.sin(place.course - now.here.course) - moving
     lead = 3.0 / now.bandwidth + gains["cross_track_lead_s"]
     sideways = gains["cross_track_1_s"] * (place.e + lead * e_dot) - moving
     return float(sideways + gains["cross_track_integral_1_s2"] * state["cross_track"])
@@ -304,7 +281,6 @@ def _sideways(
 def _turn(
     now: Situation,
     place: _Place,
-    coordination: Coordination,
     V: float,
     wind: tuple[float, float],
     bank_max: float,
@@ -313,9 +289,9 @@ def _turn(
     state: np.void,
 ) -> tuple[float, float]:
     """Advance χ_c; return φ_r and ψ_w."""
-    speed = max(place.ground_speed, 1.0)
+    speed, coordination = max(place.ground_speed, 1.0), now.coordination
     gain = gains["cross_track_integral_1_s2"]
-    sideways = _sideways(now, place, coordination, gains, state) - coordination.right
+    sideways = _sideways(now, place, gains, state) - coordination.right
     approach = math.atan(sideways / speed)
     if abs(approach) < _INTEGRATION_MAX and gain > 0.0 and coordination.right == 0.0:
         limit = _INTEGRAL_SHARE * speed / gain
@@ -334,7 +310,7 @@ def _turn(
     v, phi = now.motion.v, now.motion.phi
     flown = place.course + _drift(place.course, V, wind)
     flown += math.atan2(v[2], v[0]) * math.sin(phi[0])  # the heading that belongs to the course
-    roll += gains["bank_feedback"] * wrap(now.reference[3, 0] - flown)
+    roll += gains["bank_feedback"] * wrap(now.reference[3][0] - flown)
     return min(max(roll, -bank_max), bank_max), drift
 
 
@@ -357,7 +333,6 @@ def _climb(
     now: Situation,
     path: np.void,
     place: _Place,
-    coordination: Coordination,
     aircraft: np.void,
     limits: np.void,
     gains: np.void,
@@ -370,13 +345,13 @@ def _climb(
     _, lift_slope = carried_linearly(aircraft)
     lag = aircraft["m"] * V / (pressure * lift_slope)
     reach = gains["rounding_s"] * V
-    s_later = place.s + (3.0 / now.bandwidth + lag) * place.s_dot
-    slope, slope_ahead = _rounded_slope(path, place.s, reach), _rounded_slope(path, s_later, reach)
-    error = _rounded_height(path, place.s, reach) + coordination.slot[2] + now.position[2]
+    s_later, coordination = now.s + (3.0 / now.bandwidth + lag) * place.s_dot, now.coordination
+    slope, slope_ahead = _rounded_slope(path, now.s, reach), _rounded_slope(path, s_later, reach)
+    error = _rounded_height(path, now.s, reach) + coordination.slot[2] + now.position[2]
     gain = gains["height_integral_1_s2"]
     sink = _upwards(error, coordination, gains, state) + coordination.up
 
-    accelerating = now.reference[0, 1] / aircraft["g"]
+    accelerating = now.reference[0][1] / aircraft["g"]
     thrust, D = _thrust_and_drag(now, aircraft, limits)
     most = math.sin(limits["climb_max_rad"])
     high = min(max((thrust - D) / weight - accelerating, -most), most)

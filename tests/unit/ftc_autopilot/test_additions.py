@@ -96,12 +96,12 @@ def test_a_law_of_ours_is_one_file_and_its_registration(copy: Path) -> None:
 def test_another_aerodynamic_model_is_two_files(copy: Path) -> None:
     """Drag that grows with the square of the lift, by a coefficient of its own."""
     before = fly(copy, "")
-    config = copy / "sitl_plant" / "aircraft_config.py"
+    config = copy / "sitl_plant" / "airframe" / "config.py"
     drag = '    cD0: float = quantity("", ge=0.0, doc="Drag.")\n'
     induced = '    cD_induced: float = quantity("", default=0.05, doc="Drag by lift squared.")\n'
     assert drag in config.read_text()
     config.write_text(config.read_text().replace(drag, drag + induced))
-    model = copy / "sitl_plant" / "aerodynamics.py"
+    model = copy / "sitl_plant" / "airframe" / "aerodynamics.py"
     force = "    F = scale(qS"
     assert force in model.read_text()
     more = '    C_D = C_D + aircraft["cD_induced"] * C_L * C_L\n'
@@ -187,10 +187,9 @@ class Gentle(PathFollowing):
 
 
 @compiled
-def gentle_law(now, path, near, coordination, aircraft, limits, gains, state, command):
-    s = path_law(now, path, near, coordination, aircraft, limits, gains, state, command)
-    command[0] += gains["faster_m_s"]
-    return s
+def gentle_law(now, path, aircraft, limits, gains, state):
+    airspeed, roll, pitch, yaw = path_law(now, path, aircraft, limits, gains, state)
+    return airspeed + gains["faster_m_s"], roll, pitch, yaw
 """
 
 
@@ -213,10 +212,8 @@ def test_a_guidance_law_is_one_file_and_its_registration(copy: Path) -> None:
             '    limits = parameters["common"]\n',
             '    limits = parameters["common"]\n'
             '    if parameters["law"] == KINDS.index("gentle"):\n'
-            "        return gentle_law(\n"
-            "            now, path, near, coordination, aircraft, limits,\n"
-            '            parameters["gentle"], state["gentle"], command,\n'
-            "        )\n",
+            '        own, memory = parameters["gentle"], state["gentle"]\n'
+            "        return gentle_law(now, path, aircraft, limits, own, memory)\n",
         ),
     )
     flights = {

@@ -169,7 +169,7 @@ def _start(now: Step, positions: np.ndarray, gains: np.void, state: np.void) -> 
         state["disturbance"],
         state["disturbance_slope"],
         gains["persistence_s"],
-        now.by_bank,
+        now.by_bank != 0,
     )
 
 

@@ -46,13 +46,14 @@ def build_tube(now: Step, rows: int, gains: np.void, path: np.ndarray, width: np
     filter_step, funnel_step = math.exp(-bandwidth * h), math.exp(-h / tau)
     for o in range(OUTPUTS):
         target = command[o]
-        z, slope, bend = reference[o, 0] - target, reference[o, 1], reference[o, 2]
+        filtered, slope, bend = reference[o]
+        z = filtered - target
         error, neighbours = weighted[o], own[o] - weighted[o]
         if o == 0:
             d, rate = scale * gains["width_m_s"], gains["return_m_s2"]
         else:
             z, error, neighbours = wrap(z), wrap(error), wrap(neighbours)
-            if o == _YAW and now.by_bank:  # the error is against the direction of flight
+            if o == _YAW and now.by_bank != 0:  # the error is against the direction of flight
                 target, z, slope, bend = 0.0, 0.0, 0.0, 0.0
             d, rate = scale * gains["width_rad"][o - 1], gains["return_rad_s"][o - 1]
         k = scale * gains["widening"][o]

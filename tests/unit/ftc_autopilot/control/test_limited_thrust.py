@@ -9,6 +9,7 @@ from steps import NOTHING, step_alone, step_of
 
 from ftc_autopilot.common.motion import motion_of
 from ftc_autopilot.common.records import fill, record_dtype
+from ftc_autopilot.common.tuples import four
 from ftc_autopilot.control.controller import SIGNALS, new_controller, parameter_record
 from ftc_autopilot.control.controllers import new_controllers
 from ftc_autopilot.control.diagnosis import DIAGNOSIS, DiagnosisParameters, diagnose
@@ -274,7 +275,7 @@ def test_what_cannot_be_made_is_not_missed(
         motion = motion_of(
             plant.uavs[0]["message"], aircraft, float(plant.uavs[0]["applied"][THROTTLE])
         )
-        now = step_of(motion, step == 0, held=plant.uavs[0]["controls"].copy())
+        now = step_of(motion, step == 0, held=four(plant.uavs[0]["controls"]))
         measure(now, aircraft, gains, state)
         plant.uavs[0]["controls"] = 0.02, 0.03, 0.1, 1990.0
         plant.uavs["message"]["actuator_time_usec"] = 0
@@ -302,7 +303,7 @@ def test_no_offset_is_learnt_at_full_throttle(
     force = (np.array(still.air.F) + less) / propelled["m"]
     motion = seen(propelled, thrust=float(held[THROTTLE]), force=tuple(force))
     for k in range(4000):
-        diagnose(step_of(motion, first=k == 0, held=held), propelled, gains, state, signals)
+        diagnose(step_of(motion, first=k == 0, held=four(held)), propelled, gains, state, signals)
     throttle = state["actuators"][THROTTLE]
     assert throttle["measured"] - throttle["commanded"] == pytest.approx(-100.0, abs=1.0)
     assert (throttle["offset"] < -20.0) == learns

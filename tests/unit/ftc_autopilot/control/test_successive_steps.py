@@ -120,8 +120,16 @@ def test_the_variable_of_the_dynamic_trigger() -> None:
     trigger = TRIGGERS["dynamic"](mode="dynamic")
     parameters = parameter_record(Proposed(), trigger)
     states = new_controller()["trigger"]
-    held, moved, decay = np.zeros(4), (0.2, 0.4, 0.0, 0.6), parameters["trigger"]["dynamic"]
-    now = Candidates(DT, False, moved, held, 15, (0.1,) * 4, (1.0,) * 4)
+    moved, decay = (0.2, 0.4, 0.0, 0.6), parameters["trigger"]["dynamic"]
+    now = Candidates(
+        dt=DT,
+        first=0,
+        selected=15,
+        commanded=moved,
+        held=(0.0,) * 4,
+        relative=(0.1,) * 4,
+        absolute=(1.0,) * 4,
+    )
     eta = np.zeros(4)
     for _ in range(2):
         assert decide(now, parameters["mode"], parameters["trigger"], states) == 0

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from steps import step_of
 
 from ftc_autopilot.common.motion import motion_of
+from ftc_autopilot.common.tuples import four
 from ftc_autopilot.control.controller import new_controller, parameter_record
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.step import Command, Thresholds
@@ -49,7 +50,7 @@ class Sender:
         self, *delta: float, T: float, first: bool = False, chosen: int = ALL, dt: float = 1e-3
     ) -> int:
         command = Command((delta[0], delta[1], delta[2]), T, chosen)
-        now = step_of(self.motion, first, dt=dt, thresholds=Thresholds(A, B))
+        now = step_of(self.motion, first, dt=dt, held=four(self.held), thresholds=Thresholds(A, B))
         records = (self.parameters, self.state, self.controls)
         return transmit(command, now, self.nominal, *records)
 

@@ -90,9 +90,8 @@ def signals_of(case: Any, vectors: Any, scenario: Scenario, nominal: np.void, i:
     state["steps"] = state["started"] = 1  # not the first step: filters stand as given
     signals = np.zeros(1, SIGNALS)[0]
     command = state["reference"][:, 0].copy()
-    inputs = Inputs(
-        0.0, DT, motions[i], Seen(motions[i], 0, 0, False), command, edges_of(reports, weights)
-    )
+    seen = Seen(motions[i], 0, 0, 0)
+    inputs = Inputs(0.0, DT, motions[i], seen, command, edges_of(reports, weights))
     controls = np.zeros(16, np.float32)
     control_step(inputs, Records(nominal, parameters, state, controls, signals))
     return signals

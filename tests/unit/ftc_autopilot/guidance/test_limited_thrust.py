@@ -4,12 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from steps import on_path, situation_of
 
 from ftc_autopilot.common.motion import motion_of
 from ftc_autopilot.guidance.aircraft_limits import HOME
-from ftc_autopilot.guidance.coordination import no_coordination
 from ftc_autopilot.guidance.laws import GUIDANCE_STATE, guidance_record, guide
-from ftc_autopilot.guidance.laws.base import Situation
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.guidance.legs import Leg
 from ftc_autopilot.guidance.path import path_record
@@ -32,13 +31,9 @@ def commands(aircraft: np.void, V: float, updates: int, wanted_m_s: float) -> np
     measured["attitude"] = 0.0, 0.05, 0.0
     motion = motion_of(measured, aircraft)
     ground = vec3(np.array(R1(motion.phi)) @ np.array(motion.v))
-    now = Situation(DT, (0.0, 0.0, -100.0), ground, ground, motion, np.zeros((4, 3)), 2.5)
+    now = on_path(situation_of(motion, (0.0, 0.0, -100.0), ground, ground, DT), path, 0.0)
     parameters, state = guidance_record(GUIDANCE), np.zeros(1, GUIDANCE_STATE)[0]
-    command, found, s = np.zeros(4), [], 0.0
-    for _ in range(updates):
-        s = guide(now, path, s, no_coordination(), aircraft, parameters, state, command)
-        found.append(command.copy())
-    return np.array(found)
+    return np.array([guide(now, path, aircraft, parameters, state) for _ in range(updates)])
 
 
 def spare(aircraft: np.void, V: float) -> float:

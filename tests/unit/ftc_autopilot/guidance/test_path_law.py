@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from steps import on_path, situation_of
 
 from ftc_autopilot.common.motion import motion_of
 from ftc_autopilot.guidance.aircraft_limits import HOME
@@ -39,11 +40,9 @@ def situation(
     measured["position"], measured["attitude"] = position, attitude
     measured["wind"] = to_ned.T @ wind
     measured["velocity"] = through_air + measured["wind"]
-    reference = np.zeros((4, 3))
-    reference[3, 0] = attitude[2]
     motion = motion_of(measured, nominal)
     ground, air = vec3(to_ned @ measured["velocity"]), vec3(to_ned @ through_air)
-    return Situation(dt, position, ground, air, motion, reference, OMEGA)
+    return situation_of(motion, position, ground, air, dt, yaw=attitude[2])
 
 
 class Flight:
@@ -55,25 +54,17 @@ class Flight:
         self.nominal, self.path = nominal, path
         self.parameters = guidance_record(guidance)
         self.state = np.zeros(1, GUIDANCE_STATE)[0]
-        self.command = np.zeros(4)
+        self.command = (0.0, 0.0, 0.0, 0.0)
         self.s = 0.0
 
     def update(
         self, now: Situation, coordination: Coordination | None = None
     ) -> tuple[float, float, float, float]:
-        reported = coordination or no_coordination()
-        self.s = guide(
-            now,
-            self.path,
-            self.s,
-            reported,
-            self.nominal,
-            self.parameters,
-            self.state,
-            self.command,
-        )
-        airspeed, roll, pitch, yaw = map(float, self.command)
-        return airspeed, roll, pitch, yaw
+        now = on_path(now, self.path, self.s)
+        now = now._replace(coordination=coordination or no_coordination())
+        self.command = guide(now, self.path, self.nominal, self.parameters, self.state)
+        self.s = now.s
+        return self.command
 
 
 def test_the_first_command_is_the_present_motion(nominal: np.void) -> None:
@@ -145,7 +136,7 @@ def expected_in_a_turn(
     alpha = math.atan2(now.motion.v[2], now.motion.v[0])
     due = chi + drift(chi) + alpha * math.sin(now.motion.phi[0])
     roll = math.atan(Vg_ahead * rate / (g * math.cos(drift(chi_c))))
-    roll += p.bank_feedback * math.remainder(float(now.reference[3, 0]) - due, 2 * math.pi)
+    roll += p.bank_feedback * math.remainder(float(now.reference[3][0]) - due, 2 * math.pi)
     # vertical
     e_h = 100.0 + slot[2] + now.position[2]
     gamma_d = math.asin(p.height_1_s * e_h / V)
@@ -241,7 +232,7 @@ def test_whatever_happens_commands_stay_within_limits(
     leg = Leg(0.0, 0.0, 0.0, curvature, math.inf, 100.0, climb, 40.0, 1)
     flight, limits = Flight(nominal, path_record([leg], 1)), HOME
     for k, (position, attitude, through_air, wind, slot) in enumerate(updates):
-        before = float(flight.command[0])
+        before = flight.command[0]
         now = situation(nominal, position, attitude, through_air, wind)
         command = flight.update(now, no_coordination()._replace(slot=slot))
         assert np.isfinite(command).all()

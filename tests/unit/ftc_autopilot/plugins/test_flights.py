@@ -29,7 +29,9 @@ from ftc_autopilot.vehicle.param_table import parameters_of
 from gcs.fleet.in_process import begin, fly_in_process, fly_on
 from gcs.results.recording import Recording, Steps
 from gcs.results.summary import summarise
+from gcs.scenario.aircraft_file import load_aircraft
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
+from mavlink_defs.config.inherit import merged
 
 BASE = "paper/scenario1"
 WAYS = [
@@ -40,8 +42,8 @@ WAYS = [
 ]
 
 
-def scenario(folder: Path, duration_s: float = 0.3, **changes: Any) -> Scenario:
-    tree = scenario_tree(BASE) | {"duration_s": duration_s, "faults": []} | changes
+def scenario(folder: Path, duration_s: float = 0.3, base: str = BASE, **changes: Any) -> Scenario:
+    tree = scenario_tree(base) | {"duration_s": duration_s, "faults": []} | changes
     return scenario_of(folder / "s.yaml", tree)
 
 
@@ -277,8 +279,14 @@ def test_ctrl_c_in_a_plain_law_is_no_failure_of_the_law(tmp_path: Path) -> None:
         fly_in_process(scenario(tmp_path, controller={"kind": name}))
 
 
-def test_a_law_that_extends_surviving_has_its_diagnosis(tmp_path: Path) -> None:
-    """Its state is as large as that of any law of ours."""
+@pytest.mark.parametrize("slips", [False, True])
+def test_a_law_that_extends_surviving_flies_as_it_does(tmp_path: Path, slips: bool) -> None:
+    """Its state is as large as that of any law of ours; what slips holds its heading by bank."""
+    changed: dict[str, Any] = {}
+    if slips:
+        slipping = {"coefficients": {"cY_dr": 1.2}}
+        aircraft = merged(load_aircraft("aerosonde").model_dump(), slipping)
+        changed = {"base": "airframes/aerosonde", "aircraft": aircraft}
     (tmp_path / "mine.py").write_text(
         """
 from ftc_autopilot.control.laws.surviving import Surviving, surviving_law
@@ -295,7 +303,7 @@ class Mine(Surviving):
 """
     )
     flights = [
-        fly_in_process(scenario(tmp_path, 0.2, controller={"kind": kind}))
+        fly_in_process(scenario(tmp_path, 0.4, controller={"kind": kind}, **changed))
         for kind in ("surviving", f"{tmp_path}/mine.py:Mine")
     ]
     assert same(*flights)
@@ -317,7 +325,7 @@ def on_path(folder: Path, duration_s: float = 1.0, **guidance: Any) -> Scenario:
 
 
 @pytest.mark.skipif(COMPILER is None, reason="no C compiler")
-def test_a_guidance_law_written_three_times_flies_to_the_same_bits(tmp_path: Path) -> None:
+def test_a_guidance_law_written_four_times_flies_to_the_same_bits(tmp_path: Path) -> None:
     flights = [
         fly_in_process(on_path(tmp_path, kind=write_guidance(tmp_path / way, way)))
         for way in GUIDANCE

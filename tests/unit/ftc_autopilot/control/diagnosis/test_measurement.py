@@ -10,6 +10,7 @@ from steps import step_of
 
 from ftc_autopilot.common.motion import motion_of
 from ftc_autopilot.common.records import fill, record_dtype
+from ftc_autopilot.common.tuples import four
 from ftc_autopilot.control.diagnosis import DIAGNOSIS, DiagnosisParameters
 from ftc_autopilot.control.diagnosis.diagnose import _note_dead_time
 from ftc_autopilot.control.diagnosis.measurement import measure, servo_step, steps_back
@@ -37,7 +38,7 @@ def flown(scenario: Scenario, commands: np.ndarray, fault: Fault | None = None) 
     for step, command in enumerate(commands):
         observe(plant, 0, step, STEP_US)
         motion = motion_of(plant.uavs[0]["message"], plant.uavs[0]["aircraft"])
-        now = step_of(motion, step == 0, held=plant.uavs[0]["controls"].copy())
+        now = step_of(motion, step == 0, held=four(plant.uavs[0]["controls"]))
         measure(now, plant.uavs[0]["aircraft"], gains, state)
         commanded[step] = state["actuators"]["commanded"]
         measured[step] = state["actuators"]["measured"]
@@ -92,7 +93,7 @@ def test_the_commands_are_as_old_as_the_measurement(ahead: int, scenario1: Scena
     motion = motion_of(plant.uavs[0]["message"], plant.uavs[0]["aircraft"])
     found, steps = [], 300
     for step in range(steps):
-        now = step_of(motion, step == 0, held=1e-3 * step * np.array([1.0, 2.0, 3.0, 4.0]))
+        now = step_of(motion, step == 0, held=four(1e-3 * step * np.array([1.0, 2.0, 3.0, 4.0])))
         now = now._replace(seen=now.seen._replace(ahead=ahead, links=max(ahead - 2, 0)))
         measure(now, plant.uavs[0]["aircraft"], gains, state)
         state["age"] += DT

@@ -59,7 +59,7 @@ def learnt(
             diagnosis["actuators"][j]["commanded"] = u[j]
             diagnosis["actuators"][j]["measured"] = u[j] + residual[j]
             diagnosis["actuators"][j]["suspect_s"] = float(j == suspect)
-        now = step_of(motion, first=step == 0, held=np.array([*u, 900.0]))
+        now = step_of(motion, first=step == 0, held=(*u.tolist(), 900.0))
         adapt(now, nominal, gains, state)
     return state
 

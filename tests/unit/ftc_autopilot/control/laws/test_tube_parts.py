@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 from steps import COMMANDS, NOTHING, step_of
 
 from ftc_autopilot.common.motion import motion_of
+from ftc_autopilot.common.tuples import four, rows_of
 from ftc_autopilot.control.controller import parameter_record
 from ftc_autopilot.control.laws.tube import Tube
 from ftc_autopilot.control.laws.tube.check import check, trim
@@ -146,7 +147,7 @@ def errors_with(V_tilde: float, yaw: float, weighted_yaw: float) -> FormationErr
 
 def on_the_way(errors: FormationErrors, command: np.ndarray, filtered: np.ndarray) -> Step:
     """A step with these errors, a command, and the filtered reference on its way to it."""
-    return step_of(None, errors=errors, command=command, filtered=filtered)
+    return step_of(None, errors=errors, command=four(command), filtered=rows_of(filtered))
 
 
 def test_the_path_is_the_reference_that_will_be() -> None:

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from ftc_autopilot.common.tuples import Four, four
 from ftc_autopilot.control.controller import new_controller, parameter_record, restart_law
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.triggers import MODES, TRIGGERS, decide
@@ -34,14 +35,28 @@ def events(
     state = new_controller() if state is None else state
     held, at = np.zeros(4), []
     for k, command in enumerate(demand):
-        now = Candidates(
-            DT, k == 0, (command, 0.0, 0.0, 0.0), held, ALL, (relative,) * 4, (absolute,) * 4
-        )
+        commanded = (command, 0.0, 0.0, 0.0)
+        now = candidates(commanded, four(held), (relative,) * 4, (absolute,) * 4, first=k == 0)
         mask = decide(now, parameters["mode"], parameters["trigger"], state["trigger"])
         if mask & 1:
             held[0] = command
             at.append(k)
     return at
+
+
+def candidates(
+    commanded: Four, held: Four, relative: Four, absolute: Four, first: bool = False
+) -> Candidates:
+    """All channels, selected by the law."""
+    return Candidates(
+        dt=DT,
+        first=int(first),
+        selected=ALL,
+        commanded=commanded,
+        held=held,
+        relative=relative,
+        absolute=absolute,
+    )
 
 
 def made(mode: str, **values: Any) -> TriggerParameters:
@@ -73,7 +88,7 @@ def test_each_channel_has_its_own_period() -> None:
     names = ("aileron", "elevator", "rudder", "throttle")
     trigger = made("periodic", **{f"{name}_period_s": (i + 1) * DT for i, name in enumerate(names)})
     parameters, state = parameter_record(Proposed(), trigger), new_controller()
-    now = Candidates(DT, False, (0.0,) * 4, np.zeros(4), ALL, (0.0,) * 4, (1.0,) * 4)
+    now = candidates((0.0,) * 4, (0.0,) * 4, (0.0,) * 4, (1.0,) * 4)
     masks = [
         decide(now, parameters["mode"], parameters["trigger"], state["trigger"]) for _ in range(24)
     ]
@@ -138,9 +153,8 @@ def test_scaled_forgets_at_its_time_constant() -> None:
     events(trigger, growing[:-1], 0.0, 1e-9, state)
     before = state["trigger"]["scaled"]["slow"][0]
     parameters = parameter_record(Proposed(), trigger)
-    now = Candidates(
-        DT, False, (growing[-1], 0.0, 0.0, 0.0), np.zeros(4), ALL, (0.0,) * 4, (1e-9,) * 4
-    )
+    commanded = (growing[-1], 0.0, 0.0, 0.0)
+    now = candidates(commanded, (0.0,) * 4, (0.0,) * 4, (1e-9,) * 4)
     decide(now, parameters["mode"], parameters["trigger"], state["trigger"])
     assert state["trigger"]["scaled"]["slow"][0] == pytest.approx(before * (1.0 + DT / 0.1))
 
