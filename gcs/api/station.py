@@ -21,9 +21,9 @@ from gcs.station.vehicle import Vehicle
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_message
+from mavlink_defs.faults.fault import Fault
+from mavlink_defs.faults.sensors import SENSOR_NAMES
 from mavlink_defs.profile import Segment
-from mavlink_defs.sensor_fault_kinds import SENSOR_NAMES
-from mavlink_defs.sensor_faults import AnyFault
 from mavlink_defs.services.param import Param
 
 _T = TypeVar("_T")
@@ -137,7 +137,7 @@ class Uav:
         index = None if actuator is None else ACTUATORS.index(actuator)
         await self.vehicle.clear_faults(index)
 
-    async def faults(self) -> tuple[AnyFault, ...]:
+    async def faults(self) -> tuple[Fault, ...]:
         """Return its faults, including past and future ones."""
         return await self.vehicle.list_faults()
 

@@ -19,6 +19,8 @@ from gcs.station.telemetry import REQUESTED_S
 from gcs.station.vehicle_state import LOST_S, VehicleState
 from mavlink_defs import dialect
 from mavlink_defs.constants import FORCE_DISARM, MODE_NAMES
+from mavlink_defs.faults import FAMILY_OF
+from mavlink_defs.faults.fault import Fault
 from mavlink_defs.profile import (
     ANY_AIRSPEED,
     ProfileError,
@@ -26,8 +28,6 @@ from mavlink_defs.profile import (
     items_to_segments,
     segments_to_items,
 )
-from mavlink_defs.sensor_fault_kinds import SENSOR_UNITS, SensorName
-from mavlink_defs.sensor_faults import AnyFault, SensorFault
 from mavlink_defs.services.command import CommandClient, CommandFinished
 from mavlink_defs.services.fault_list import FaultLister, FaultsListed
 from mavlink_defs.services.machine import Machine, SystemId
@@ -179,19 +179,19 @@ class Vehicle:
 
     # faults
 
-    async def set_fault(self, fault: AnyFault) -> None:
+    async def set_fault(self, fault: Fault) -> None:
         """Set a fault of an actuator or a sensor."""
-        of_sensor, of_actuator = dialect.MAV_CMD_FTC_SET_SENSOR_FAULT, dialect.MAV_CMD_FTC_SET_FAULT
-        await self.command(of_sensor if isinstance(fault, SensorFault) else of_actuator, fault)
+        await self.command(fault.family.command, fault.params)
 
     async def clear_faults(self, actuator: int | None = None) -> None:
         """Clear the faults of one actuator (an index into `ACTUATORS`), or all, of sensors too."""
         which = -1.0 if actuator is None else float(actuator)
         await self.command(dialect.MAV_CMD_FTC_CLEAR_FAULTS, (which,))
 
-    async def clear_sensor_faults(self, sensor: SensorName, instance: int = 0) -> None:
+    async def clear_sensor_faults(self, sensor: str, instance: int = 0) -> None:
         """Clear the faults of a sensor; an instance of 0 is all of them."""
-        params = (SENSOR_UNITS[sensor].failure_unit, dialect.FAILURE_TYPE_OK, instance)
+        unit = FAMILY_OF[sensor].named(sensor).failure_unit
+        params = (unit, dialect.FAILURE_TYPE_OK, instance)
         await self.command(dialect.MAV_CMD_INJECT_FAILURE, params)
 
     async def set_slot(self, ahead_m: float, right_m: float, up_m: float) -> None:
@@ -208,7 +208,7 @@ class Vehicle:
             raise self._no_answer(f"UAV {self.system} did not report its place in the formation")
         return message
 
-    async def list_faults(self) -> tuple[AnyFault, ...]:
+    async def list_faults(self) -> tuple[Fault, ...]:
         """Request its faults; `state.faults` holds them from then on."""
         machine = FaultLister(self._own, self._address)
         done, reasons = await self._run("command", machine, machine.start, FaultsListed)

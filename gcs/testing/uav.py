@@ -7,8 +7,8 @@ from gcs.station.fault_keys import fault_of, sensor_fault_of
 from gcs.station.vehicle import Vehicle
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs.constants import ACTUATORS
+from mavlink_defs.faults.fault import Fault
 from mavlink_defs.profile import Segment
-from mavlink_defs.sensor_faults import AnyFault
 from mavlink_defs.services.param import Param
 
 
@@ -130,7 +130,7 @@ class FlyingUav:
         index = None if actuator is None else ACTUATORS.index(actuator)
         self._call(self.vehicle.clear_faults(index))
 
-    def faults(self) -> tuple[AnyFault, ...]:
+    def faults(self) -> tuple[Fault, ...]:
         """Return its faults, including past and future ones."""
-        faults: tuple[AnyFault, ...] = self._call(self.vehicle.list_faults())
+        faults: tuple[Fault, ...] = self._call(self.vehicle.list_faults())
         return faults

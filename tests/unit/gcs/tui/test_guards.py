@@ -28,8 +28,8 @@ from gcs.tui.parameters import ParametersPanel
 from gcs.tui.plots import Chart
 from gcs.tui.status_bar import StatusBar
 from mavlink_defs import dialect
-from mavlink_defs.fault_kinds import CODES
-from mavlink_defs.faults import Fault
+from mavlink_defs.faults.actuators import ACTUATOR_FAULTS
+from mavlink_defs.faults.fault import Fault
 from mavlink_defs.framing.frames import parse
 from mavlink_defs.services.param import Param
 
@@ -171,7 +171,7 @@ ARRIVALS = st.lists(
     ),
     max_size=25,
 )
-CODED = st.sampled_from(sorted(CODES))
+CODED = st.sampled_from([kind.code for kind in ACTUATOR_FAULTS.kinds])
 FAULTS = st.lists(st.builds(Fault, st.integers(0, 3), *[EXTREME] * 5, CODED), max_size=3)
 
 
