@@ -42,14 +42,15 @@ class Fault(NamedTuple):
         """Decode an FTC_FAULT whose `count` is not 0; an open end is infinite.
 
         Returns:
-            None if target or kind are unknown.
+            None if target, kind or axis are unknown.
         """
         others = (family for family in FAMILIES[1:] if getattr(message, family.key))
         family = next(others, FAMILIES[0])
         effectiveness = decimal_of_float32(message.effectiveness)
         target = family.target(getattr(message, family.key))
         kind = family.kind(message.kind, effectiveness)
-        if target is None or kind is None:
+        unknown_axis = family.has("axis") and message.axis > len(AXIS_NAMES)
+        if target is None or kind is None or unknown_axis:
             return None
         own: dict[str, Any] = {
             "effectiveness": effectiveness,

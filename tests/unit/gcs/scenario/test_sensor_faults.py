@@ -116,4 +116,4 @@ def test_actuators_are_not_handed_the_faults_of_sensors() -> None:
     with_fault = scenario({"uav": 3, "actuator": "rudder", "effectiveness": 0.5, "start_s": 1.0})
     fleet = new_plant_state(with_fault.plant_config())
     add_faults(with_fault, fleet)
-    assert [int(row["actuator"]) for row in fleet.uavs[2]["faults"] if row["actuator"] >= 0] == [2]
+    assert [int(row["target"]) for row in fleet.uavs[2]["faults"] if row["target"] >= 0] == [2]

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
+from plain_faults import actuator_fault
 from textual.pilot import Pilot
 from textual.widgets import TabbedContent
 from tui_bench import OWN, Station, at_screen, live, playback, sent
@@ -172,7 +173,7 @@ ARRIVALS = st.lists(
     max_size=25,
 )
 CODED = st.sampled_from([kind.code for kind in ACTUATOR_FAULTS.kinds])
-FAULTS = st.lists(st.builds(Fault, st.integers(0, 3), *[EXTREME] * 5, CODED), max_size=3)
+FAULTS = st.lists(st.builds(actuator_fault, st.integers(0, 3), *[EXTREME] * 5, CODED), max_size=3)
 
 
 @dataclass

@@ -3,6 +3,7 @@
 import math
 from typing import Any
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from lossy_network import GCS, VEHICLE, LossyNetwork, over_the_wire, sent_by
@@ -23,12 +24,25 @@ FAULTS = (
 )
 
 
+UNKNOWN = [(9, 0, 0, 0), (0, 9, 0, 0), (0, 0, 7, 0), (0, 11, 1, 0), (0, 0, 1, 4)]
+
+
 def message_of(faults: tuple[Fault, ...], i: int) -> MAVLink_message:
     if not faults:
         return dialect.MAVLink_ftc_fault_message(0, 0, 0, 0, 0, 0, 0, 0, 0)
     message = faults[i].message(0.0)
     message.index, message.count = i, len(faults)
     return message
+
+
+@pytest.mark.parametrize(("actuator", "kind", "sensor", "axis"), UNKNOWN)
+def test_a_fault_of_what_is_not_known_is_ignored(
+    actuator: int, kind: int, sensor: int, axis: int
+) -> None:
+    message = dialect.MAVLink_ftc_fault_message(
+        0.5, 1.0, 0.0, 1.0, 2.0, 0, 1, actuator, 0, kind, sensor, 1, axis
+    )
+    assert Fault.from_message(message) is None
 
 
 class Vehicle(Machine[None]):
