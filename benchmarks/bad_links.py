@@ -33,9 +33,8 @@ from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from mavlink_defs.capture.impairing import Impairer
 from mavlink_defs.capture.impairment import Bursts, Impairment
-from mavlink_defs.faults import fault_from_params
 from mavlink_defs.framing.codec import ACTUATORS, SIM_STATE
-from sitl_plant.actuators.faults import add_fault
+from sitl_plant.loop.fault_commands import faults_of
 from sitl_plant.loop.fleet import PlantState, fly, new_plant_state, observe, receive_controls
 
 LINKS = {
@@ -152,8 +151,8 @@ def fly_over(scenario: Scenario, impairment: Impairment, compensated: bool = Tru
 def _fleet_of(scenario: Scenario) -> PlantState:
     fleet, ids = new_plant_state(scenario.plant_config(speed=None)), [u.id for u in scenario.uavs]
     for uav, fault in scenario.fault_commands():
-        received = fault_from_params(fault, scenario.aircraft_of(uav).fault_limits)
-        add_fault(fleet.uavs["faults"][ids.index(uav)], received, now_s=0.0)
+        limits = scenario.aircraft_of(uav).fault_limits
+        faults_of(fleet, ids.index(uav), limits).set(fault.family, fault.params, 0.0)
     return fleet
 
 

@@ -33,9 +33,8 @@ from gcs.results.quantities import PAPER_ORDER, QUANTITIES, UNITS, in_degrees
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.config.output_files import write_text
 from mavlink_defs.constants import ACTUATORS, N_CHANNELS, THROTTLE
-from mavlink_defs.faults import fault_from_params
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.actuators.faults import add_fault
+from sitl_plant.loop.fault_commands import faults_of
 from sitl_plant.loop.fleet import PlantState, fly, new_plant_state
 
 _FOLLOWER_2 = 3
@@ -120,8 +119,7 @@ class Sky:
         self._start = new_plant_state(self.scenario.plant_config())
         for _, fault in self.scenario.fault_commands():
             limits = self.scenario.aircraft.fault_limits
-            received = fault_from_params(fault, limits)
-            add_fault(self._start.uavs[0]["faults"], received, now_s=0.0)
+            faults_of(self._start, 0, limits).set(fault.family, fault.params, 0.0)
         self.commanded = np.zeros((self.steps, 4))
         profile = profile_record(self.scenario.segments())
         for k in range(self.steps):

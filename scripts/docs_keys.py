@@ -26,8 +26,8 @@ from ftc_autopilot.guidance.laws.base import GuidanceParameters
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.vehicle.param_table import law_tunables, trigger_tunables, tunables
 from ftc_lab.campaigns import distributions
-from ftc_lab.campaigns.model import Campaign, DrawnFault, Factor, Kept
-from ftc_lab.campaigns.sensor_faults import DrawnSensorFault
+from ftc_lab.campaigns.faults import DrawnFault, DrawnSensorFault
+from ftc_lab.campaigns.model import Campaign, Factor, Kept
 from gcs.scenario.mission import MissionSection
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import (

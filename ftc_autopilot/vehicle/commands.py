@@ -12,6 +12,7 @@ from typing import TypeAlias
 from mavlink_defs import dialect
 from mavlink_defs.constants import SIMULATOR_COMPONENT
 from mavlink_defs.dialect import MAVLink_command_long_message, MAVLink_message
+from mavlink_defs.faults import COMMANDS as FAULT_COMMANDS
 from mavlink_defs.services.command import (
     CommandClient,
     CommandFinished,
@@ -26,13 +27,6 @@ Handler: TypeAlias = Callable[[tuple[float, ...]], int]
 
 PlaceHandler: TypeAlias = Callable[[CommandMessage], int]
 """The same for a command with a place, which its two forms give in different units."""
-
-_FOR_THE_SIMULATOR = {
-    dialect.MAV_CMD_FTC_SET_FAULT,
-    dialect.MAV_CMD_FTC_SET_SENSOR_FAULT,
-    dialect.MAV_CMD_FTC_CLEAR_FAULTS,
-    dialect.MAV_CMD_INJECT_FAILURE,
-}
 
 
 class Commands:
@@ -109,7 +103,7 @@ class Commands:
             number == dialect.MAV_CMD_REQUEST_MESSAGE
             and params[0] == dialect.MAVLINK_MSG_ID_FTC_FAULT
         )
-        if number in _FOR_THE_SIMULATOR or is_fault_list:
+        if number in FAULT_COMMANDS or is_fault_list:
             self._waiting.append((command, station))
             return
         result = dialect.MAV_RESULT_UNSUPPORTED

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ftc_lab.campaigns.distributions import Choice, Distribution, quantiles
-from ftc_lab.campaigns.model import Campaign, DrawnFault
-from ftc_lab.campaigns.sensor_faults import DrawnSensorFault
+from ftc_lab.campaigns.faults import DrawnFault, DrawnSensorFault
+from ftc_lab.campaigns.model import Campaign
 from gcs.errors import BadInput
 
 if TYPE_CHECKING:
@@ -60,11 +60,8 @@ def _of_fault(
     column: str, fault: DrawnFault | DrawnSensorFault, uav_ids: Sequence[int]
 ) -> Iterator[Dimension]:
     yield _chosen(f"{column}.uav", fault.uavs or uav_ids)
-    if isinstance(fault, DrawnSensorFault):
-        yield _chosen(f"{column}.sensor", fault.sensors)
-        yield _chosen(f"{column}.instance", fault.instances)
-    else:
-        yield _chosen(f"{column}.actuator", fault.actuators)
+    for part in fault.PARTS:
+        yield _chosen(f"{column}.{part.removesuffix('s')}", getattr(fault, part))
     yield _chosen(f"{column}.kind", list(fault.kinds))
     yield _drawn(f"{column}.start_s", fault.start_s)
     if (lasts := fault.lasts_s) is not None:
@@ -85,10 +82,7 @@ def _of_fault(
         return values
 
     sizes = {len(by.values) for by in by_kind.values() if isinstance(by, Choice)}
-    if isinstance(fault, DrawnSensorFault):
-        yield Dimension(f"{column}.value", max(sizes, default=None), severity)
-        return
-    yield Dimension(f"{column}.severity", max(sizes, default=None), severity)
+    yield Dimension(f"{column}.{fault.VALUE}", max(sizes, default=None), severity)
     if fault.frequency_hz is not None:
         yield _drawn(f"{column}.frequency_hz", fault.frequency_hz)
 

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ftc_lab.campaigns.distributions import Choice, Value, value_of
 from ftc_lab.campaigns.mark import Mark
-from ftc_lab.campaigns.model import LOSS, Campaign
-from ftc_lab.campaigns.sensor_faults import DrawnSensorFault
+from ftc_lab.campaigns.model import Campaign
 from ftc_lab.campaigns.store import Outcome, results_schema
 from gcs.results.figures import FLIGHT_FIGURES, UAV_FIGURES, FlightSummary
 from gcs.scenario.code import code_digest, code_version
@@ -16,8 +15,6 @@ from gcs.scenario.settings import plain
 from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import PlaceError, merged, value_at, with_values
 from mavlink_defs.config.models import ConfigError, Problem
-from mavlink_defs.fault_kinds import FAULT_KINDS
-from sitl_plant.airframe.config import limits_in
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -60,9 +57,10 @@ class Flights:
         common = {**self.filled[row["variant"]]["aircraft"], **tree["aircraft"]}
         own = {uav["id"]: uav.get("aircraft") for uav in tree["uavs"]}
         faults = []
-        for name in self.campaign.faults:
-            aircraft = own.get(row[f"fault.{name}.uav"]) or common
-            faults.append(self._fault(name, row, aircraft))
+        for name, fault in self.campaign.faults.items():
+            start = f"fault.{name}."
+            drawn = {key.removeprefix(start): row[key] for key in row if key.startswith(start)}
+            faults.append(fault.fault(drawn, own.get(drawn["uav"]) or common))
         return {**tree, "faults": [*tree.get("faults", []), *faults]}
 
     def laid(self, variant: str, values: Mapping[str, Value]) -> dict[str, Any]:
@@ -109,24 +107,6 @@ class Flights:
         if factor.relative:
             return float(value_at(self.filled[variant], factor.key or name)) * float(drawn)
         return value_of(factor.draw, drawn) if isinstance(factor.draw, Choice) else drawn
-
-    def _fault(self, name: str, row: Row, aircraft: Mapping[str, Any]) -> dict[str, Any]:
-        """Return a drawn fault as the scenario has it."""
-        if isinstance(fault := self.campaign.faults[name], DrawnSensorFault):
-            start = f"fault.{name}."
-            return fault.fault({key.removeprefix(start): row[key] for key in row if start in key})
-        drawn = {key: row[f"fault.{name}.{key}"] for key in ("uav", "actuator", "start_s")}
-        if (end_s := row[f"fault.{name}.end_s"]) is not None:
-            drawn["end_s"] = end_s
-        if (frequency := row.get(f"fault.{name}.frequency_hz")) is not None:
-            drawn["frequency_hz"] = frequency
-        actuator, severity = drawn["actuator"], row[f"fault.{name}.severity"]
-        if (drawn_kind := row[f"fault.{name}.kind"]) == LOSS:
-            return drawn | {"effectiveness": 1.0 - abs(severity)}
-        kind = FAULT_KINDS[drawn_kind]
-        low, high = kind.bounds(actuator, limits_in(aircraft))
-        value = -severity * low if severity < 0.0 and low < 0.0 else abs(severity) * high
-        return drawn | {kind.key(actuator): value}
 
 
 def variant_trees(

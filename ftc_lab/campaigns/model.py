@@ -5,20 +5,17 @@ Errors of a file are found as in a scenario, all at once; what needs the scenari
 """
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     AfterValidator,
-    Discriminator,
     Field,
     StringConstraints,
-    Tag,
     model_validator,
 )
 
-from ftc_lab.campaigns.distributions import Choice, Distribution, support
-from ftc_lab.campaigns.sensor_faults import DrawnSensorFault
-from gcs.scenario.settings import is_number
+from ftc_lab.campaigns.distributions import Choice, Distribution
+from ftc_lab.campaigns.faults import AnyDrawnFault
 from mavlink_defs.config.files import read, validate
 from mavlink_defs.config.inherit import with_values
 from mavlink_defs.config.models import (
@@ -29,22 +26,12 @@ from mavlink_defs.config.models import (
     Problem,
     Problems,
     Prose,
-    SystemId,
     Title,
-    repeated,
 )
 from mavlink_defs.config.quantity import quantity, whole
-from mavlink_defs.constants import ACTUATORS, LAST_SYSTEM, Actuator
-from mavlink_defs.fault_kinds import FAULT_KINDS, MAX_FREQUENCY_HZ
 from mavlink_defs.visible import visible
 
 Design = Literal["grid", "random", "latin_hypercube", "sobol", "saltelli"]
-LOSS = "loss"
-if TYPE_CHECKING:
-    DrawnKind: TypeAlias = str
-else:
-    DrawnKind = Literal[LOSS, *FAULT_KINDS]
-
 Name = Annotated[str, StringConstraints(pattern=r"^[\w.\[\]-]+$")]
 VariantName = Annotated[
     str, StringConstraints(pattern=r"^[^`|\x00-\x1f]+$"), AfterValidator(visible)
@@ -61,66 +48,6 @@ class Factor(Model):
     relative: bool = Field(
         default=False, strict=True, description="Multiply the scenario's value by the drawn one."
     )
-
-
-class DrawnFault(Model):
-    """One fault of one actuator, every part of it drawn.
-
-    A severity is signed, in shares: of a loss, what the command loses (sign without meaning); of
-    a bias or a stuck position, the value by the actuator's limit (a stuck throttle: its size).
-    """
-
-    uavs: Annotated[tuple[SystemId, ...], AtMost(LAST_SYSTEM)] = Field(
-        default=(), description="UAVs that it may hit, as likely each; all of them by default."
-    )
-    actuators: Annotated[tuple[Actuator, ...], AtMost(len(ACTUATORS))] = Field(
-        default=ACTUATORS, min_length=1, description="Actuators that it may hit, as likely each."
-    )
-    kinds: Annotated[dict[DrawnKind, Distribution], AtMost(1 + len(FAULT_KINDS))] = Field(
-        min_length=1, description="Kinds of fault, as likely each, with their severity."
-    )
-    start_s: Distribution = Field(description="Onset [s of simulated time].")
-    lasts_s: Distribution | None = Field(
-        default=None, description="Length of the fault [s]; none: for good."
-    )
-    frequency_hz: Distribution | None = Field(
-        default=None, description="Frequency of the value, or of on and off [Hz]; none: constant."
-    )
-
-    @model_validator(mode="after")
-    def _numbers_in_range(self) -> "DrawnFault":
-        Problems.check(self._found())
-        return self
-
-    def _found(self) -> "list[tuple[Loc, str]]":
-        found: list[tuple[Loc, str]] = []
-        for key in ("uavs", "actuators"):
-            found += [((key, i), text) for i, text in repeated(getattr(self, key))]
-        drawn: list[tuple[Loc, Distribution | None, float, float, str]] = [
-            *((("kinds", kind), by, -1.0, 1.0, "") for kind, by in self.kinds.items()),
-            (("start_s",), self.start_s, 0.0, float("inf"), " s"),
-            (("lasts_s",), self.lasts_s, 1e-6, float("inf"), " s"),
-            (("frequency_hz",), self.frequency_hz, 0.0, MAX_FREQUENCY_HZ, " Hz"),
-        ]
-        for loc, distribution, low, high, unit in drawn:
-            for value in () if distribution is None else support(distribution):
-                if not is_number(value) or not low <= value <= high:
-                    text = f"draws {value!r}, expected within [{low:g}, {high:g}]{unit}"
-                    found.append((loc, text))
-        return found
-
-
-def _part(fault: Any) -> str:
-    """Return the tag of a drawn fault: whether a sensor or an actuator fails."""
-    has_sensors = "sensors" in fault if isinstance(fault, dict) else hasattr(fault, "sensors")
-    return "<sensor>" if has_sensors else "<actuator>"
-
-
-AnyDrawnFault = Annotated[
-    Annotated[DrawnFault, Tag("<actuator>")] | Annotated[DrawnSensorFault, Tag("<sensor>")],
-    Discriminator(_part),
-]
-"""A drawn fault: of a sensor if it has the key `sensors`."""
 
 
 class Kept(Model):

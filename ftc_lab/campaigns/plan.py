@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 from ftc_lab.campaigns.distributions import Choice, support
 from ftc_lab.campaigns.draws import draw_table
+from ftc_lab.campaigns.faults import DrawnFault
 from ftc_lab.campaigns.flights import Flights, Row, variant_trees
 from ftc_lab.campaigns.mark import Mark
-from ftc_lab.campaigns.model import Campaign, DrawnFault, campaign_tree
+from ftc_lab.campaigns.model import Campaign, campaign_tree
 from ftc_lab.campaigns.store import results_schema
 from gcs.scenario.bundled import base_of
 from gcs.scenario.code import code_digest, code_version

@@ -11,7 +11,7 @@ import numpy as np
 
 from ftc_lab.campaigns.conditions import happened
 from ftc_lab.campaigns.factors import SEVERITY, Factor, drawn_columns, fault_of
-from ftc_lab.campaigns.model import LOSS
+from ftc_lab.campaigns.faults import LOSS
 from ftc_lab.campaigns.store import Results
 from gcs.errors import BadInput
 from gcs.results.figures import better_of

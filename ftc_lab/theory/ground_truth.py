@@ -8,7 +8,7 @@ import numpy as np
 from ftc_lab.theory.slopes import slopes
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
-from mavlink_defs.faults import Fault
+from mavlink_defs.faults.actuators import ACTUATOR_FAULTS
 from sitl_plant.air.disturbance import disturbance_table
 from sitl_plant.airframe.aerodynamics import control_effectiveness
 from sitl_plant.airframe.aircraft import aircraft_record
@@ -234,11 +234,13 @@ def _faults(scenario: Scenario, uav_id: int, time_s: np.ndarray) -> tuple[np.nda
     """ρ of (13), (19), and whether a fault acts, by step and actuator; shapes (n, 4)."""
     rho, faulty = np.ones((len(time_s), 4)), np.zeros((len(time_s), 4), bool)
     for target, fault in scenario.fault_commands():
-        if target == uav_id and isinstance(fault, Fault):  # of a sensor, this theory knows nothing
+        if (
+            target == uav_id and fault.family is ACTUATOR_FAULTS
+        ):  # of a sensor, this theory knows nothing
             end_s = math.inf if math.isnan(fault.end_s) else fault.end_s
             acts = (fault.start_s <= time_s) & (time_s < end_s)  # as `apply_faults`
-            rho[acts, fault.actuator] = fault.effectiveness
-            faulty[acts, fault.actuator] = True
+            rho[acts, fault.number] = fault.effectiveness
+            faulty[acts, fault.number] = True
     return rho, faulty
 
 

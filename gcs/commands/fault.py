@@ -11,10 +11,9 @@ from gcs.commands.station import EXIT_STATUS, Station, station_command
 from gcs.errors import BadInput
 from gcs.station.vehicle import Vehicle
 from mavlink_defs.constants import Actuator
-from mavlink_defs.fault_spec import FaultSpec
-from mavlink_defs.sensor_fault_kinds import Axis, Failure, SensorName
-from mavlink_defs.sensor_fault_spec import SensorFaultSpec
-from mavlink_defs.sensor_faults import AnyFault
+from mavlink_defs.faults.fault import Fault
+from mavlink_defs.faults.sensors import Axis, Failure, SensorName
+from mavlink_defs.faults.spec import SPECS, ActuatorFaultSpec, SensorFaultSpec
 
 app = typer.Typer(help="Set, clear and list faults of actuators and sensors.", no_args_is_help=True)
 app.add_typer(fault_sensor.app, name="sensor")
@@ -51,7 +50,7 @@ _InstanceOption = Annotated[int, typer.Option(min=0, hidden=True)]
 
 @app.command(name="set", epilog=_SET_EPILOG)
 @station_command
-@with_options("options", number_options(FaultSpec), dict)
+@with_options("options", number_options(ActuatorFaultSpec), dict)
 @with_options("of_sensor", number_options(SensorFaultSpec, hidden=True), dict)
 def set_(
     station: Station,
@@ -78,9 +77,8 @@ def set_(
         )
     named = {"failure": failure, "instance": instance or None, "axis": axis}
     given = {key: value for key, value in (named | of_sensor).items() if value is not None}
-    model = FaultSpec if sensor is None else SensorFaultSpec
-    whose = {"actuator": str(actuator)} if sensor is None else {"sensor": str(sensor)}
-    set_fault(station, model, whose, options | given, for_s)
+    key, name = ("actuator", str(actuator)) if sensor is None else ("sensor", str(sensor))
+    set_fault(station, SPECS[key], {key: name}, options | given, for_s)
 
 
 @app.command(epilog=_CLEAR_EPILOG)
@@ -130,6 +128,6 @@ def list_(station: Station) -> None:
     station.act(action, data)
 
 
-def _with_phase(fault: AnyFault, now_s: float) -> str:
+def _with_phase(fault: Fault, now_s: float) -> str:
     phase = "waiting" if now_s <= fault.start_s else "active" if now_s <= fault.end_s else "over"
     return f"{fault.describe()}, {phase}"

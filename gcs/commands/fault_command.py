@@ -14,25 +14,27 @@ from gcs.station.vehicle import Vehicle
 from mavlink_defs import dialect
 from mavlink_defs.config.files import problems_of
 from mavlink_defs.config.quantity import describe
-from mavlink_defs.fault_spec import FaultSpec
-from mavlink_defs.sensor_fault_spec import SensorFaultSpec
-from mavlink_defs.sensor_faults import AnyFault
+from mavlink_defs.faults.fault import Fault
+from mavlink_defs.faults.spec import ActuatorFaultSpec, FaultSpec
 
-AnySpec = type[FaultSpec] | type[SensorFaultSpec]
 ForOption = Annotated[
     float | None,
     typer.Option(metavar="S", help="Duration in simulated time [s], instead of --end-s."),
 ]
 
 
-def number_options(model: AnySpec, *, hidden: bool = False) -> Iterator[inspect.Parameter]:
+def number_options(model: type[FaultSpec], *, hidden: bool = False) -> Iterator[inspect.Parameter]:
     """Yield an option for each number of a fault; hidden, only what no fault of an actuator has."""
     for name, field in model.model_fields.items():
         number = describe(field)
-        if number is None or name == "instance" or (hidden and name in FaultSpec.model_fields):
+        if (
+            number is None
+            or name == "instance"
+            or (hidden and name in ActuatorFaultSpec.model_fields)
+        ):
             continue
         limits = number.range() if number.le is not None else f"[{number.unit}]"
-        metavar = (number.unit or ("share" if model is FaultSpec else "factor")).upper()
+        metavar = (number.unit or ("share" if model is ActuatorFaultSpec else "factor")).upper()
         doc = f"{number.doc.rstrip('.')} {limits}."
         option = typer.Option(metavar=metavar, help=doc, hidden=hidden)
         yield inspect.Parameter(
@@ -45,7 +47,7 @@ def number_options(model: AnySpec, *, hidden: bool = False) -> Iterator[inspect.
 
 def set_fault(
     station: Station,
-    model: AnySpec,
+    model: type[FaultSpec],
     whose: Mapping[str, str],
     options: Mapping[str, Any],
     for_s: float | None,
@@ -72,7 +74,7 @@ def set_fault(
     fault = _fault(model, whose, given)
 
     async def action(vehicle: Vehicle) -> str:
-        timed: AnyFault = fault
+        timed = fault
         if start_s is None and for_s is not None:
             timed = fault._replace(end_s=await time_s(vehicle) + for_s)
         await vehicle.set_fault(timed)
@@ -81,7 +83,7 @@ def set_fault(
     station.act(action)
 
 
-def _fault(model: AnySpec, whose: Mapping[str, str], options: Mapping[str, Any]) -> AnyFault:
+def _fault(model: type[FaultSpec], whose: Mapping[str, str], options: Mapping[str, Any]) -> Fault:
     names = {key: f"--{key.replace('_', '-')}" for key in options}
     given = {
         key: value
@@ -91,7 +93,7 @@ def _fault(model: AnySpec, whose: Mapping[str, str], options: Mapping[str, Any])
     unfit = [names[key] for key in given if key not in model.model_fields]
     if unfit:
         kind, other = "a sensor", "set"
-        if model is FaultSpec:
+        if model is ActuatorFaultSpec:
             kind, other = "an actuator", "sensor set"
         text = "\n".join(f"{name}: does not fit {kind}" for name in unfit)
         raise BadInput(text, f"see `gcs fault {other} --help`")

@@ -9,8 +9,15 @@ from gcs.commands.options import with_options
 from gcs.commands.station import EXIT_STATUS, Station, station_command
 from gcs.errors import BadInput
 from gcs.station.vehicle import Vehicle
-from mavlink_defs.sensor_fault_kinds import FAILURES, SENSOR_NAMES, Axis, Failure, SensorName
-from mavlink_defs.sensor_fault_spec import MOST_INSTANCES, SensorFaultSpec
+from mavlink_defs.faults.sensors import (
+    FAILURES,
+    MOST_INSTANCES,
+    SENSOR_NAMES,
+    Axis,
+    Failure,
+    SensorName,
+)
+from mavlink_defs.faults.spec import SensorFaultSpec
 
 app = typer.Typer(help="Set and clear faults of sensors.", no_args_is_help=True)
 

@@ -8,7 +8,7 @@ import numpy as np
 from gcs.results.quantities import PAPER_ORDER, in_degrees
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario
-from gcs.scenario.sections import ScenarioFault, ScenarioSensorFault
+from gcs.scenario.sections import FaultOfUav, ScenarioFault
 from mavlink_defs.constants import ACTUATORS
 
 
@@ -120,9 +120,9 @@ def _summary(found: dict[str, str]) -> str:
     return f"faults of {' and '.join(dict.fromkeys(found.values()))}"
 
 
-def _text(fault: ScenarioFault | ScenarioSensorFault, name: str) -> str:
+def _text(fault: FaultOfUav, name: str) -> str:
     """Describe a fault and its actuator or sensor, as in ``rudder of leader at 90 % + 1°``."""
-    if isinstance(fault, ScenarioSensorFault):
+    if not isinstance(fault, ScenarioFault):
         target, what = fault.command().parts()
         return f"{target} of {name} {what}"
     text = f"{fault.actuator} of {name}"
@@ -130,7 +130,7 @@ def _text(fault: ScenarioFault | ScenarioSensorFault, name: str) -> str:
         text += f" at {100.0 * fault.effectiveness:g} %"
     if fault.value is not None:
         kind, value = fault.value
-        unit = {"deg": "°"}.get(unit := kind.unit(fault.actuator), f" {unit}")
+        unit = {"deg": "°"}.get(unit := kind.unit_of(fault.target), f" {unit}")
         wave = f", {fault.frequency_hz:g} Hz" if fault.frequency_hz else ""
         text += f" {kind.describe(value, unit, wave, '−')}"
     return text

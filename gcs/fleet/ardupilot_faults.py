@@ -12,8 +12,8 @@ from mavlink_defs import dialect
 from mavlink_defs.framing.frames import FramePacker, parse
 from mavlink_defs.services.command import command_params
 from sitl_plant.ardupilot.peer import Address
+from sitl_plant.loop.fault_commands import faults_of
 from sitl_plant.loop.service import AircraftService
-from sitl_plant.sensing.commands import sensor_commands
 
 _HEARTBEAT_S = 1.0
 _GONE_S = 10.0  # silence after which a ground station gets no HEARTBEAT any more
@@ -39,10 +39,7 @@ class FaultStation:
             AircraftService(
                 system,
                 _COMPONENT,
-                self._fleet.uavs[i]["faults"],
-                self._fleet.uavs[i]["applied"],
-                self._scenario.aircraft_of(system).fault_limits,
-                sensor_commands(self._fleet.sensing.faults, i),
+                faults_of(self._fleet, i, self._scenario.aircraft_of(system).fault_limits),
             )
             for i, system in enumerate(self._systems)
         ]

@@ -30,14 +30,12 @@ from gcs.results.summary import summary_of
 from gcs.results.tally import Tally
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
-from mavlink_defs.faults import fault_from_params
 from mavlink_defs.framing.codec import SIM_STATE, copy_step
 from mavlink_defs.profile import items_to_segments
 from mavlink_defs.runtime.foreign import PluginError
 from mavlink_defs.runtime.jit import compiled, inlined
 from mavlink_defs.runtime.memory import borrowed, copy_record, copy_values
-from mavlink_defs.sensor_faults import SensorFault
-from sitl_plant.actuators.faults import add_fault
+from sitl_plant.loop.fault_commands import faults_of
 from sitl_plant.loop.fleet import (
     ADVANCE,
     PlantState,
@@ -49,7 +47,6 @@ from sitl_plant.loop.fleet import (
     receive_controls,
 )
 from sitl_plant.loop.simulators import Outside, flown_by
-from sitl_plant.sensing.commands import sensor_commands
 from sitl_plant.simulators.base import SimulatorError
 
 _CHUNK_STEPS = 2000
@@ -241,11 +238,8 @@ def add_faults(scenario: Scenario, fleet: PlantState) -> None:
     ids = [uav.id for uav in scenario.uavs]
     for uav_id, fault in scenario.fault_commands():
         i = ids.index(uav_id)
-        if isinstance(fault, SensorFault):
-            sensor_commands(fleet.sensing.faults, i).set(fault, time_s=0.0)
-            continue
-        received = fault_from_params(fault, scenario.aircraft_of(uav_id).fault_limits)
-        add_fault(fleet.uavs[i]["faults"], received, now_s=0.0)
+        limits = scenario.aircraft_of(uav_id).fault_limits
+        faults_of(fleet, i, limits).set(fault.family, fault.params, time_s=0.0)
 
 
 @compiled

@@ -16,8 +16,7 @@ from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS, THROTTLE
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.fault_kinds import FaultLimits
-from mavlink_defs.faults import Fault
+from mavlink_defs.faults.kinds import FaultLimits
 
 _TRACKED = tuple(
     f"{field}_{name}" for field in ("reference", "error", "sync_error") for name in QUANTITIES
@@ -159,10 +158,9 @@ def _location(place: Any) -> dict[str, float]:
 
 
 def _faults(state: VehicleState) -> dict[str, str]:
-    active = [fault for fault in state.active_faults if isinstance(fault, Fault)]
+    active = state.active_faults
     return {
-        name: "; ".join(fault.describe() for fault in active if fault.actuator_name == name)
-        or "none"
+        name: "; ".join(fault.describe() for fault in active if fault.target.name == name) or "none"
         for name in FAULTS.fields
     }
 

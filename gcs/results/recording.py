@@ -251,7 +251,7 @@ def events_of(
         step_us: Control period [µs].
 
     Returns:
-        `uav` (system id), `channel` (number as in `mavlink_defs.faults.ACTUATORS`), `step`,
+        `uav` (system id), `channel` (number as in `mavlink_defs.constants.ACTUATORS`), `step`,
         `time_s`, `value` (held from then on: rad, or N for the throttle).
     """
     masks = signals["events"]
@@ -272,7 +272,7 @@ def events_of(
 def event_table(recording: Recording) -> dict[str, np.ndarray]:
     """Return every event of the flight as columns of equal length, ordered by time.
 
-    Columns: `uav` (system id), `channel` (number as in `mavlink_defs.faults.ACTUATORS`),
+    Columns: `uav` (system id), `channel` (number as in `mavlink_defs.constants.ACTUATORS`),
     `step`, `time_s`, `value` (held from then on: rad, or N for the throttle).
     """
     return events_of(recording.signals, 0, recording.uav_ids, recording.step_us)

@@ -21,7 +21,7 @@ from gcs.scenario.model import Scenario, read_scenario
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.config.output_files import complete_file
 from mavlink_defs.constants import ACTUATORS
-from mavlink_defs.fault_kinds import FaultLimits
+from mavlink_defs.faults.kinds import FaultLimits
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -207,7 +207,7 @@ def _texts(run: Path, scenario: Scenario | None, system: int) -> list[_Timed]:
             begin = 0.0 if np.isnan(fault.start_s) else fault.start_s
             found.append((begin, Level.WARNING, f"fault: {fault.describe()}"))
             if np.isfinite(fault.end_s):
-                found.append((fault.end_s, Level.INFO, f"fault of {fault.target} over"))
+                found.append((fault.end_s, Level.INFO, f"fault of {fault.whose} over"))
     end_s = np.inf
     with contextlib.suppress(BadInput):  # of a flight that was interrupted
         summary = read_summary(run)

@@ -11,7 +11,7 @@ import numpy as np
 from ftc_autopilot.common.geography import Origin, place_of
 from gcs.results.ulog_file import Topic
 from mavlink_defs.constants import ACTUATORS
-from mavlink_defs.fault_kinds import FaultLimits
+from mavlink_defs.faults.kinds import FaultLimits
 
 _SURFACES = ("aileron", "elevator", "rudder")
 _THROTTLE = ACTUATORS.index("throttle")

@@ -10,7 +10,7 @@ from gcs.errors import BadInput
 from gcs.results.store import EVENTS, TRAJECTORY, batches, is_complete
 from mavlink_defs.capture.saving import saving
 from mavlink_defs.constants import ACTUATORS
-from mavlink_defs.fault_kinds import FaultLimits
+from mavlink_defs.faults.kinds import FaultLimits
 
 
 def figures_so_far(folder: Path) -> dict[str, Any]:

@@ -69,10 +69,10 @@ from mavlink_defs.config.models import (
 )
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.constants import LAST_SYSTEM
-from mavlink_defs.fault_kinds import FaultLimits
+from mavlink_defs.faults.fault import Fault
+from mavlink_defs.faults.kinds import FaultLimits
 from mavlink_defs.mission_files import is_mission_file
 from mavlink_defs.profile import MAX_SEGMENTS, AirspeedLimits, Segment, segments_to_items
-from mavlink_defs.sensor_faults import AnyFault
 from mavlink_defs.services.mission import MissionItem
 from sitl_plant.actuators.config import ActuatorServos, Servos
 from sitl_plant.air.config import Disturbance, Wind
@@ -280,7 +280,7 @@ class Scenario(Model):
         aircraft = self.aircraft if uav_id is None else self.aircraft_of(uav_id)
         return Planner(aircraft, self.guidance, self.origin, self.formation)
 
-    def fault_commands(self) -> list[tuple[int, AnyFault]]:
+    def fault_commands(self) -> list[tuple[int, Fault]]:
         """Return UAV id and fault of each fault, in the order of the file."""
         return [(fault.uav, fault.command()) for fault in self.faults]
 

@@ -3,19 +3,10 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
-from gcs.scenario.sections import (
-    Found,
-    ProfileSegment,
-    ScenarioFault,
-    ScenarioSensorFault,
-    overlap,
-    window_of,
-)
+from gcs.scenario.sections import FaultOfUav, Found, ProfileSegment, ScenarioSensorFault
 from mavlink_defs.config.models import Loc
-from mavlink_defs.fault_kinds import FaultLimits
-from mavlink_defs.faults import MAX_FAULTS
+from mavlink_defs.faults.kinds import FaultLimits
 from mavlink_defs.profile import AirspeedLimits
-from mavlink_defs.sensor_faults import MAX_SENSOR_FAULTS
 
 
 def airspeed_problems(loc: Loc, airspeed_m_s: float, limits: AirspeedLimits) -> Found:
@@ -59,7 +50,7 @@ def profile_problems(
 
 
 def fault_problems(
-    faults: Sequence[ScenarioFault | ScenarioSensorFault],
+    faults: Sequence[FaultOfUav],
     limits_of: Mapping[int, FaultLimits],
     sensors: Mapping[str, int] | None,
 ) -> Found:
@@ -70,15 +61,13 @@ def fault_problems(
         limits_of: Limits of the actuators, by UAV.
         sensors: How many sensors each UAV navigates by, by name; None: it flies by its true state.
     """
-    rows: Counter[tuple[int, bool]] = Counter()
+    rows: Counter[tuple[int, str]] = Counter()
     for i, fault in enumerate(faults):
-        of_sensor = isinstance(fault, ScenarioSensorFault)
-        rows[fault.uav, of_sensor] += 1
-        if isinstance(fault, ScenarioSensorFault) and not fault.instance:
-            rows[fault.uav, True] += (sensors or {}).get(fault.sensor, 1) - 1
-        most = MAX_SENSOR_FAULTS if of_sensor else MAX_FAULTS
-        if rows[fault.uav, of_sensor] > most:
-            text = f"UAV {fault.uav} has more than {most} faults, as many as fit"
+        family, name = fault.FAMILY, fault.target.name
+        named = 1 if fault.command().instance else (sensors or {}).get(name, 1)
+        rows[fault.uav, family.key] += named
+        if rows[fault.uav, family.key] > family.most:
+            text = f"UAV {fault.uav} has more than {family.most} faults, as many as fit"
             yield ("faults", i, "uav"), text
         limits = limits_of.get(fault.uav)
         if limits is None:
@@ -87,27 +76,27 @@ def fault_problems(
         elif isinstance(fault, ScenarioSensorFault):
             yield from _sensor_problems(i, fault, sensors)
         else:
-            yield from _actuator_problems(i, fault, limits)
+            yield from _limit_problems(i, fault, limits)
         for j in range(i):
-            if overlap(fault, faults[j]):
-                name = fault.sensor if isinstance(fault, ScenarioSensorFault) else fault.actuator
+            if fault.overlaps(faults[j]):
                 text = (
                     f"overlaps faults[{j}]: the {name} of UAV {fault.uav} has a "
-                    f"fault in {window_of(faults[j])} already, got {window_of(fault)}"
+                    f"fault in {faults[j].shown_window} already, got {fault.shown_window}"
                 )
                 yield ("faults", i), text
 
 
-def _actuator_problems(i: int, fault: ScenarioFault, limits: FaultLimits) -> Found:
-    if not limits.has(fault.actuator):
-        yield ("faults", i, "actuator"), f"the aircraft has no {fault.actuator}"
+def _limit_problems(i: int, fault: FaultOfUav, limits: FaultLimits) -> Found:
+    target = fault.target
+    if not limits.has(target.name):
+        yield ("faults", i, fault.FAMILY.key), f"the aircraft has no {target.name}"
     elif fault.value is not None:
         kind, value = fault.value
-        low, high = kind.bounds(fault.actuator, limits)
+        low, high = kind.bounds(target, limits)
         if not low <= value <= high:
-            expected = f"[{low:g}, {high:g}] {kind.unit(fault.actuator)}"
+            expected = f"[{low:g}, {high:g}] {kind.unit_of(target)}"
             text = f"expected {expected}, the aircraft's limits, got {value!r}"
-            yield ("faults", i, kind.key(fault.actuator)), text
+            yield ("faults", i, kind.key(target)), text
 
 
 def _sensor_problems(

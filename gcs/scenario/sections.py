@@ -4,9 +4,9 @@ Each part is checked by itself here; `gcs.scenario.model` checks that they fit t
 """
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, Union, cast
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, create_model, model_validator
 
 from ftc_autopilot.config import NEIGHBOUR_TIMEOUT_S, TelemetryClockKind
 from ftc_autopilot.control.config import FormationTrigger
@@ -25,9 +25,8 @@ from mavlink_defs.config.models import (
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.constants import FORMATION_BASE_PORT, GCS_PORT, LAST_SYSTEM, PLANT_PORT
 from mavlink_defs.endpoint import EndpointError, parse_address
-from mavlink_defs.fault_spec import FaultSpec
+from mavlink_defs.faults.spec import SPECS, ActuatorFaultSpec, FaultSpec, SensorFaultSpec
 from mavlink_defs.profile import Segment
-from mavlink_defs.sensor_fault_spec import SensorFaultSpec
 from sitl_plant.actuators.config import Servos
 from sitl_plant.airframe.config import Aircraft
 from sitl_plant.config import InitialState
@@ -99,53 +98,60 @@ class ProfileSegment(Model):
         )
 
 
-class ScenarioFault(FaultSpec):
+class FaultOfUav(FaultSpec):
+    """A fault of one UAV of the fleet, in simulated time."""
+
+    uav: SystemId
+    start_s: float = quantity("s", ge=0.0, doc="Start, exclusive.")
+
+    def overlaps(self, other: "FaultOfUav") -> bool:
+        """Return whether both act on the same actuator or sensor at some time."""
+        one, two = (fault.command().resolved(0.0) for fault in (self, other))
+        same = self.uav == other.uav and (one.covers(two) or two.covers(one))
+        return same and one.window.overlaps(two.window)
+
+    @property
+    def shown_window(self) -> str:
+        """Its window as a text."""
+        end = "...)" if self.end_s is None else f"{self.end_s:g}]"
+        return f"({self.start_s:g}, {end} s"
+
+
+class ScenarioFault(FaultOfUav, ActuatorFaultSpec):
     """A fault of an actuator of one UAV of the fleet, in simulated time."""
 
-    uav: SystemId
-    start_s: float = quantity("s", ge=0.0, doc="Start, exclusive.")
 
-
-class ScenarioSensorFault(SensorFaultSpec):
+class ScenarioSensorFault(FaultOfUav, SensorFaultSpec):
     """A fault of a navigation sensor of one UAV of the fleet, in simulated time."""
 
-    uav: SystemId
-    start_s: float = quantity("s", ge=0.0, doc="Start, exclusive.")
+
+def _on_uav(spec: type[FaultSpec]) -> type[FaultOfUav]:
+    bases: tuple[type[Any], ...] = (FaultOfUav, spec)
+    return cast(type[FaultOfUav], create_model(f"Scenario{spec.__name__}", __base__=bases))
+
+
+_OWN: dict[str, type[FaultOfUav]] = {"actuator": ScenarioFault, "sensor": ScenarioSensorFault}
+
+SCENARIO_FAULTS = {key: _OWN.get(key) or _on_uav(spec) for key, spec in SPECS.items()}
+"""The faults of a scenario, by the key that says what fails."""
 
 
 def _part(fault: Any) -> str:
-    """Return the tag of a fault of a scenario: whether a sensor or an actuator fails."""
-    has_sensor = "sensor" in fault if isinstance(fault, dict) else hasattr(fault, "sensor")
-    return "<sensor>" if has_sensor else "<actuator>"
+    """Return the tag of a fault of a scenario: what fails, an actuator if it says nothing."""
+    if isinstance(fault, FaultOfUav):
+        return f"<{fault.FAMILY.key}>"
+    said = [key for key in SCENARIO_FAULTS if isinstance(fault, dict) and key in fault]
+    return f"<{said[-1] if said else 'actuator'}>"
 
 
-AnyScenarioFault = Annotated[
-    Annotated[ScenarioFault, Tag("<actuator>")] | Annotated[ScenarioSensorFault, Tag("<sensor>")],
-    Discriminator(_part),
-]
+if TYPE_CHECKING:
+    AnyScenarioFault: TypeAlias = FaultOfUav
+else:
+    AnyScenarioFault = Annotated[
+        Union[*(Annotated[model, Tag(f"<{key}>")] for key, model in SCENARIO_FAULTS.items())],
+        Discriminator(_part),
+    ]
 """A fault of a scenario: of a sensor if it has the key `sensor`."""
-
-
-def window_of(fault: ScenarioFault | ScenarioSensorFault) -> str:
-    """Return the time window of a fault as a text."""
-    end = "...)" if fault.end_s is None else f"{fault.end_s:g}]"
-    return f"({fault.start_s:g}, {end} s"
-
-
-def overlap(
-    one: ScenarioFault | ScenarioSensorFault, other: ScenarioFault | ScenarioSensorFault
-) -> bool:
-    """Return whether two faults act on the same actuator or sensor at some time."""
-    windows = [fault.window.resolved(0.0) for fault in (one, other)]
-    at_once = windows[0].overlaps(windows[1])
-    if isinstance(one, ScenarioFault) and isinstance(other, ScenarioFault):
-        same = one.actuator == other.actuator
-    elif isinstance(one, ScenarioSensorFault) and isinstance(other, ScenarioSensorFault):
-        instances = {one.instance, other.instance}
-        same = one.sensor == other.sensor and (0 in instances or len(instances) == 1)
-    else:
-        same = False
-    return same and at_once and one.uav == other.uav
 
 
 class Impairments(Model):

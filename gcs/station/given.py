@@ -9,11 +9,11 @@ from pathlib import Path
 
 from gcs.errors import BadInput
 from gcs.station.mission import Mission
+from mavlink_defs.faults.fault import Fault
 from mavlink_defs.profile import Segment
-from mavlink_defs.sensor_faults import AnyFault
 
 
-def fault_of(**keys: object) -> AnyFault:
+def fault_of(**keys: object) -> Fault:
     """Return a fault of an `actuator` or a `sensor` as a command sets it.
 
     Raises:
@@ -22,10 +22,9 @@ def fault_of(**keys: object) -> AnyFault:
     from pydantic import ValidationError
 
     from mavlink_defs.config.files import problems_of
-    from mavlink_defs.fault_spec import FaultSpec
-    from mavlink_defs.sensor_fault_spec import SensorFaultSpec
+    from mavlink_defs.faults.spec import SPECS, FaultSpec
 
-    model: type[FaultSpec | SensorFaultSpec] = SensorFaultSpec if "sensor" in keys else FaultSpec
+    model: type[FaultSpec] = SPECS[next(key for key in SPECS if key in keys)]
     try:
         return model.model_validate(keys).command()
     except ValidationError as error:

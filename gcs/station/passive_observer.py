@@ -4,21 +4,18 @@ A live station requests them from the vehicles. A log has them only if some stat
 set them. No socket and no clock.
 """
 
-import math
 from collections import defaultdict
 
 from gcs.station.fleet_state import FleetState
 from gcs.station.notifications import Notification
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
-from mavlink_defs.constants import SURFACES
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.fault_kinds import FaultLimits
-from mavlink_defs.faults import Fault, InvalidParam, fault_from_params
-from mavlink_defs.sensor_faults import AnyFault, sensor_fault_from_params, stays
+from mavlink_defs.faults import SETTING
+from mavlink_defs.faults.actuators import ACTUATOR_FAULTS
+from mavlink_defs.faults.command import InvalidParam, fault_from_params
 from mavlink_defs.services.fault_list import FaultList
 
-_ANY = FaultLimits(((-math.inf, math.inf),) * len(SURFACES), math.inf)
 _ALL = -1.0
 _Item = dialect.MAVLink_mission_item_int_message
 
@@ -70,20 +67,17 @@ class PassiveObserver:
         known = state.faults or ()
         params = [getattr(command, f"param{i}") for i in range(1, 8)]
         if ack.command == dialect.MAV_CMD_FTC_CLEAR_FAULTS:
-            left = [f for f in known if params[0] not in {_ALL, _actuator_of(f)}]
+            actuator = ACTUATOR_FAULTS.target(params[0])
+            left = [f for f in known if params[0] != _ALL and f.target != actuator]
             return state.learn_faults(tuple(left), now)
-        time_s = state.time_s or 0.0
+        family, time_s = SETTING.get(ack.command), state.time_s or 0.0
+        if family is None:
+            return []
         try:
-            match ack.command:
-                case dialect.MAV_CMD_FTC_SET_FAULT:
-                    fault: AnyFault = fault_from_params(params, _ANY).resolved(time_s)
-                case dialect.MAV_CMD_FTC_SET_SENSOR_FAULT:
-                    fault = sensor_fault_from_params(params).resolved(time_s)
-                case _:
-                    return []
+            fault = fault_from_params(family, params).resolved(time_s)
         except InvalidParam:
             return []
-        staying = [f for f in known if stays(f, fault, time_s)]
+        staying = [f for f in known if f.stays(fault, time_s)]
         return state.learn_faults((*staying, fault), now)
 
     def _listed_one(
@@ -101,7 +95,3 @@ class PassiveObserver:
         if len(found) != self._counts.get(state.system):
             return []
         return state.learn_mission(tuple(item for _, item in sorted(found.items())), now)
-
-
-def _actuator_of(fault: AnyFault) -> int | None:
-    return fault.actuator if isinstance(fault, Fault) else None

@@ -20,7 +20,9 @@ from gcs.station.vehicle_link import Progress, VehicleLink
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS, FORCE_DISARM, MODE_NAMES
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.faults import Fault
+from mavlink_defs.faults import FAMILY_OF
+from mavlink_defs.faults.fault import Fault
+from mavlink_defs.faults.sensors import SENSOR_NAMES
 from mavlink_defs.profile import (
     ANY_AIRSPEED,
     ProfileError,
@@ -28,8 +30,6 @@ from mavlink_defs.profile import (
     items_to_segments,
     segments_to_items,
 )
-from mavlink_defs.sensor_fault_kinds import SENSOR_UNITS
-from mavlink_defs.sensor_faults import AnyFault, SensorFault
 from mavlink_defs.services.command import CommandFinished
 from mavlink_defs.services.fault_list import FaultLister, FaultsListed
 from mavlink_defs.services.mission import (
@@ -145,7 +145,7 @@ class Vehicle(VehicleLink):
     # faults
 
     async def set_fault(
-        self, /, actuator: str | AnyFault, *, start_s: float | None = None, **keys: float
+        self, /, actuator: str | Fault, *, start_s: float | None = None, **keys: float
     ) -> None:
         """Set an actuator fault, with the keys of a scenario's `faults`.
 
@@ -158,7 +158,7 @@ class Vehicle(VehicleLink):
         Raises:
             BadInput: They do not describe a fault.
         """
-        if isinstance(actuator, Fault | SensorFault):
+        if isinstance(actuator, Fault):
             await self._set(actuator)
         else:
             await self._set(fault_of(actuator=actuator, start_s=start_s, **keys))
@@ -191,9 +191,8 @@ class Vehicle(VehicleLink):
         given = {"failure": failure, "instance": instance, "axis": axis, "start_s": start_s}
         await self._set(fault_of(sensor=sensor, **given, **keys))
 
-    async def _set(self, fault: AnyFault) -> None:
-        of_sensor, of_actuator = dialect.MAV_CMD_FTC_SET_SENSOR_FAULT, dialect.MAV_CMD_FTC_SET_FAULT
-        await self.command(of_sensor if isinstance(fault, SensorFault) else of_actuator, fault)
+    async def _set(self, fault: Fault) -> None:
+        await self.command(fault.family.command, fault.params)
 
     async def clear_faults(self, actuator: str | int | None = None) -> None:
         """Clear the faults of one actuator, by name or index, or all, of sensors too.
@@ -214,9 +213,10 @@ class Vehicle(VehicleLink):
         Raises:
             BadInput: There is no such sensor.
         """
-        if sensor not in SENSOR_UNITS:
-            raise BadInput(f"sensor: expected {', '.join(SENSOR_UNITS)}, got {sensor!r}")
-        params = (SENSOR_UNITS[sensor].failure_unit, dialect.FAILURE_TYPE_OK, instance)
+        if sensor not in SENSOR_NAMES:
+            raise BadInput(f"sensor: expected {', '.join(SENSOR_NAMES)}, got {sensor!r}")
+        unit = FAMILY_OF[sensor].named(sensor).failure_unit
+        params = (unit, dialect.FAILURE_TYPE_OK, instance)
         await self.command(dialect.MAV_CMD_INJECT_FAILURE, params)
 
     async def set_slot(self, ahead_m: float, right_m: float, up_m: float) -> None:
@@ -233,7 +233,7 @@ class Vehicle(VehicleLink):
             raise self._no_answer(f"UAV {self.system} did not report its place in the formation")
         return message
 
-    async def faults(self) -> tuple[AnyFault, ...]:
+    async def faults(self) -> tuple[Fault, ...]:
         """Request its faults, past and future ones too; `state.faults` holds them from then on."""
         machine = FaultLister(self._own, self._address)
         done, reasons = await self._run("command", machine, machine.start, FaultsListed)

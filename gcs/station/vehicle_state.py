@@ -16,8 +16,9 @@ from gcs.station.notifications import ERROR, INFO, NOTICE, WARNING, Kind, Notifi
 from gcs.station.telemetry import PRIVATE, ReportedClock
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
+from mavlink_defs.faults import COMMANDS as FAULT_COMMANDS
+from mavlink_defs.faults.fault import Fault
 from mavlink_defs.profile import Segment
-from mavlink_defs.sensor_faults import AnyFault
 from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.statustext import Text, TextAssembler
 
@@ -30,13 +31,6 @@ _PROFILE_REFRESH_S = 30.0
 _PRIVATE_PATIENCE_S = 5.0
 _TRY_AGAIN_S = 2.0
 _TEXTS_KEPT = 500
-_FAULT_COMMANDS = {
-    dialect.MAV_CMD_FTC_SET_FAULT,
-    dialect.MAV_CMD_FTC_SET_SENSOR_FAULT,
-    dialect.MAV_CMD_INJECT_FAILURE,
-    dialect.MAV_CMD_FTC_CLEAR_FAULTS,
-    dialect.MAV_CMD_INJECT_FAILURE,
-}
 _UNREPORTED = {dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAV_CMD_SET_MESSAGE_INTERVAL}
 _ACKED = {dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_IN_PROGRESS}
 
@@ -77,7 +71,7 @@ class VehicleState(LatestMessages):
         """Discard everything that belongs to the previous run of the vehicle."""
         self.counts = EventCounts()
         self.history = History()
-        self.faults: tuple[AnyFault, ...] | None = None
+        self.faults: tuple[Fault, ...] | None = None
         self.mission: Mission | None = None
         self.profile: tuple[Segment, ...] | None = None
         self.faults_due = self.profile_due = self.private_due = now
@@ -137,7 +131,7 @@ class VehicleState(LatestMessages):
             notifications.append(self._notifications(now, "link", ERROR, text))
         return notifications
 
-    def learn_faults(self, faults: tuple[AnyFault, ...] | None, now: float) -> list[Notification]:
+    def learn_faults(self, faults: tuple[Fault, ...] | None, now: float) -> list[Notification]:
         """Record its answer to a request for its faults; None if there was none."""
         self.faults_due = now + (_TRY_AGAIN_S if faults is None else _FAULTS_REFRESH_S)
         before = self.faults
@@ -202,7 +196,7 @@ class VehicleState(LatestMessages):
         return None if newest_ms < 0 else newest_ms / 1e3
 
     @property
-    def active_faults(self) -> tuple[AnyFault, ...]:
+    def active_faults(self) -> tuple[Fault, ...]:
         """The faults that are active now, in simulated time."""
         time_s = self.time_s or 0.0
         return tuple(f for f in self.faults or () if f.window.contains(time_s))
@@ -278,7 +272,7 @@ class VehicleState(LatestMessages):
         self, message: dialect.MAVLink_command_ack_message, now: float
     ) -> list[Notification]:
         accepted = message.result == dialect.MAV_RESULT_ACCEPTED
-        if accepted and message.command in _FAULT_COMMANDS:
+        if accepted and message.command in FAULT_COMMANDS:
             self.faults_due = now
         if message.result in _ACKED and message.command in _UNREPORTED:
             return []

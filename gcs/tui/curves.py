@@ -9,7 +9,7 @@ import numpy as np
 from textual.color import Color
 
 from gcs.station.vehicle_state import VehicleState
-from mavlink_defs.sensor_faults import AnyFault
+from mavlink_defs.faults.fault import Fault
 
 Colour: TypeAlias = tuple[int, int, int]
 
@@ -93,7 +93,7 @@ def draw_quantity(
 def draw_held(
     plt: Any,
     rows: np.ndarray,
-    faults: Sequence[AnyFault],
+    faults: Sequence[Fault],
     limits: tuple[float, float],
     height: int,
     palette: Palette,

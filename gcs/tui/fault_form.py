@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, TypeAlias, cast
+from typing import Any, ClassVar
 
 from pydantic import ValidationError
 from textual.app import ComposeResult
@@ -15,17 +15,15 @@ from textual.widgets import Button, Input, Select, Static
 
 from gcs.tui.guard import CachedStatic, Guarded, on
 from mavlink_defs.config.files import problems_of
-from mavlink_defs.constants import ACTUATORS, Actuator
-from mavlink_defs.fault_kinds import FAULT_KINDS, MAX_FREQUENCY_HZ, FaultKind
-from mavlink_defs.fault_spec import FaultSpec
-from mavlink_defs.sensor_fault_kinds import SENSOR_FAULT_KINDS, SENSOR_UNITS, SensorFaultKind
-from mavlink_defs.sensor_fault_spec import SensorFaultSpec
-from mavlink_defs.sensor_faults import AnyFault
+from mavlink_defs.constants import ACTUATORS
+from mavlink_defs.faults import FAMILY_OF
+from mavlink_defs.faults.actuators import ACTUATOR_FAULTS
+from mavlink_defs.faults.fault import Fault
+from mavlink_defs.faults.kinds import MAX_FREQUENCY_HZ, Family, Kind, Target
+from mavlink_defs.faults.spec import SPECS
 
 ALL, MARKED = 0, -1
 """Stand for every vehicle, and for the marked ones."""
-
-AnyKind: TypeAlias = FaultKind | SensorFaultKind
 
 _FIELDS = {
     "effectiveness": ("effectiveness", "0 … 1"),
@@ -38,43 +36,35 @@ _FIELDS = {
 }
 """Label and hint of each field; the label of the value depends on the kind."""
 
-_OF_ACTUATORS = {"effectiveness", "frequency_hz"}
-_OF_SENSORS = {"instance", "axis"}
+_OWN = {"effectiveness", "frequency_hz", "instance", "axis"}
+"""Fields that only some families have."""
 
 
 @dataclass(frozen=True)
 class _Read:
     """The content of a form: a fault, or the problems with it."""
 
-    fault: AnyFault | None
+    fault: Fault | None
     problems: tuple[str, ...] = ()
 
 
-def kinds_of(part: str) -> dict[str, AnyKind]:
-    """Return the kinds of fault of an actuator or a sensor, by name."""
-    if part not in SENSOR_UNITS:
-        return dict(FAULT_KINDS)
-    return {name: k for name, k in SENSOR_FAULT_KINDS.items() if k.fits(SENSOR_UNITS[part])}
-
-
-def read_fault(part: str, kind: AnyKind, texts: dict[str, str]) -> _Read:
+def read_fault(part: str, kind_name: str, texts: dict[str, str]) -> _Read:
     """Read the fields of a form with the rules of a scenario's fault.
 
     Args:
-        part: The actuator or sensor.
-        kind: The kind.
+        part: What fails.
+        kind_name: In what way.
         texts: What the fields say, by name; empty for what is left out.
     """
-    value_key, value_label = _key(kind, part), _label(kind, part)
-    of_sensor = isinstance(kind, SensorFaultKind)
-    left_out = _OF_ACTUATORS if isinstance(kind, SensorFaultKind) else _OF_SENSORS
-    keys: dict[str, Any] = {"sensor" if of_sensor else "actuator": part}
-    if isinstance(kind, SensorFaultKind):
+    family, target, kind = _chosen(part, kind_name)
+    value_key, value_label = kind.key(target), _label(kind, target)
+    keys: dict[str, Any] = {family.key: part}
+    if kind.failure:
         keys["failure"] = kind.failure
     problems = []
-    for name in (name for name in _FIELDS if name not in left_out):
+    for name in (name for name in _FIELDS if _takes(family, kind, name)):
         text = texts.get(name, "").strip().replace(",", ".")
-        if not text or (name in {"effectiveness", "value"} and not _takes(kind, name)):
+        if not text:
             continue
         if name == "axis":
             keys[name] = text
@@ -86,13 +76,14 @@ def read_fault(part: str, kind: AnyKind, texts: dict[str, str]) -> _Read:
             label = value_label if name == "value" else name
             expected = "a whole number" if name == "instance" else "a number"
             problems.append(f"{label}: expected {expected}, got '{text}'")
-    if isinstance(kind, SensorFaultKind) and kind.has_value and value_key not in keys:
-        if (default := _default(kind, part)) is None:
+    if kind.failure and kind.has_value and value_key not in keys:
+        default = kind.default_of(target)
+        if math.isnan(default):
             problems.append(f"{value_label}: expected a number, got nothing")
         keys[value_key] = default
     if problems:
         return _Read(None, tuple(problems))
-    model: type[FaultSpec | SensorFaultSpec] = SensorFaultSpec if of_sensor else FaultSpec
+    model = SPECS[family.key]
     try:
         return _Read(model.model_validate(keys).command())
     except ValidationError as error:
@@ -100,44 +91,34 @@ def read_fault(part: str, kind: AnyKind, texts: dict[str, str]) -> _Read:
         return _Read(None, tuple(problem.line({value_key: value_label}) for problem in found))
 
 
-def _takes(kind: AnyKind, name: str) -> bool:
-    """Return whether a kind has an effectiveness, or a value."""
-    if isinstance(kind, SensorFaultKind):
-        return name == "value" and kind.has_value
-    return name == "value" or not kind.replaces
+def _chosen(part: str, kind_name: str) -> tuple[Family, Target, Kind]:
+    family = FAMILY_OF[part]
+    target = family.named(part)
+    return family, target, family.kinds_of(target)[kind_name]
 
 
-def _default(kind: SensorFaultKind, part: str) -> float | None:
-    """Return the value of a kind of which none is given; None: one must be."""
-    by_kind = dict([SENSOR_UNITS[part].wrong])
-    value = by_kind.get(kind.name, kind.default)
-    return None if math.isnan(value) else value
+def _takes(family: Family, kind: Kind, name: str) -> bool:
+    """Return whether a fault has what a field says."""
+    if name == "value":
+        return kind.has_value
+    return kind.partial if name == "effectiveness" else name not in _OWN or family.has(name)
 
 
-def _key(kind: AnyKind, part: str) -> str:
-    """Return the key of the value in a scenario."""
-    if isinstance(kind, SensorFaultKind):
-        return kind.key(SENSOR_UNITS[part])
-    return kind.key(cast(Actuator, part))
-
-
-def _label(kind: AnyKind, part: str) -> str:
+def _label(kind: Kind, target: Target) -> str:
     """Return what the form calls the value."""
-    if isinstance(kind, SensorFaultKind):
-        unit = kind.unit_of(SENSOR_UNITS[part]).replace("deg", "°")
-        return f"{kind.name} {unit}".rstrip() if kind.has_value else "value"
-    return f"{kind.label} {kind.unit(cast(Actuator, part)).replace('deg', '°')}"
+    unit = kind.unit_of(target).replace("deg", "°")
+    return f"{kind.label or kind.name} {unit}".rstrip() if kind.has_value else "value"
 
 
-def _hint(kind: AnyKind, part: str) -> str:
+def _hint(kind: Kind, target: Target) -> str:
     """Return what the field of the value says while it is empty."""
-    if not isinstance(kind, SensorFaultKind):
-        return _FIELDS["value"][1]
     if not kind.has_value:
         return "none"
-    low, high = kind.bounds(SENSOR_UNITS[part])
-    default = _default(kind, part)
-    return f"{low:g} … {high:g}" if default is None else f"{default:g}"
+    low, high = kind.bounds(target)
+    default = kind.default_of(target)
+    if not math.isfinite(high):
+        return _FIELDS["value"][1]
+    return f"{low:g} … {high:g}" if math.isnan(default) else f"{default:g}"
 
 
 class FaultForm(Guarded, Vertical):
@@ -154,7 +135,7 @@ class FaultForm(Guarded, Vertical):
     class Submitted(Message):
         """A fault is to be set."""
 
-        def __init__(self, system: int, fault: AnyFault) -> None:
+        def __init__(self, system: int, fault: Fault) -> None:
             super().__init__()
             self.system, self.fault = system, fault
 
@@ -171,7 +152,7 @@ class FaultForm(Guarded, Vertical):
             yield Static("vehicle")
             yield Select([("all", ALL)], value=ALL, id="vehicle", compact=True, allow_blank=False)
             yield Static("what fails")
-            names = [(name, name) for name in (*ACTUATORS, *SENSOR_UNITS)]
+            names = [(name, name) for name in FAMILY_OF]
             yield Select(names, value="rudder", id="actuator", compact=True, allow_blank=False)
             yield Static("kind")
             kinds = _choices(ACTUATORS[0])
@@ -182,7 +163,7 @@ class FaultForm(Guarded, Vertical):
                     CachedStatic(label, id=f"label-{name}"),
                     Input(placeholder=hint, id=name, compact=True),
                 ):
-                    widget.display = name not in _OF_SENSORS
+                    widget.display = name not in _OWN or ACTUATOR_FAULTS.has(name)
                     yield widget
         yield CachedStatic(grow=True, id="form-says")
         with Horizontal(classes="buttons"):
@@ -235,7 +216,7 @@ class FaultForm(Guarded, Vertical):
     @on(Select.Changed, "#actuator")
     def _offer_kinds(self) -> None:
         """Offer the kinds and fields of what fails."""
-        of_sensor, choices = self._part in SENSOR_UNITS, _choices(self._part)
+        family, choices = FAMILY_OF[self._part], _choices(self._part)
         field: Select[str] = self.query_one("#fault-kind", Select)
         before = field.value
         if choices != self._choices:
@@ -244,21 +225,21 @@ class FaultForm(Guarded, Vertical):
             with field.prevent(Select.Changed):
                 field.set_options(choices)
                 field.value = before if before in names else names[0]
-        for name in _OF_SENSORS | _OF_ACTUATORS:
-            shown = (name in _OF_SENSORS) == of_sensor
-            self.query_one(f"#label-{name}").display = shown
-            self.query_one(f"#{name}").display = shown
+        for name in _OWN:
+            self.query_one(f"#label-{name}").display = family.has(name)
+            self.query_one(f"#{name}").display = family.has(name)
 
     @on(Input.Changed)
     @on(Select.Changed)
     def _check(self, complain: bool = False) -> None:
-        if self._kind_name not in kinds_of(self._part):
+        if self._kind not in (name for _, name in _choices(self._part)):
             return  # the kinds of what was chosen before
-        self.query_one("#label-value", CachedStatic).say(_label(self._kind, self._part))
+        family, target, kind = _chosen(self._part, self._kind)
+        self.query_one("#label-value", CachedStatic).say(_label(kind, target))
         value = self.query_one("#value", Input)
-        value.placeholder = _hint(self._kind, self._part)
-        value.disabled = not _takes(self._kind, "value")
-        self.query_one("#effectiveness", Input).disabled = not _takes(self._kind, "effectiveness")
+        value.placeholder = _hint(kind, target)
+        for name in ("value", "effectiveness"):
+            self.query_one(f"#{name}", Input).disabled = not _takes(family, kind, name)
         read = self.read
         touched = any(self.query_one(f"#{name}", Input).value for name in _FIELDS)
         says = self.query_one("#form-says", CachedStatic)
@@ -270,17 +251,12 @@ class FaultForm(Guarded, Vertical):
         return str(self.query_one("#actuator", Select).value)
 
     @property
-    def _kind_name(self) -> str:
+    def _kind(self) -> str:
         return str(self.query_one("#fault-kind", Select).value)
-
-    @property
-    def _kind(self) -> AnyKind:
-        return kinds_of(self._part)[self._kind_name]
 
 
 def _choices(part: str) -> list[tuple[str, str]]:
     """Return text and name of each kind of fault of an actuator or a sensor."""
-    return [
-        (name if isinstance(kind, SensorFaultKind) else kind.choice, name)
-        for name, kind in kinds_of(part).items()
-    ]
+    family = FAMILY_OF[part]
+    kinds = family.kinds_of(family.named(part))
+    return [(kind.choice or name, name) for name, kind in kinds.items()]

@@ -7,14 +7,11 @@ from typing import TypeAlias
 from gcs.station.notifications import Notification
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
-from mavlink_defs.sensor_faults import AnyFault, SensorFault
+from mavlink_defs.faults import SETTING
+from mavlink_defs.faults.fault import Fault
 from mavlink_defs.services.machine import SystemId
 
-_SETTING = {
-    dialect.MAV_CMD_FTC_SET_FAULT,
-    dialect.MAV_CMD_FTC_SET_SENSOR_FAULT,
-    dialect.MAV_CMD_INJECT_FAILURE,
-}
+_SETTING = {*SETTING, dialect.MAV_CMD_INJECT_FAILURE}
 _CLEARING = {dialect.MAV_CMD_FTC_CLEAR_FAULTS, dialect.MAV_CMD_INJECT_FAILURE}
 
 
@@ -45,7 +42,7 @@ class FaultRecord:
     """
 
     system: int
-    fault: AnyFault
+    fault: Fault
     acknowledged: Acknowledgement | None = None
     gone_at: float | None = None
     gone: str = ""
@@ -61,7 +58,7 @@ class FaultRecord:
         return "active" if now <= self.fault.end_s else "over"
 
 
-_Known: TypeAlias = tuple[int, tuple[AnyFault, ...] | None]
+_Known: TypeAlias = tuple[int, tuple[Fault, ...] | None]
 
 
 class FaultHistory:
@@ -110,9 +107,9 @@ class FaultHistory:
             self._correct_starts(there, state.faults)
         new = [fault for fault in state.faults if fault not in (r.fault for r in there)]
         lost = [record for record in there if record.fault not in state.faults]
-        replaced = {fault.target for fault in new}
-        self._go([r for r in lost if r.fault.target in replaced], "replaced", at)
-        self._go([r for r in lost if r.fault.target not in replaced], "cleared", at)
+        replaced = {fault.whose for fault in new}
+        self._go([r for r in lost if r.fault.whose in replaced], "replaced", at)
+        self._go([r for r in lost if r.fault.whose not in replaced], "cleared", at)
         while len(acks) > len(new):
             acks.popleft()  # of faults that were replaced before they were seen
         ack: Acknowledgement | None = None
@@ -133,7 +130,7 @@ class FaultHistory:
         """The latest record."""
         return self.records[-1] if self.records else None
 
-    def _correct_starts(self, records: list[FaultRecord], faults: tuple[AnyFault, ...]) -> None:
+    def _correct_starts(self, records: list[FaultRecord], faults: tuple[Fault, ...]) -> None:
         """Take over starts that differ though nobody set a fault: a log can only estimate "now"."""
         for record in records:
             if record.fault not in faults:
@@ -147,8 +144,8 @@ class FaultHistory:
                 record.cleared = self._cleared.get(record.system)
 
 
-def _by_one_command(one: AnyFault | None, other: AnyFault) -> bool:
+def _by_one_command(one: Fault | None, other: Fault) -> bool:
     """Return whether one command set both: the same of two sensors of a kind."""
-    if not (isinstance(one, SensorFault) and isinstance(other, SensorFault)):
+    if one is None or not one.instance:
         return False
     return one._replace(instance=other.instance) == other

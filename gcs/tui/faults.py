@@ -17,7 +17,8 @@ from gcs.tui.grid import Column, Grid, Row
 from gcs.tui.guard import CachedStatic, on
 from gcs.tui.requests import Outcome, VehicleAction
 from gcs.tui.view import FleetView, Panel
-from mavlink_defs.sensor_faults import AnyFault, SensorFault
+from mavlink_defs.faults.actuators import ACTUATOR_FAULTS
+from mavlink_defs.faults.fault import Fault
 
 _ROLES = {
     "active": "bad",
@@ -130,13 +131,13 @@ class FaultsPanel(Panel, Horizontal):
         if record is None or record.gone_at is not None:
             self.app.notify("choose a fault that a vehicle still has", severity="warning")
             return
-        fault, name = record.fault, record.fault.target
+        fault, name = record.fault, record.fault.whose
 
         async def act(vehicle: Vehicle, _: str) -> str:
-            if isinstance(fault, SensorFault):
-                await vehicle.clear_sensor_faults(fault.unit.name, fault.instance)
+            if fault.family is ACTUATOR_FAULTS:
+                await vehicle.clear_faults(fault.number)
             else:
-                await vehicle.clear_faults(name)
+                await vehicle.clear_sensor_faults(fault.target.name, fault.instance)
             return f"faults of the {name} cleared"
 
         question = f"Clear the faults of the {name} of UAV {record.system}, past ones too?"
@@ -157,7 +158,7 @@ class FaultsPanel(Panel, Horizontal):
 
 
 def set_fault(
-    systems: tuple[int, ...], fault: AnyFault, on_done: Callable[[Outcome], None] | None = None
+    systems: tuple[int, ...], fault: Fault, on_done: Callable[[Outcome], None] | None = None
 ) -> VehicleAction:
     """The action to set a fault."""
 
@@ -167,7 +168,7 @@ def set_fault(
             await vehicle.faults()  # "accepted" is shown when the list has it, for `repeat`
         return f"set: {fault.describe()}"
 
-    what = f"set {fault.target} fault"
+    what = f"set {fault.whose} fault"
     return VehicleAction(what, systems, act, on_done=on_done)
 
 
@@ -200,8 +201,8 @@ def repeat(view: FleetView) -> tuple[VehicleAction | None, str]:
     return set_fault((system,), last.fault), ""
 
 
-def _alike(a: AnyFault, b: AnyFault) -> bool:
-    return type(a) is type(b) and a._replace(start_s=0.0) == b._replace(start_s=0.0)
+def _alike(a: Fault, b: Fault) -> bool:
+    return a._replace(start_s=0.0) == b._replace(start_s=0.0)
 
 
 def _history(record: FaultRecord) -> str:

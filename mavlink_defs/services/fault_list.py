@@ -8,12 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from mavlink_defs import dialect
-from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_ftc_fault_message, MAVLink_message
-from mavlink_defs.fault_kinds import CODES
-from mavlink_defs.faults import Fault
-from mavlink_defs.sensor_fault_kinds import SENSOR_FAULT_KINDS, SENSOR_NAMES
-from mavlink_defs.sensor_faults import AnyFault, SensorFault
+from mavlink_defs.faults.fault import Fault
 from mavlink_defs.services.command import CommandClient, CommandFinished
 from mavlink_defs.services.machine import Machine, SystemId
 
@@ -31,7 +27,7 @@ class FaultsListed:
     """
 
     result: int | None
-    faults: tuple[AnyFault, ...] = ()
+    faults: tuple[Fault, ...] = ()
 
 
 class FaultList:
@@ -39,11 +35,11 @@ class FaultList:
 
     def __init__(self) -> None:
         self._count: int | None = None
-        self._faults: dict[int, AnyFault] = {}
+        self._faults: dict[int, Fault] = {}
 
     def receive(self, message: MAVLink_ftc_fault_message) -> None:
         """Take in one of the messages; one of an unknown actuator, sensor or kind is ignored."""
-        if (fault := _fault_of(message)) is None:
+        if (fault := Fault.from_message(message)) is None:
             return
         if message.count != self._count or self._faults.get(message.index, fault) != fault:
             self._faults.clear()  # the list has changed in between
@@ -52,7 +48,7 @@ class FaultList:
             self._faults[message.index] = fault
 
     @property
-    def complete(self) -> tuple[AnyFault, ...] | None:
+    def complete(self) -> tuple[Fault, ...] | None:
         """All faults in their order; None while some are missing."""
         if len(self._faults) != self._count:
             return None
@@ -121,17 +117,9 @@ class FaultLister(Machine[FaultsListed]):
         """Return the time of the next request [s]."""
         return self._command.deadline() if self._deadline is None else self._deadline
 
-    def _finish(self, faults: tuple[AnyFault, ...]) -> None:
+    def _finish(self, faults: tuple[Fault, ...]) -> None:
         self._deadline = None
         self._happened.append(FaultsListed(dialect.MAV_RESULT_ACCEPTED, faults))
 
     def _pass_on(self) -> None:
         self._outbox += self._command.messages_to_send()
-
-
-def _fault_of(message: MAVLink_ftc_fault_message) -> AnyFault | None:
-    if message.sensor == dialect.FTC_SENSOR_NONE:
-        known = message.actuator < len(ACTUATORS) and message.kind in CODES
-        return Fault.from_message(message) if known else None
-    known = message.sensor <= len(SENSOR_NAMES) and message.kind < len(SENSOR_FAULT_KINDS)
-    return SensorFault.from_message(message) if known else None

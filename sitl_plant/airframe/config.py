@@ -13,7 +13,7 @@ from mavlink_defs.config.files import problems_of
 from mavlink_defs.config.models import AtMost, Model, Problems, Prose, unknown_key
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.constants import SURFACES
-from mavlink_defs.fault_kinds import FaultLimits
+from mavlink_defs.faults.kinds import FaultLimits
 from mavlink_defs.profile import AirspeedLimits
 from sitl_plant.airframe.propulsion import Propulsion
 

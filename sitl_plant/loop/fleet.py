@@ -5,11 +5,11 @@ from typing import NamedTuple
 import numpy as np
 
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
-from mavlink_defs.faults import MAX_FAULTS
+from mavlink_defs.faults.actuators import ACTUATOR_FAULTS, MAX_FAULTS
+from mavlink_defs.faults.table import FAULT, FaultTable, no_faults
 from mavlink_defs.framing.codec import SIM_STATE, SIM_STEP
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.runtime.jit import compiled, inlined
-from sitl_plant.actuators.faults import FAULT, no_faults
 from sitl_plant.actuators.servo import SERVOS, begin_period, new_servos, sent_commands
 from sitl_plant.air.disturbance import (
     Disturbances,
@@ -33,6 +33,7 @@ from sitl_plant.loop.period import (
     step_aircraft,
     time_s,
 )
+from sitl_plant.sensing.failures import fault_table
 from sitl_plant.sensing.sense import Sensing, sense, sensing_of
 from sitl_plant.sensing.true_state import SENSORS, measure, new_sensors, true_motions
 from sitl_plant.simulators.config import OwnPlant
@@ -106,7 +107,7 @@ def new_plant_state(config: PlantConfig) -> PlantState:
             config.wind, uav.initial.altitude_m, uav.aircraft.wing_span_m
         )
         own["state"] = _initial_state(uav.initial)
-        own["faults"] = no_faults(1)[0]
+        own["faults"] = no_faults(ACTUATOR_FAULTS, 1)[0]
     estimated = config.navigation == "estimated"
     fleet = PlantState(
         uavs,
@@ -129,6 +130,14 @@ def new_sensing(config: PlantConfig) -> Sensing:
     densities = {uav.id: uav.aircraft.air_density_kg_m3 for uav in config.uavs}
     navigation = config.sensors.navigation
     return sensing_of(navigation, config.origin, densities, config.seed, config.step_us)
+
+
+def fault_tables(fleet: PlantState, i: int) -> dict[str, FaultTable]:
+    """Return the faults that aircraft i can have, by the key of their family."""
+    tables = {"actuator": FaultTable(ACTUATOR_FAULTS, fleet.uavs[i]["faults"])}
+    if navigates(fleet):
+        tables["sensor"] = fault_table(fleet.sensing.faults, i)
+    return tables
 
 
 def _initial_state(initial: InitialState) -> np.ndarray:

@@ -33,6 +33,7 @@ from mavlink_defs.runtime.sockaddr import address_of
 from mavlink_defs.runtime.spool import unwritten
 from mavlink_defs.visible import log_line
 from sitl_plant.config import PlantConfig
+from sitl_plant.loop.fault_commands import faults_of
 from sitl_plant.loop.fleet import loss_of, new_plant_state
 from sitl_plant.loop.link import new_link, run, send_states
 from sitl_plant.loop.period import time_s
@@ -40,7 +41,6 @@ from sitl_plant.loop.recorder import RECORD_ROWS, Recorder
 from sitl_plant.loop.registration import Claim, Registration
 from sitl_plant.loop.service import AircraftService
 from sitl_plant.loop.simulators import Outside
-from sitl_plant.sensing.commands import sensor_commands
 from sitl_plant.simulators.base import SimulatorError
 
 _TICK_S = 0.02
@@ -87,10 +87,7 @@ class Plant:
             AircraftService(
                 uav.id,
                 SIMULATOR_COMPONENT,
-                self._fleet.uavs[i]["faults"],
-                self._fleet.uavs[i]["applied"],
-                uav.aircraft.fault_limits,
-                sensor_commands(self._fleet.sensing.faults, i),
+                faults_of(self._fleet, i, uav.aircraft.fault_limits),
             )
             for i, uav in enumerate(config.uavs)
         ]

@@ -1,6 +1,6 @@
 """Faults of the navigation sensors of an aircraft: what they make of samples.
 
-A sensor hands its sample to `fail` once in a step, in the units of `SensorUnit.per_sample`: gyro
+A sensor hands its sample to `fail` once in a step, in the units of `Target.per_unit`: gyro
 [rad/s], accelerometer [m/s^2], magnetometer [gauss], barometer and airspeed [hPa], as HIL_SENSOR
 has them; a GPS its position [m] and its velocity [m/s], NED. What comes back is reported. A fault
 is the sensor's own: it acts on the sample with its noise, and what is wrong stays within the range.
@@ -27,11 +27,10 @@ from mavlink_defs.dialect import (
     FTC_SENSOR_FAULT_KIND_SCALE,
     FTC_SENSOR_FAULT_KIND_SLOW,
     FTC_SENSOR_FAULT_KIND_STUCK,
-    FTC_SENSOR_NONE,
 )
+from mavlink_defs.faults.sensors import MAX_DELAY_S, SENSOR_FAULTS, SENSOR_NAMES
+from mavlink_defs.faults.table import FaultTable, no_faults
 from mavlink_defs.runtime.jit import compiled
-from mavlink_defs.sensor_fault_kinds import MAX_DELAY_S, SENSOR_NAMES
-from mavlink_defs.sensor_faults import MAX_SENSOR_FAULTS, SensorFault
 from sitl_plant.air.gaussian import normal
 
 VALUES = 6
@@ -41,19 +40,6 @@ MAX_SLOTS = 2000
 """Most samples that a delay line holds; of a longer one the oldest are dropped."""
 
 _CHANNEL = 1000  # of the random numbers, above all channels of healthy sensors
-
-SENSOR_FAULT = np.dtype(
-    [
-        ("sensor", "i8"),  # FTC_SENSOR, NONE: slot empty (and every one behind it)
-        ("code", "i8"),  # FTC_SENSOR_FAULT_KIND
-        ("value", "f8"),  # what the kind makes of it, a bias or drift in units of the samples
-        ("instance", "i8"),  # from 1
-        ("start", "f8"),  # exclusive, simulation time [s]
-        ("end", "f8"),  # inclusive, simulation time [s]
-        ("axis", "i8"),  # FTC_AXIS
-    ]
-)
-"""A fault of one sensor, its fields in the order of `SensorFault`."""
 
 UNIT = np.dtype(
     [
@@ -102,7 +88,7 @@ class SensorRange(NamedTuple):
 class Failures(NamedTuple):
     """The faults of n aircraft with the same u sensors, and what they have to remember."""
 
-    faults: np.ndarray  # (n, MAX_SENSOR_FAULTS), dtype SENSOR_FAULT
+    faults: np.ndarray  # (n, MAX_SENSOR_FAULTS), dtype FAULT
     units: np.ndarray  # (n, u), dtype UNIT, in the order of the ranges
     line: np.ndarray  # (n, u, slots, VALUES), samples on their way through a delay
     line_steps: np.ndarray  # (n, u, slots), when they entered it
@@ -133,93 +119,17 @@ def new_failures(
             unit[name][:, :values] = getattr(one, name)
     slots = min(round(MAX_DELAY_S * 1e6 / step_us) + 1, MAX_SLOTS)
     shape = (*units.shape, slots)
-    faults = np.zeros((len(systems), MAX_SENSOR_FAULTS), SENSOR_FAULT)
+    faults = no_faults(SENSOR_FAULTS, len(systems))
     return Failures(faults, units, np.zeros((*shape, VALUES)), np.zeros(shape, np.int64))
 
 
-def instances_of(units: np.ndarray, fault: SensorFault) -> list[int]:
-    """Return the numbers of the sensors that a fault names; none if there is no such one.
-
-    Args:
-        units: Sensors of the aircraft, dtype `UNIT`, shape (u,).
-        fault: The fault.
-    """
-    there = [int(unit["instance"]) for unit in units if unit["sensor"] == fault.sensor]
-    return [number for number in there if fault.instance in {0, number}]
-
-
-def add_sensor_fault(row: np.ndarray, units: np.ndarray, fault: SensorFault, now_s: float) -> None:
-    """Put a fault into one aircraft's row, for each sensor that it names.
-
-    It replaces older ones of the same sensor that overlap it in time; those that are over go.
-
-    Args:
-        row: One aircraft's faults, dtype `SENSOR_FAULT`, shape (MAX_SENSOR_FAULTS,).
-        units: Its sensors, dtype `UNIT`, shape (u,).
-        fault: As the wire carries it: NaN start now, NaN end open.
-        now_s: Simulation time [s].
-
-    Raises:
-        LookupError: There is no such sensor.
-        OverflowError: All slots are taken by other faults; the row is as before.
-    """
-    if not (numbers := instances_of(units, fault)):
-        raise LookupError(fault.target)
-    fault = fault.resolved(now_s)
-    new = [as_row(fault._replace(instance=number)) for number in numbers]
-    staying = [
-        old.copy()
-        for old in row[row["sensor"] != FTC_SENSOR_NONE]
-        if old["end"] > now_s and not (_same(old, fault, numbers) and _overlap(old, fault))
-    ]
-    if len(staying) + len(new) > len(row):
-        raise OverflowError(f"all {len(row)} slots of sensor faults are in use; clear some first")
-    _write(row, [*staying, *new])
-
-
-def clear_sensor_faults(row: np.ndarray, sensor: int = FTC_SENSOR_NONE, instance: int = 0) -> None:
-    """Remove the faults of a sensor from one aircraft's row.
-
-    Args:
-        row: One aircraft's faults, dtype `SENSOR_FAULT`.
-        sensor: FTC_SENSOR; NONE: of all.
-        instance: Its number; 0: of all of them.
-    """
-    there = row[row["sensor"] != FTC_SENSOR_NONE]
-    meant = (there["sensor"] == sensor) | (sensor == FTC_SENSOR_NONE)
-    meant &= (there["instance"] == instance) | (instance == 0)
-    _write(row, [old.copy() for old in there[~meant]])
-
-
-def as_row(fault: SensorFault) -> np.void:
-    """Return a fault as an entry of dtype `SENSOR_FAULT`, a bias in the units of samples."""
-    values = fault._replace(value=fault.value * _factor(fault))
-    row: np.void = np.array([tuple(values)], SENSOR_FAULT)[0]
-    return row
-
-
-def as_fault(row: np.void) -> SensorFault:
-    """Return an entry of dtype `SENSOR_FAULT` as the wire carries it."""
-    fault = SensorFault(*row.item())
-    return fault._replace(value=fault.value / _factor(fault))
-
-
-def _factor(fault: SensorFault) -> float:
-    return fault.unit.per_sample if fault.kind.name in {"bias", "drift"} else 1.0
-
-
-def _same(old: np.void, fault: SensorFault, numbers: Sequence[int]) -> bool:
-    return bool(old["sensor"] == fault.sensor and old["instance"] in numbers)
-
-
-def _overlap(old: np.void, fault: SensorFault) -> bool:
-    return bool(old["start"] < fault.end_s and fault.start_s < old["end"])
-
-
-def _write(row: np.ndarray, faults: Sequence[np.void]) -> None:
-    row[:] = np.zeros(len(row), SENSOR_FAULT)
-    for i, fault in enumerate(faults):
-        row[i] = fault
+def fault_table(failures: Failures, i: int) -> FaultTable:
+    """Return the faults of the sensors of an aircraft."""
+    instances: dict[str, list[int]] = {}
+    for unit in failures.units[i]:
+        name = SENSOR_NAMES[unit["sensor"] - 1]
+        instances.setdefault(name, []).append(int(unit["instance"]))
+    return FaultTable(SENSOR_FAULTS, failures.faults[i], instances)
 
 
 @compiled
@@ -272,9 +182,9 @@ def _acting(faults: np.ndarray, one: np.void, t: float) -> int:
     """Return the index of the fault that acts on a sensor at a time, or -1: at most one does."""
     for k in range(len(faults)):
         fault = faults[k]
-        if fault["sensor"] == FTC_SENSOR_NONE:
+        if fault["target"] < 0:
             return -1
-        is_of = fault["sensor"] == one["sensor"] and fault["instance"] == one["instance"]
+        is_of = fault["target"] == one["sensor"] and fault["instance"] == one["instance"]
         if is_of and fault["start"] < t <= fault["end"]:
             return k
     return -1

@@ -12,8 +12,8 @@ import numpy as np
 
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACCELEROMETER, BAROMETER, GNSS, GYRO, MAGNETOMETER, PITOT
+from mavlink_defs.faults.sensors import SENSOR_NAMES
 from mavlink_defs.runtime.jit import compiled
-from mavlink_defs.sensor_fault_kinds import SENSOR_NAMES
 from sitl_plant.sensing.config import (
     Accelerometer,
     Barometer,

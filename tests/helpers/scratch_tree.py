@@ -12,7 +12,8 @@ ROOT = Path(__file__).parents[2]
 PACKAGES = ("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs", "ftc_lab")
 
 Edits = Mapping[str, Iterable[tuple[str, str]]]
-"""By file: texts, each before its first occurrence of which another one is inserted."""
+"""By file: texts, each before its first occurrence of which another one is inserted; a file that is
+not there is empty."""
 
 
 def listed_files(what: str) -> set[str]:
@@ -32,7 +33,7 @@ class ScratchTree:
             shutil.copytree(ROOT / package, folder / package, ignore=skipped)
         (folder / "scenarios").symlink_to(ROOT / "scenarios")
         for name, changes in edits.items():
-            text = (folder / name).read_text()
+            text = (folder / name).read_text() if (folder / name).exists() else ""
             for before, inserted in changes:
                 assert before in text, (name, before)
                 text = text.replace(before, inserted + before, 1)

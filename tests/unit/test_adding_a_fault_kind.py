@@ -16,15 +16,13 @@ EDITS = {
             "      </entry>\n",
         )
     ],
-    "mavlink_defs/fault_kinds.py": [
-        ("\nFAULT_KINDS: Mapping", "from mavlink_defs.dialect import FTC_FAULT_KIND_SHOCK\n"),
+    "mavlink_defs/faults/actuators.py": [
         (
-            "\nFAULT_KINDS: Mapping",
-            'SHOCK = FaultKind("shock", FTC_FAULT_KIND_SHOCK, "Shock of a surface.",'
-            ' "Shock of the throttle.", choice="shock", label="shock",'
-            ' template="shocked by {minus}{size}")\n',
+            "\nMAX_FAULTS =",
+            'SHOCK = Kind("shock", dialect.FTC_FAULT_KIND_SHOCK, "shocked by {minus}{size}",'
+            ' ("Shock of a surface.", "Shock of the throttle."), "{unit}", partial=True)\n',
         ),
-        (")\n}\n", ", SHOCK"),
+        ("),\n    command=", ", SHOCK"),
     ],
     "sitl_plant/actuators/faults.py": [
         ("\n@compiled\ndef offset", "from mavlink_defs.dialect import FTC_FAULT_KIND_SHOCK\n"),
@@ -42,15 +40,15 @@ faults:
   - {uav: 3, actuator: rudder, shock_deg: 4.0, start_s: 0.1}
 """
 USES = """
-from ftc_lab.campaigns.model import DrawnFault
+from ftc_lab.campaigns.faults import DrawnFault
 from gcs.tui.fault_form import read_fault
 from mavlink_defs.dialect import MAVLink_ftc_fault_message
-from mavlink_defs.fault_kinds import FAULT_KINDS, FaultLimits
-from mavlink_defs.faults import Fault, fault_from_params
+from mavlink_defs.faults.command import fault_from_params
+from mavlink_defs.faults.fault import Fault
 
 texts = {"value": "-2", "effectiveness": "0.5", "start_s": "3"}
-fault = read_fault("throttle", FAULT_KINDS["shock"], texts).fault
-assert fault_from_params(fault, FaultLimits(((-25.0, 25.0),) * 3, 4000.0))[:5] == fault[:5]
+fault = read_fault("throttle", "shock", texts).fault
+assert fault_from_params(fault.family, fault.params)[:4] == fault[:4]
 listed = MAVLink_ftc_fault_message(0.5, -2.0, 0.0, 3.0, float("inf"), 0, 1, 3, 1, fault.code)
 print(Fault.from_message(listed).describe())
 print(Fault.from_message(listed).as_dict(None)["shock_n"])

@@ -21,8 +21,9 @@ from fuzzing.targets import (
 )
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
-from mavlink_defs.fault_kinds import FaultLimits
-from mavlink_defs.faults import Fault, InvalidParam, fault_from_params
+from mavlink_defs.faults.actuators import ACTUATOR_FAULTS
+from mavlink_defs.faults.command import InvalidParam, fault_from_params
+from mavlink_defs.faults.kinds import FaultLimits
 from mavlink_defs.framing import codec
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
@@ -144,8 +145,10 @@ ANY = st.floats() | st.sampled_from([0.0, 1.0, -1.0, 3.0])
 @given(params=st.tuples(*[ANY] * 7))
 def test_what_the_fault_decoder_accepts_is_finite_and_in_range(params: tuple[float, ...]) -> None:
     with suppress(InvalidParam):
-        fault = fault_from_params(params, FaultLimits(((-35.0, 35.0),) * 3, 2000.0))
-        assert fault.actuator in range(4)
+        fault = fault_from_params(
+            ACTUATOR_FAULTS, params, FaultLimits(((-35.0, 35.0),) * 3, 2000.0)
+        )
+        assert fault.number in range(4)
         assert 0.0 <= fault.effectiveness <= 1.0
         assert np.isfinite([fault.value, fault.frequency_hz]).all()
         assert fault.start_s != np.inf
@@ -179,7 +182,7 @@ def test_a_fault_of_no_actuator_is_ignored() -> None:
     ack = dialect.MAVLink_command_ack_message(command, 0, 0, 0, 255, 190)
     lister.receive(parse(speaker.pack(ack)), 0.0)  # type: ignore[arg-type]  # it parses
     (listed,) = lister.events()
-    assert [f.actuator_name for f in listed.faults if isinstance(f, Fault)] == ["rudder"]
+    assert [f.whose for f in listed.faults] == ["rudder"]
 
 
 def hot(target: Target, record: np.ndarray, message_id: int) -> bytes:

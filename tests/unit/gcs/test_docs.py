@@ -28,7 +28,7 @@ from gcs.results.run_folder import save_summary
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.constants import MAX_MISSION_ITEMS
-from mavlink_defs.faults import MAX_FAULTS
+from mavlink_defs.faults.actuators import MAX_FAULTS
 from scripts import docs_pages
 
 ROOT = Path(__file__).parents[3]
@@ -118,7 +118,7 @@ def test_example_flies_to_its_end(flight: Recording) -> None:
 def test_example_sets_its_fault(example: Scenario) -> None:
     [(uav, fault)] = example.fault_commands()
     assert uav == 2
-    assert fault[:3] == (1.0, 0.8, 0.5)
+    assert fault.params[:3] == (1.0, 0.8, 0.5)
 
 
 def test_every_scenario_key_is_documented() -> None:

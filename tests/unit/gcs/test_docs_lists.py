@@ -21,16 +21,17 @@ from ftc_autopilot.control.triggers import TRIGGERS
 from ftc_autopilot.guidance import mission_items
 from ftc_autopilot.guidance.formation import Policy
 from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
-from ftc_autopilot.vehicle.commands import _FOR_THE_SIMULATOR
 from ftc_autopilot.vehicle.vehicle import _IMPOSSIBLE
-from ftc_lab.campaigns.model import LOSS, Campaign
+from ftc_lab.campaigns.faults import LOSS
+from ftc_lab.campaigns.model import Campaign
 from ftc_lab.campaigns.store import OUTCOMES
 from gcs.cli import _EXIT_DEFECT, whole_command
 from gcs.errors import GcsError
 from gcs.scenario.model import load_scenario
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS, MODE_NAMES
-from mavlink_defs.fault_kinds import FAULT_KINDS
+from mavlink_defs.faults import COMMANDS
+from mavlink_defs.faults.actuators import ACTUATOR_FAULTS
 from mavlink_defs.framing.drop_reason import DropReason
 
 ROOT = Path(__file__).parents[3]
@@ -58,7 +59,7 @@ def vehicle() -> Any:
 
 
 def commands_of_a_vehicle() -> list[str]:
-    handled = {*vehicle()._handlers(), *vehicle()._place_handlers(), *_FOR_THE_SIMULATOR}
+    handled = {*vehicle()._handlers(), *vehicle()._place_handlers(), *COMMANDS}
     names = dialect.enums["MAV_CMD"]
     return [names[number].name for number in handled.difference(_IMPOSSIBLE)]
 
@@ -106,7 +107,7 @@ def lists() -> dict[str, Listed]:
         "designs": Listed(get_args(Campaign.model_fields["design"].annotation)),
         "drop-reasons": Listed([reason.text for reason in DropReason], r"[^,\n]+", ordered=True),
         "exit-statuses": Listed([str(status) for status in {0, _EXIT_DEFECT, *errors()}], r"\d+"),
-        "fault-kinds": Listed([LOSS, *FAULT_KINDS]),
+        "fault-kinds": Listed([LOSS, *(kind.name for kind in ACTUATOR_FAULTS.kinds)]),
         "fault-options": Listed(own_options(fault["set"], command)),
         "sensor-fault-options": Listed(own_options(fault["sensor"].commands["set"], command)),
         "guidance-laws": Listed(list(GUIDANCE_LAWS)),

@@ -6,11 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 from courses import Course
+from plain_faults import actuator_fault, add_fault
 
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
-from mavlink_defs.faults import Fault
-from sitl_plant.actuators.faults import add_fault
 from sitl_plant.loop.fleet import fly, new_plant_state, observe
 
 _SURFACE = {
@@ -45,11 +44,11 @@ WIND = {
     "turbulence": "moderate",
 }
 FAULTS = (
-    Fault(AILERON, 0.6, 3.0, 2.5, 0.05, 0.4),
-    Fault(AILERON, 0.0, 1.0, 0.0, 0.4, math.inf),
-    Fault(ELEVATOR, 0.8, 4.0, 0.0, 0.1, 0.5, 1),  # drift
-    Fault(RUDDER, 1.0, 20.0, 0.0, 0.2, 0.35, 2),  # hard-over
-    Fault(THROTTLE, 0.5, 100.0, 5.0, 0.1, math.inf, 3),  # intermittent
+    actuator_fault(AILERON, 0.6, 3.0, 2.5, 0.05, 0.4),
+    actuator_fault(AILERON, 0.0, 1.0, 0.0, 0.4, math.inf),
+    actuator_fault(ELEVATOR, 0.8, 4.0, 0.0, 0.1, 0.5, 1),  # drift
+    actuator_fault(RUDDER, 1.0, 20.0, 0.0, 0.2, 0.35, 2),  # hard-over
+    actuator_fault(THROTTLE, 0.5, 100.0, 5.0, 0.1, math.inf, 3),  # intermittent
 )
 PLANTS: dict[str, dict[str, Any]] = {
     "everything": {"servos": SERVOS, "sensors": SENSORS, "wind": WIND, "seed": 5},

@@ -8,8 +8,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from gcs.scenario.model import Scenario
+from mavlink_defs.faults.actuators import ACTUATOR_FAULTS
+from mavlink_defs.faults.table import no_faults
 from sitl_plant.actuators.config import ActuatorServos
-from sitl_plant.actuators.faults import no_faults
 from sitl_plant.actuators.servo import (
     begin_period,
     end_period,
@@ -71,7 +72,7 @@ def test_the_lag_and_the_limit_of_servos() -> None:
         }
     )
     servos = new_servos(config, STEP_US)
-    sent, faults = sent_commands(np.array([servos])), no_faults(1)[0]
+    sent, faults = sent_commands(np.array([servos])), no_faults(ACTUATOR_FAULTS, 1)[0]
     begin_period(servos, sent[0], np.zeros(4), faults, 0, 0.0, True)
     end_period(servos, DT)
     for k in (1, 2):

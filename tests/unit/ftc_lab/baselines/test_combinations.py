@@ -30,7 +30,7 @@ from gcs.results.figures import FlightSummary
 from gcs.results.quantities import QUANTITIES
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario
-from mavlink_defs.fault_kinds import STUCK
+from mavlink_defs.faults.actuators import STUCK
 
 UNIT = dict.fromkeys(QUANTITIES, 1.0)
 number = st.floats(0.0, 5.0)

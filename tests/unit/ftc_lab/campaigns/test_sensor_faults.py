@@ -7,11 +7,11 @@ import pytest
 from campaign_flights import write_campaign
 from pydantic import ValidationError
 
+from ftc_lab.campaigns.faults import DrawnSensorFault
 from ftc_lab.campaigns.plan import Plan, load_plan, rows_of
-from ftc_lab.campaigns.sensor_faults import DrawnSensorFault
 from gcs.scenario.bundled import SCENARIOS
 from mavlink_defs.config.files import problems_of
-from mavlink_defs.sensor_faults import SensorFault
+from mavlink_defs.faults.fault import Fault
 
 ONE = {"kind": "choice", "values": [5.0]}
 DRAWN = {"uavs": [3], "sensors": ["gyro"], "instances": [1, 2], "kinds": {}, "start_s": ONE}
@@ -23,12 +23,11 @@ def planned(tmp_path: Path, fault: dict[str, Any], draws: int = 40) -> Plan:
     return load_plan(write_campaign(tmp_path, draws=draws, **changes))
 
 
-def faults_of(plan: Plan) -> list[SensorFault]:
+def faults_of(plan: Plan) -> list[Fault]:
     found = []
     for row in rows_of(plan.draws):
         ((uav, fault),) = plan.flights.scenario(row).fault_commands()
         assert uav == 3
-        assert isinstance(fault, SensorFault)
         found.append(fault)
     return found
 
@@ -50,13 +49,13 @@ def test_sensors_of_unlike_units_share_kinds_without_one(tmp_path: Path) -> None
     kinds = {"stuck": None, "slow": {"kind": "choice", "values": [5, 20]}, "intermittent": None}
     drawn = {"sensors": ["gps", "airspeed", "barometer"], "instances": [0], "kinds": kinds}
     found = faults_of(planned(tmp_path, drawn))
-    assert {fault.unit.name for fault in found} == {"gps", "airspeed", "barometer"}
+    assert {fault.target.name for fault in found} == {"gps", "airspeed", "barometer"}
     assert {fault.value for fault in found if fault.kind.name == "slow"} == {5.0, 20.0}
 
 
 def test_the_bundled_campaign_is_a_plan() -> None:
     plan = load_plan(SCENARIOS / "campaigns" / "sensor_faults.yaml", draws=60)
-    assert len({fault.unit.name for fault in faults_of(plan)}) == 6
+    assert len({fault.target.name for fault in faults_of(plan)}) == 6
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from plain_faults import actuator_fault
 from tui_bench import heartbeat, sent
 
 from gcs.fleet.foxglove_scene import FormationScene, orientation
@@ -17,8 +18,7 @@ from gcs.results.columns import COLUMNS
 from gcs.station.fleet_state import FleetState
 from gcs.station.notifications import WARNING, Notification
 from mavlink_defs import dialect
-from mavlink_defs.fault_kinds import FaultLimits
-from mavlink_defs.faults import Fault
+from mavlink_defs.faults.kinds import FaultLimits
 from sitl_plant.airframe.rigid_body import R1
 
 LIMITS = FaultLimits(((-20.0, 20.0), (-30.0, 10.0), (0.0, 0.0)), 80.0)
@@ -89,7 +89,7 @@ def test_events_are_counted_and_published_once() -> None:
 
 def test_faults_are_those_that_act_now() -> None:
     bench = Bench()
-    fault = Fault(2, 0.9, 0.0, 0.0, 19.0, 22.0)
+    fault = actuator_fault(2, 0.9, 0.0, 0.0, 19.0, 22.0)
     bench.fleet.vehicles[1].faults = (fault,)
     for time_ms in (18_000, 20_000, 23_000):
         bench.say(events(time_ms, 0, 0, 0, 0))
@@ -146,7 +146,7 @@ def test_a_scene_names_the_fault_of_a_vehicle() -> None:
     bench.say(dialect.MAVLink_attitude_message(0, 0, 0, 0, 0, 0, 0))
     bench.say(dialect.MAVLink_local_position_ned_message(0, 1.0, 2.0, -3.0, 0, 0, 0))
     bench.say(events(1500, 0, 0, 0, 0))
-    bench.fleet.vehicles[1].faults = (Fault(2, 0.5, 0.0, 0.0, 0.0, math.inf),)
+    bench.fleet.vehicles[1].faults = (actuator_fault(2, 0.5, 0.0, 0.0, 0.0, math.inf),)
     entities, frames = FormationScene().update(bench.fleet.vehicles.values())
     assert b"UAV 1: rudder at 50 %" in entities.encode()
     assert b"uav1" in frames.encode()

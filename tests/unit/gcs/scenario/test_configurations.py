@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 import yaml
+from plain_faults import actuator_fault
 from scenario_edits import DELETE, edit
 
 from ftc_autopilot.config import AutopilotConfig
@@ -13,7 +14,6 @@ from ftc_autopilot.control.triggers.static import PerChannel
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.config.files import dump, load
 from mavlink_defs.config.models import ConfigError, Model
-from mavlink_defs.faults import Fault
 from mavlink_defs.profile import Segment
 from sitl_plant.config import PlantConfig
 
@@ -26,7 +26,7 @@ def test_scenario_1_is_the_papers(scenario1: Scenario) -> None:
         Segment(4.0, 45.0, 5.0, 5.0, 10.0, ramp=False),
         Segment(15.0, 50.0, 0.0, 0.0, 10.0, ramp=False),
     )
-    assert scenario1.fault_commands() == [(3, Fault(2, 0.9, 0.0, 0.0, 19.0, 22.0))]
+    assert scenario1.fault_commands() == [(3, actuator_fault(2, 0.9, 0.0, 0.0, 19.0, 22.0))]
     assert scenario1.disturbance.acceleration_m_s2.z.cos == 0.1
     assert scenario1.disturbance.angular_acceleration_rad_s2.x.rate_rad_s == math.pi
 

@@ -16,7 +16,8 @@ from gcs.scenario.model import Scenario, load_scenario, scenario_of, scenario_tr
 from mavlink_defs.config.inherit import merged
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.constants import RUDDER
-from mavlink_defs.faults import InvalidParam, fault_from_params
+from mavlink_defs.faults.actuators import ACTUATOR_FAULTS
+from mavlink_defs.faults.command import InvalidParam, fault_from_params
 from sitl_plant.airframe.aircraft import aircraft_record
 
 MIXED = """
@@ -114,9 +115,9 @@ def test_faults_are_checked_against_the_own_aircraft(tmp_path: Path) -> None:
     scenario = mixed(tmp_path)
     limits = [scenario.aircraft_of(i).fault_limits for i in (1, 2, 3)]
     stuck = (0, 0.0, 18.0, 0.0, np.nan, np.nan, 0.0)
-    assert fault_from_params(stuck, limits[0]).value == 18.0
+    assert fault_from_params(ACTUATOR_FAULTS, stuck, limits[0]).value == 18.0
     with pytest.raises(InvalidParam, match="must be -20 to 15 deg"):
-        fault_from_params(stuck, limits[2])
+        fault_from_params(ACTUATOR_FAULTS, stuck, limits[2])
 
 
 @pytest.mark.parametrize(

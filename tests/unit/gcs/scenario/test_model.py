@@ -4,11 +4,11 @@ from typing import Any
 
 import pytest
 import yaml
+from plain_faults import actuator_fault
 from scenario_edits import DELETE, edit
 
 from gcs.scenario.model import load_scenario
 from mavlink_defs.config.models import ConfigError
-from mavlink_defs.faults import Fault
 
 PAPER = Path(__file__).parents[4] / "scenarios" / "paper" / "scenario1.yaml"
 RUDDER = {"uav": 3, "actuator": "rudder", "start_s": 1}
@@ -356,8 +356,8 @@ def test_faults_that_follow_each_other_or_differ_in_actuator_do_not_overlap(
     commands = load_scenario(path).fault_commands()
     assert repr(commands[1:]) == repr(  # NaN is not equal to itself
         [
-            (3, Fault(2, 0.0, 3.0, 2.0, 22.0, math.nan)),
-            (3, Fault(3, 0.5, -50.0, 0.0, 1.0, math.nan)),
-            (1, Fault(2, 0.0, 0.0, 0.0, 20.0, math.nan)),
+            (3, actuator_fault(2, 0.0, 3.0, 2.0, 22.0, math.nan)),
+            (3, actuator_fault(3, 0.5, -50.0, 0.0, 1.0, math.nan)),
+            (1, actuator_fault(2, 0.0, 0.0, 0.0, 20.0, math.nan)),
         ]
     )

@@ -8,7 +8,8 @@ from gcs.fleet.in_process import add_faults
 from gcs.scenario.bundled import bundled_names
 from gcs.scenario.model import Scenario, load_scenario, scenario_of, scenario_tree
 from mavlink_defs.config.models import ConfigError
-from mavlink_defs.sensor_faults import SensorFault
+from mavlink_defs.faults.fault import Fault
+from mavlink_defs.faults.sensors import SENSOR_FAULTS
 
 FILES = [name for name in bundled_names() if name.startswith("sensor_faults/")]
 OFF = {"uav": 3, "sensor": "gps", "failure": "off", "start_s": 1.0}
@@ -32,24 +33,24 @@ def test_every_file_has_a_sensor_fault_and_navigates_by_sensors(name: str) -> No
     assert found.faults
     assert not found.actuator_faults
     for _, fault in found.fault_commands():
-        assert isinstance(fault, SensorFault)
+        assert fault.family is SENSOR_FAULTS
         assert fault.start_s < found.duration_s
 
 
 def test_there_are_files_for_every_sensor() -> None:
-    sensors = {fault.unit.name for name in FILES for _, fault in _faults(name)}
+    sensors = {fault.target.name for name in FILES for _, fault in _faults(name)}
     assert len(sensors) == 6
 
 
-def _faults(name: str) -> list[tuple[int, SensorFault]]:
+def _faults(name: str) -> list[tuple[int, Fault]]:
     found = load_scenario(name).fault_commands()
-    return [(uav, fault) for uav, fault in found if isinstance(fault, SensorFault)]
+    return [(uav, fault) for uav, fault in found if fault.family is SENSOR_FAULTS]
 
 
 def test_faults_of_both_kinds_stand_side_by_side_and_survive_a_file() -> None:
     rudder = {"uav": 3, "actuator": "rudder", "effectiveness": 0.5, "start_s": 1.0}
     both = scenario(OFF, rudder)
-    assert [f.command().target for f in both.faults] == ["gps", "rudder"]
+    assert [f.target.name for f in both.faults] == ["gps", "rudder"]
     assert [f.actuator for f in both.actuator_faults] == ["rudder"]
     again = scenario_of("here.yaml", both.model_dump())
     assert again == both
@@ -115,4 +116,4 @@ def test_actuators_are_not_handed_the_faults_of_sensors() -> None:
     with_fault = scenario({"uav": 3, "actuator": "rudder", "effectiveness": 0.5, "start_s": 1.0})
     fleet = new_plant_state(with_fault.plant_config())
     add_faults(with_fault, fleet)
-    assert [int(row["actuator"]) for row in fleet.uavs[2]["faults"] if row["actuator"] >= 0] == [2]
+    assert [int(row["target"]) for row in fleet.uavs[2]["faults"] if row["target"] >= 0] == [2]

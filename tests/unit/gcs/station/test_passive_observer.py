@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from plain_faults import actuator_fault
 
 from gcs.station.fleet_state import FleetState
 from gcs.station.passive_observer import PassiveObserver
@@ -14,12 +15,13 @@ from gcs.station.vehicle_state import VehicleState
 from gcs.tui.fault_history import FaultHistory
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.faults import MAX_FAULTS, Fault
+from mavlink_defs.faults.actuators import ACTUATOR_FAULTS, MAX_FAULTS
+from mavlink_defs.faults.fault import Fault
+from mavlink_defs.faults.table import FaultTable, no_faults
 from mavlink_defs.framing.frames import FramePacker, parse
 from mavlink_defs.services.command_server import CommandServer
 from mavlink_defs.services.fault_list import FaultLister, FaultsListed
 from mavlink_defs.services.machine import SystemId
-from sitl_plant.actuators.faults import add_fault, clear_faults, no_faults
 
 STATION, VEHICLE = SystemId(255, 77), SystemId(3, 1)
 NAN, INF = math.nan, math.inf
@@ -27,7 +29,7 @@ NOW_S = 5.5  # simulated time that the vehicle last reported [s]
 
 float32s = st.floats(width=32, allow_nan=False, allow_infinity=False)
 anything = st.builds(
-    Fault,
+    actuator_fault,
     st.integers(0, 3),
     st.floats(0, 1, width=32),
     float32s,
@@ -75,31 +77,21 @@ class Log:
         self.play(dialect.MAVLink_command_ack_message(command, 0, 0, 0, *STATION), VEHICLE)
 
     def set(self, fault: Fault) -> None:
-        self.command(dialect.MAV_CMD_FTC_SET_FAULT, fault)
+        self.command(dialect.MAV_CMD_FTC_SET_FAULT, fault.params)
 
     def list(self, faults: Sequence[Fault]) -> None:
         for message in listing(faults):
             self.play(message, VEHICLE)
 
 
-def listing(faults: Sequence[Fault]) -> list[MAVLink_message]:
+def listing(faults: Sequence[Fault]) -> list[dialect.MAVLink_ftc_fault_message]:
     """The FTC_FAULT messages of a vehicle that has these faults."""
     if not faults:
         return [dialect.MAVLink_ftc_fault_message(0, 0, 0, 0, 0, 0, 0, 0, 0)]
-    return [
-        dialect.MAVLink_ftc_fault_message(
-            f.effectiveness,
-            f.value,
-            f.frequency_hz,
-            f.start_s,
-            f.end_s,
-            i,
-            len(faults),
-            f.actuator,
-            0,
-        )
-        for i, f in enumerate(faults)
-    ]
+    messages = [fault.message(0.0) for fault in faults]
+    for i, message in enumerate(messages):
+        message.index, message.count = i, len(faults)
+    return messages
 
 
 def listed_live(faults: Sequence[Fault]) -> tuple[Fault, ...]:
@@ -114,7 +106,7 @@ def listed_live(faults: Sequence[Fault]) -> tuple[Fault, ...]:
         lister.receive(received(message, VEHICLE), 0.0)
     (done,) = lister.events()
     assert isinstance(done, FaultsListed)
-    return tuple(fault for fault in done.faults if isinstance(fault, Fault))
+    return done.faults
 
 
 @given(st.lists(anything, max_size=MAX_FAULTS))
@@ -134,13 +126,13 @@ def test_a_list_may_come_in_pieces(faults: list[Fault], data: st.DataObject) -> 
 
 def test_an_actuator_that_does_not_exist_is_ignored() -> None:
     log = Log()
-    log.list([Fault(9, 0.5, 0.0, 0.0, 1.0, 2.0)])
+    log.play(dialect.MAVLink_ftc_fault_message(0.5, 0, 0, 1, 2, 0, 1, 9, 0), VEHICLE)
     assert log.state.faults is None
 
 
 @pytest.mark.parametrize("value", [19.3, 100.1, 0.1, 0.7])
 def test_a_listed_fault_does_not_replace_itself(value: float) -> None:
-    log, fault = Log(), Fault(2, 0.9, value, value, value + 19.0, value + 30.0)
+    log, fault = Log(), actuator_fault(2, 0.9, value, value, value + 19.0, value + 30.0)
     log.set(fault)
     log.list([fault])
     (record,) = log.fault_history.records
@@ -149,13 +141,13 @@ def test_a_listed_fault_does_not_replace_itself(value: float) -> None:
 
 def test_a_start_that_was_estimated_is_set_right_by_the_list() -> None:
     log = Log()
-    log.set(Fault(2, 0.9, 0.0, 0.0, NAN, NAN))
-    exact = Fault(2, 0.9, 0.0, 0.0, NOW_S + 0.043, INF)
+    log.set(actuator_fault(2, 0.9, 0.0, 0.0, NAN, NAN))
+    exact = actuator_fault(2, 0.9, 0.0, 0.0, NOW_S + 0.043, INF)
     log.list([exact])
     (record,) = log.fault_history.records
     assert (record.fault, record.gone, record.acknowledged is None) == (exact, "", False)
-    log.set(Fault(2, 0.9, 0.0, 0.0, NAN, NAN))  # the same once more is another fault
-    log.list([Fault(2, 0.9, 0.0, 0.0, NOW_S + 0.5, INF)])
+    log.set(actuator_fault(2, 0.9, 0.0, 0.0, NAN, NAN))  # the same once more is another fault
+    log.list([actuator_fault(2, 0.9, 0.0, 0.0, NOW_S + 0.5, INF)])
     first, second = log.fault_history.records
     assert (first.gone, second.gone) == ("replaced", "")
 
@@ -163,13 +155,15 @@ def test_a_start_that_was_estimated_is_set_right_by_the_list() -> None:
 whole = st.integers(0, 12).map(float)
 commands = st.one_of(
     st.builds(
-        lambda actuator, start, length: Fault(actuator, 0.5, 0.0, 0.0, start, start + length),
+        lambda actuator, start, length: actuator_fault(
+            actuator, 0.5, 0.0, 0.0, start, start + length
+        ),
         st.integers(0, 1),
         st.just(NAN) | whole,
         st.integers(1, 6),
     ),
     st.builds(
-        lambda actuator, start, end: Fault(actuator, 0.25, 1.0, 0.0, start, end),
+        lambda actuator, start, end: actuator_fault(actuator, 0.25, 1.0, 0.0, start, end),
         st.integers(0, 1),
         st.just(NAN) | whole,
         st.just(NAN),
@@ -180,16 +174,16 @@ commands = st.one_of(
 
 @given(st.lists(st.tuples(st.integers(0, 3), commands), max_size=MAX_FAULTS))
 def test_windows_follow_the_plants_rule(steps: list[tuple[int, Fault | int]]) -> None:
-    log, row, time_s = Log(), no_faults(1)[0], NOW_S
+    table, log, time_s = FaultTable(ACTUATOR_FAULTS, no_faults(ACTUATOR_FAULTS, 1)[0]), Log(), NOW_S
     for later_s, step in steps:
         time_s += later_s
         log.tell_time(time_s)
         if isinstance(step, int):
             log.command(dialect.MAV_CMD_FTC_CLEAR_FAULTS, (step, 0, 0, 0, 0, 0, 0))
-            clear_faults(row, step)
+            table.clear(ACTUATOR_FAULTS.target(step))
         else:
             log.set(step)
-            add_fault(row, step, time_s)
-    there = [(f["actuator"], f["rho"], f["start"], f["end"]) for f in row if f["actuator"] >= 0]
-    known = [one for one in log.state.faults or () if isinstance(one, Fault)]
-    assert [(f.actuator, f.effectiveness, f.start_s, f.end_s) for f in known] == there
+            table.set([step], time_s)
+    there = [(f.number, f.effectiveness, f.start_s, f.end_s) for f in table.faults]
+    known = log.state.faults or ()
+    assert [(f.number, f.effectiveness, f.start_s, f.end_s) for f in known] == there

@@ -5,6 +5,7 @@ import math
 from typing import Any
 
 import pytest
+from plain_faults import actuator_fault
 
 from gcs.station.event_counts import EventCounts
 from gcs.station.fleet_state import FleetState
@@ -14,7 +15,6 @@ from gcs.station.status import vehicle_status
 from gcs.station.vehicle_state import LOST_S, VehicleState
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.faults import Fault
 from mavlink_defs.framing.frames import FramePacker, parse, text_chunks
 from mavlink_defs.profile import Segment, segments_to_items
 from mavlink_defs.services.machine import SystemId
@@ -24,7 +24,7 @@ STANDBY, ACTIVE, BOOT = (
     dialect.MAV_STATE_ACTIVE,
     dialect.MAV_STATE_BOOT,
 )
-FAULT = Fault(2, 0.9, 0.0, 0.0, 19.0, 22.0)
+FAULT = actuator_fault(2, 0.9, 0.0, 0.0, 19.0, 22.0)
 NONE = 0xFFFFFFFF
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
+from plain_faults import actuator_fault
 from textual.pilot import Pilot
 from textual.widgets import TabbedContent
 from tui_bench import OWN, Station, at_screen, live, playback, sent
@@ -28,8 +29,8 @@ from gcs.tui.parameters import ParametersPanel
 from gcs.tui.plots import Chart
 from gcs.tui.status_bar import StatusBar
 from mavlink_defs import dialect
-from mavlink_defs.fault_kinds import CODES
-from mavlink_defs.faults import Fault
+from mavlink_defs.faults.actuators import ACTUATOR_FAULTS
+from mavlink_defs.faults.fault import Fault
 from mavlink_defs.framing.frames import parse
 from mavlink_defs.services.param import Param
 
@@ -171,8 +172,8 @@ ARRIVALS = st.lists(
     ),
     max_size=25,
 )
-CODED = st.sampled_from(sorted(CODES))
-FAULTS = st.lists(st.builds(Fault, st.integers(0, 3), *[EXTREME] * 5, CODED), max_size=3)
+CODED = st.sampled_from([kind.code for kind in ACTUATOR_FAULTS.kinds])
+FAULTS = st.lists(st.builds(actuator_fault, st.integers(0, 3), *[EXTREME] * 5, CODED), max_size=3)
 
 
 @dataclass

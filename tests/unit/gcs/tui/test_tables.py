@@ -5,6 +5,7 @@ import re
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from plain_faults import actuator_fault
 from rich.cells import cell_len
 from textual.pilot import Pilot
 from tui_bench import Station, at_screen, live, sent
@@ -16,7 +17,6 @@ from gcs.tui.grid import Column, Row, _fit
 from gcs.tui.key_bar import KeyBar
 from gcs.tui.wire_panel import WirePanel
 from mavlink_defs import dialect
-from mavlink_defs.faults import Fault
 from mavlink_defs.visible import visible
 
 SIZES = [(80, 24), (120, 40), (200, 50)]
@@ -93,7 +93,7 @@ def faults_of(station: Station, count: int) -> tuple[str, ...]:
     )
     for message in (tracking, path):
         station.fleet.receive(sent(message, 1), station.time_s)
-    faults = tuple(Fault(i, 0.93, 0.5, 0.0, 39.082 + i, 539.064) for i in range(count))
+    faults = tuple(actuator_fault(i, 0.93, 0.5, 0.0, 39.082 + i, 539.064) for i in range(count))
     station.fleet.vehicles[1].learn_faults(faults, station.time_s)
     return tuple(fault.describe() for fault in faults)
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from plain_faults import actuator_fault, sensor_fault
 from tui_bench import OWN, Station, live, playback
 
 from gcs.commands.log import log
@@ -14,7 +15,7 @@ from gcs.scenario.profile_file import load_profile
 from gcs.station.notifications import INFO, Notification
 from gcs.station.vehicle_state import VehicleState
 from gcs.tui.event_log import EventLog
-from gcs.tui.fault_form import kinds_of, read_fault
+from gcs.tui.fault_form import read_fault
 from gcs.tui.fault_history import FaultHistory
 from gcs.tui.formatting import count, number, percent, seconds, sparkline
 from gcs.tui.playback import Playback
@@ -22,13 +23,12 @@ from gcs.tui.profile_views import differences, polyline
 from gcs.tui.view import SILENT_S, FleetView
 from mavlink_defs import dialect
 from mavlink_defs.constants import Actuator
-from mavlink_defs.fault_kinds import FAULT_KINDS
-from mavlink_defs.faults import Fault
-from mavlink_defs.sensor_faults import SensorFault
+from mavlink_defs.faults.fault import Fault
+from mavlink_defs.faults.sensors import SENSOR_FAULTS
 from mavlink_defs.services.machine import SystemId
 
 SCENARIO_1 = Path(__file__).parents[4] / "scenarios" / "paper" / "scenario1.yaml"
-RUDDER = Fault(2, 0.5, 0.0, 0.0, 10.0, 20.0)
+RUDDER = actuator_fault(2, 0.5, 0.0, 0.0, 10.0, 20.0)
 
 
 # texts
@@ -64,23 +64,28 @@ def test_texts(shown: str, expected: str) -> None:
 @pytest.mark.parametrize(
     ("actuator", "kind", "texts", "fault"),
     [
-        ("rudder", "bias", {"effectiveness": "0.5"}, Fault(2, 0.5, 0.0, 0.0, math.nan, math.nan)),
+        (
+            "rudder",
+            "bias",
+            {"effectiveness": "0.5"},
+            actuator_fault(2, 0.5, 0.0, 0.0, math.nan, math.nan),
+        ),
         (
             "aileron",
             "bias",
             {"value": "-2,5", "start_s": "3", "end_s": "4"},
-            Fault(0, 1.0, -2.5, 0.0, 3.0, 4.0),
+            actuator_fault(0, 1.0, -2.5, 0.0, 3.0, 4.0),
         ),
         (
             "throttle",
             "stuck",
             {"value": "100", "effectiveness": "0.7", "frequency_hz": "2"},
-            Fault(3, 0.0, 100.0, 2.0, math.nan, math.nan),
+            actuator_fault(3, 0.0, 100.0, 2.0, math.nan, math.nan),
         ),
     ],
 )
 def test_a_form_is_read(actuator: Actuator, kind: str, texts: dict[str, str], fault: Fault) -> None:
-    read = read_fault(actuator, FAULT_KINDS[kind], texts)
+    read = read_fault(actuator, kind, texts)
     assert repr(read.fault) == repr(fault)  # NaN is not equal to itself
     assert read.problems == ()
 
@@ -100,14 +105,14 @@ def test_a_form_is_read(actuator: Actuator, kind: str, texts: dict[str, str], fa
 def test_a_form_that_cannot_be_sent_says_why(
     kind: str, texts: dict[str, str], problem: str
 ) -> None:
-    read = read_fault("rudder", FAULT_KINDS[kind], texts)
+    read = read_fault("rudder", kind, texts)
     assert read.fault is None
     assert problem in "\n".join(read.problems)
 
 
 def test_a_form_of_a_sensor_is_read_and_has_the_values_that_it_says_by_itself() -> None:
     def read(sensor: str, kind: str, **texts: str) -> object:
-        found = read_fault(sensor, kinds_of(sensor)[kind], texts)
+        found = read_fault(sensor, kind, texts)
         return found.fault.describe() if found.fault else found.problems
 
     assert read("airspeed", "stuck", value="5") == "airspeed stuck from now, until cleared"
@@ -118,7 +123,7 @@ def test_a_form_of_a_sensor_is_read_and_has_the_values_that_it_says_by_itself() 
     assert read("gyro", "drift") == ("drift °/s^2: expected a number, got nothing",)
     assert read("gyro", "off", instance="one") == ("instance: expected a whole number, got 'one'",)
     assert read("gyro", "bias", axis="w") == ("axis: expected 'x', 'y' or 'z', got 'w'",)
-    assert "scale" not in kinds_of("gps")
+    assert "scale" not in SENSOR_FAULTS.kinds_of(SENSOR_FAULTS.named("gps"))
 
 
 # event_log and fault_history
@@ -181,7 +186,7 @@ def test_a_fault_is_in_the_history_as_soon_as_it_is_listed() -> None:
 def test_one_command_for_all_gyros_is_one_acknowledgement() -> None:
     fault_history, state = FaultHistory(OWN), VehicleState(SystemId(3, 1), 0.0)
     fault_history.receive(ack(dialect.MAV_CMD_FTC_SET_SENSOR_FAULT), 50.0)
-    gyros = tuple(SensorFault(1, 1, 0.0, number, 12.0, math.inf) for number in (1, 2))
+    gyros = tuple(sensor_fault(1, 1, 0.0, number, 12.0, math.inf) for number in (1, 2))
     state.faults = gyros
     fault_history.update(state, 51.0)
     assert [r.acknowledged and r.acknowledged.at for r in fault_history.records] == [50.0, 50.0]
@@ -257,7 +262,7 @@ def test_a_log_tells_faults_and_profile_that_were_sent() -> None:
     states = player.fleet.vehicles
     assert sorted(states) == [1, 2, 3]
     assert states[2].profile == load_profile(SCENARIO_1)
-    assert states[3].active_faults == (Fault(2, 0.9, 0.0, 0.0, 19.0, 22.0),)
+    assert states[3].active_faults == (actuator_fault(2, 0.9, 0.0, 0.0, 19.0, 22.0),)
     assert states[1].counts.total > 1000
 
 

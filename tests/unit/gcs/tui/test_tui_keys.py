@@ -2,6 +2,7 @@
 
 import asyncio
 
+from plain_faults import actuator_fault
 from textual.pilot import Pilot
 from textual.widgets import Input, Select
 from tui_bench import Station, at_screen, live, playback
@@ -11,8 +12,7 @@ from gcs.errors import CommandRefused, NoAnswer
 from gcs.tui.app import Dashboard
 from gcs.tui.grid import Column, Grid, Row
 from gcs.tui.view import LiveSource
-from mavlink_defs.faults import Fault
-from mavlink_defs.sensor_faults import AnyFault
+from mavlink_defs.faults.fault import Fault
 
 
 def shown(app: Dashboard) -> str:
@@ -120,10 +120,10 @@ class FaultyVehicle:
 
     def __init__(self, source: LiveSource, system: int) -> None:
         self.system, self.refuses = system, False
-        self.held: list[AnyFault] = []
+        self.held: list[Fault] = []
         self._source = source
 
-    async def set_fault(self, fault: AnyFault) -> None:
+    async def set_fault(self, fault: Fault) -> None:
         if self.refuses:
             raise CommandRefused(f"UAV {self.system} refused", 1)
         self.held.append(fault)
@@ -175,7 +175,7 @@ def test_the_fault_repeated_is_the_one_just_accepted() -> None:
     source = live(station)
     for system in (1, 2, 3):
         station.vehicles[system] = FaultyVehicle(source, system)
-    station.vehicles[3].held.append(Fault(2, 0.9, 0.0, 0.0, 19.0, 22.0))
+    station.vehicles[3].held.append(actuator_fault(2, 0.9, 0.0, 0.0, 19.0, 22.0))
 
     async def work(app: Dashboard, pilot: Pilot[None]) -> None:
         await station.vehicles[3].faults()

@@ -3,32 +3,46 @@
 import math
 from typing import Any
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from lossy_network import GCS, VEHICLE, LossyNetwork, over_the_wire, sent_by
+from plain_faults import actuator_fault
 
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
-from mavlink_defs.faults import Fault
+from mavlink_defs.faults.fault import Fault
 from mavlink_defs.services.command_server import CommandReceived, CommandServer
 from mavlink_defs.services.fault_list import MAX_REQUESTS, FaultLister, FaultsListed
 from mavlink_defs.services.machine import Machine
 
 ACCEPTED = dialect.MAV_RESULT_ACCEPTED
 FAULTS = (
-    Fault(2, 0.9, 0.0, 0.0, 19.0, 22.0),
-    Fault(3, 0.0, 1.5, 0.3, 0.0, math.inf),
-    Fault(0, 1.0, -2.5, 0.0, 7.25, math.inf),
+    actuator_fault(2, 0.9, 0.0, 0.0, 19.0, 22.0),
+    actuator_fault(3, 0.0, 1.5, 0.3, 0.0, math.inf),
+    actuator_fault(0, 1.0, -2.5, 0.0, 7.25, math.inf),
 )
+
+
+UNKNOWN = [(9, 0, 0, 0), (0, 9, 0, 0), (0, 0, 7, 0), (0, 11, 1, 0), (0, 0, 1, 4)]
 
 
 def message_of(faults: tuple[Fault, ...], i: int) -> MAVLink_message:
     if not faults:
         return dialect.MAVLink_ftc_fault_message(0, 0, 0, 0, 0, 0, 0, 0, 0)
-    f = faults[i]
-    return dialect.MAVLink_ftc_fault_message(
-        f.effectiveness, f.value, f.frequency_hz, f.start_s, f.end_s, i, len(faults), f.actuator, 0
+    message = faults[i].message(0.0)
+    message.index, message.count = i, len(faults)
+    return message
+
+
+@pytest.mark.parametrize(("actuator", "kind", "sensor", "axis"), UNKNOWN)
+def test_a_fault_of_what_is_not_known_is_ignored(
+    actuator: int, kind: int, sensor: int, axis: int
+) -> None:
+    message = dialect.MAVLink_ftc_fault_message(
+        0.5, 1.0, 0.0, 1.0, 2.0, 0, 1, actuator, 0, kind, sensor, 1, axis
     )
+    assert Fault.from_message(message) is None
 
 
 class Vehicle(Machine[None]):
@@ -125,7 +139,7 @@ def test_a_list_that_changes_meanwhile_is_no_mixture() -> None:
     st.integers(0, 16),
 )
 def test_lossy_link(network: LossyNetwork, n: int) -> None:
-    faults = tuple(Fault(i % 4, 0.5, 0.0, 0.0, float(i), i + 1.0) for i in range(n))
+    faults = tuple(actuator_fault(i % 4, 0.5, 0.0, 0.0, float(i), i + 1.0) for i in range(n))
     done = listed(Vehicle(faults), network)
     assert done in (FaultsListed(ACCEPTED, faults), FaultsListed(None))
     if network.loss < 0.1:

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from plain_faults import actuator_fault, add_fault
 from scipy import integrate, signal
 
 from gcs.fleet.in_process import fly_in_process
 from gcs.scenario.model import Scenario, scenario_of
-from mavlink_defs.fault_kinds import HARDOVER
-from mavlink_defs.faults import Fault
+from mavlink_defs.faults.actuators import ACTUATOR_FAULTS, HARDOVER
+from mavlink_defs.faults.table import no_faults
 from sitl_plant.actuators.config import ActuatorServos, EngineServo, SurfaceServo
-from sitl_plant.actuators.faults import add_fault, no_faults
 from sitl_plant.actuators.servo import (
     begin_period,
     end_period,
@@ -36,7 +36,9 @@ def moved(servo: SurfaceServo | EngineServo, commands: np.ndarray, channel: int)
     controls, flown = np.zeros(4), []
     for step, command in enumerate(commands):
         controls[channel] = command * unit
-        begin_period(servos, sent, controls, no_faults(1)[0], step, step * DT, True)
+        begin_period(
+            servos, sent, controls, no_faults(ACTUATOR_FAULTS, 1)[0], step, step * DT, True
+        )
         end_period(servos, DT)
         flown.append(servos["output"][channel] / unit)
     return np.array(flown)
@@ -110,7 +112,9 @@ def test_positions_within_a_period_lead_to_its_end(
     sent = sent_commands(np.array([servos]))[0]
     for step, angle in enumerate((start, target)):
         controls = np.array([0.0, math.radians(angle), 0.0, 0.0])
-        begin_period(servos, sent, controls, no_faults(1)[0], step, step * DT, True)
+        begin_period(
+            servos, sent, controls, no_faults(ACTUATOR_FAULTS, 1)[0], step, step * DT, True
+        )
         path = np.degrees([positions(servos, k * DT / 8.0)[ELEVATOR] for k in range(9)])
         end_period(servos, DT)
         assert math.degrees(servos["output"][ELEVATOR]) == path[-1]
@@ -144,8 +148,10 @@ def test_a_hard_over_runs_away_and_comes_back_at_the_rate_of_the_servo() -> None
     servo = SurfaceServo(rate_limit_deg_s=400.0)
     servos = new_servos(ActuatorServos(elevator=servo), STEP_US)
     sent = sent_commands(np.array([servos]))[0]
-    faults: np.ndarray = no_faults(1)[0]
-    add_fault(faults, Fault(ELEVATOR, 0.0, -20.0, 0.0, 0.003, 0.043, HARDOVER.code), now_s=0.0)
+    faults: np.ndarray = no_faults(ACTUATOR_FAULTS, 1)[0]
+    add_fault(
+        faults, actuator_fault(ELEVATOR, 0.0, -20.0, 0.0, 0.003, 0.043, HARDOVER.code), now_s=0.0
+    )
     flown = []
     for step in range(80):
         begin_period(servos, sent, np.zeros(4), faults, step, step * DT, True)
@@ -159,8 +165,10 @@ def test_a_hard_over_runs_away_and_comes_back_at_the_rate_of_the_servo() -> None
 def test_a_hard_over_from_the_start_begins_where_the_first_command_is() -> None:
     servos = new_servos(ActuatorServos(elevator=SurfaceServo(rate_limit_deg_s=400.0)), STEP_US)
     sent = sent_commands(np.array([servos]))[0]
-    faults: np.ndarray = no_faults(1)[0]
-    add_fault(faults, Fault(ELEVATOR, 0.0, -20.0, 0.0, 0.0, math.nan, HARDOVER.code), now_s=0.0)
+    faults: np.ndarray = no_faults(ACTUATOR_FAULTS, 1)[0]
+    add_fault(
+        faults, actuator_fault(ELEVATOR, 0.0, -20.0, 0.0, 0.0, math.nan, HARDOVER.code), now_s=0.0
+    )
     begin_period(servos, sent, np.zeros(4), faults, 0, 0.0, True)
     end_period(servos, DT)
     assert math.degrees(servos["output"][ELEVATOR]) == pytest.approx(-0.4)

@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mavlink_defs.faults.actuators import ACTUATOR_FAULTS
+from mavlink_defs.faults.table import no_faults
 from sitl_plant.actuators.config import ActuatorServos
-from sitl_plant.actuators.faults import no_faults
 from sitl_plant.actuators.servo import new_servos
 from sitl_plant.air.config import Wind
 from sitl_plant.air.turbulence import TURBULENCE
@@ -43,7 +44,7 @@ def in_vacuum(J: np.ndarray) -> np.void:
 
 def tumble(omega: Vec3, J: np.ndarray, steps: int, dt: float) -> np.ndarray:
     """Angular velocity at each step of a torque-free tumble, shape (steps + 1, 3)."""
-    body, faults = in_vacuum(J), no_faults(1)[0]
+    body, faults = in_vacuum(J), no_faults(ACTUATOR_FAULTS, 1)[0]
     x = np.zeros(12)
     x[3] = 1.0  # the aerodynamics need an airspeed
     x[9:12] = omega

@@ -8,16 +8,18 @@ import pytest
 from courses import Pilot, motion_at
 from hypothesis import given
 from hypothesis import strategies as st
+from plain_faults import actuator_fault, add_fault
 
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.triggers.static import Consequence, PerChannel
 from gcs.scenario.model import Scenario
 from mavlink_defs.config.files import problems_of
 from mavlink_defs.constants import ELEVATOR, N_CHANNELS, RUDDER, SURFACES, THROTTLE
-from mavlink_defs.fault_kinds import BIAS, STUCK
-from mavlink_defs.faults import Fault, InvalidParam, fault_from_params
+from mavlink_defs.faults.actuators import ACTUATOR_FAULTS, BIAS, STUCK
+from mavlink_defs.faults.command import InvalidParam, fault_from_params
+from mavlink_defs.faults.table import no_faults
 from mavlink_defs.framing.codec import ACTUATORS
-from sitl_plant.actuators.faults import add_fault, apply_faults, no_faults
+from sitl_plant.actuators.faults import apply_faults
 from sitl_plant.airframe.aircraft import AIRCRAFT, aircraft_record
 from sitl_plant.airframe.config import Aircraft
 from sitl_plant.airframe.stops import position_of, range_of, share_of
@@ -88,8 +90,8 @@ def test_no_command_and_no_fault_moves_a_surface_beyond_its_stops(
         c * (high if c > 0.0 else -low) for c, (low, high) in zip(controls, radians, strict=True)
     ]
     assert held == pytest.approx(expected, rel=1e-7)
-    row = no_faults(1)[0]
-    add_fault(row, Fault(fault[0], fault[1], fault[2], 0.0, 0.0, NAN, BIAS.code), 0.0)
+    row = no_faults(ACTUATOR_FAULTS, 1)[0]
+    add_fault(row, actuator_fault(fault[0], fault[1], fault[2], 0.0, 0.0, NAN, BIAS.code), 0.0)
     applied = apply_faults((*held.tolist(), 0.0), 1.0, 1.0, row, fleet.uavs[0]["aircraft"])[
         :THROTTLE
     ]
@@ -190,16 +192,21 @@ def test_a_fault_must_be_within_the_stops_of_its_surface(
     params = (ELEVATOR, 0.0 if kind is STUCK else 1.0, value, 0.0, NAN, NAN, kind.code)
     low, high = degrees[ELEVATOR]
     if low <= value <= high:
-        assert fault_from_params(params, limits).value == pytest.approx(value)
+        assert fault_from_params(ACTUATOR_FAULTS, params, limits).value == pytest.approx(value)
     elif not low * (1.0 + 1e-5) <= value <= high * (1.0 + 1e-5):
         with pytest.raises(InvalidParam, match=f"must be {low:g} to {high:g} deg"):
-            fault_from_params(params, limits)
+            fault_from_params(ACTUATOR_FAULTS, params, limits)
 
 
 def test_a_surface_that_is_not_there_cannot_fail(scenario1: Scenario) -> None:
     aircraft = with_stops(scenario1, {"rudder": "none"})
     params = (RUDDER, 0.5, 0.0, 0.0, NAN, NAN, 0.0)
     with pytest.raises(InvalidParam, match=r"^Fault: the aircraft has no rudder$"):
-        fault_from_params(params, aircraft.fault_limits)
-    assert fault_from_params((ELEVATOR, *params[1:]), aircraft.fault_limits).effectiveness == 0.5
+        fault_from_params(ACTUATOR_FAULTS, params, aircraft.fault_limits)
+    assert (
+        fault_from_params(
+            ACTUATOR_FAULTS, (ELEVATOR, *params[1:]), aircraft.fault_limits
+        ).effectiveness
+        == 0.5
+    )
     assert len(aircraft.fault_limits.surfaces_deg) + 1 == N_CHANNELS

@@ -5,13 +5,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from plain_faults import actuator_fault, add_fault
 from scipy.integrate import solve_ivp
 
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import AILERON, THROTTLE
-from mavlink_defs.fault_kinds import DRIFT
-from mavlink_defs.faults import Fault
-from sitl_plant.actuators.faults import add_fault
+from mavlink_defs.faults.actuators import DRIFT
 from sitl_plant.air.disturbance import disturbances
 from sitl_plant.air.wind import air_around
 from sitl_plant.airframe.rigid_body import load_state, state_derivative
@@ -73,7 +72,9 @@ def flown(scenario: Scenario, step_us: int, until: float) -> tuple[np.ndarray, n
     waves["z"] = {"sin": 2.0, "cos": 1.0, "rate_rad_s": 17.0}
     disturbed = {"acceleration_m_s2": waves, "angular_acceleration_rad_s2": waves}
     plant = plant_with(scenario, step_us=step_us, disturbance=disturbed, **CHANGING)
-    add_fault(plant.uavs[0]["faults"], Fault(AILERON, 0.5, 3.0, 4.0, 0.0, math.inf), now_s=0.0)
+    add_fault(
+        plant.uavs[0]["faults"], actuator_fault(AILERON, 0.5, 3.0, 4.0, 0.0, math.inf), now_s=0.0
+    )
     plant.uavs[0]["state"][9:12] = 0.4, -0.2, 0.1
     servos = plant.uavs[0]["servos"]
     servos["settled"], servos["shaft"][THROTTLE], servos["output"][THROTTLE] = 1, 700.0, 700.0
@@ -99,7 +100,7 @@ def test_halving_the_period_leaves_a_sixteenth_of_the_error(scenario1: Scenario)
 def test_the_positions_applied_are_those_at_the_start_of_the_period(scenario1: Scenario) -> None:
     """With a drift of 0.5 rad/s on half of the aileron, from the first step's end on."""
     plant = plant_with(scenario1, step_us=10_000, servos=CHANGING["servos"])
-    drift = Fault(AILERON, 0.5, math.degrees(0.5), 0.0, 0.01, math.inf, DRIFT.code)
+    drift = actuator_fault(AILERON, 0.5, math.degrees(0.5), 0.0, 0.01, math.inf, DRIFT.code)
     add_fault(plant.uavs[0]["faults"], drift, now_s=0.0)
     plant.uavs[0]["servos"]["settled"] = 1
     plant.uavs[0]["controls"] = COMMANDS
@@ -120,7 +121,7 @@ def test_the_specific_force_is_the_force_at_the_end_of_a_period(scenario1: Scena
     It doubles the thrust's way from 0 N, at 1e5 N/s from 8 ms on, to 20 ms inclusive.
     """
     plant, step_us = plant_with(scenario1, step_us=4000), 4000
-    drift = Fault(THROTTLE, 0.5, 1e5, 0.0, 0.008, 0.020, DRIFT.code)
+    drift = actuator_fault(THROTTLE, 0.5, 1e5, 0.0, 0.008, 0.020, DRIFT.code)
     add_fault(plant.uavs[0]["faults"], drift, now_s=0.0)
     felt = []
     for step in range(7):

@@ -5,18 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from mavlink_defs.sensor_fault_kinds import SENSOR_FAULT_KINDS, SENSOR_NAMES, SensorName
-from mavlink_defs.sensor_faults import MAX_SENSOR_FAULTS, SensorFault
-from sitl_plant.sensing.failures import (
-    Failures,
-    SensorRange,
-    add_sensor_fault,
-    as_fault,
-    clear_sensor_faults,
-    fail,
-    new_failures,
-)
+from mavlink_defs.faults.fault import Fault
+from mavlink_defs.faults.sensors import SENSOR_FAULTS, SensorName
+from sitl_plant.sensing.failures import Failures, SensorRange, fail, fault_table, new_failures
 
+KINDS = {kind.name: kind for kind in SENSOR_FAULTS.kinds}
 STEP_US = 1000
 GYRO_1, GYRO_2, GPS, PITOT = range(4)
 RANGES = (
@@ -47,17 +40,11 @@ class Bench:
         window: tuple[float, float] = (0.01, math.nan),
         instance: int = 0,
         axis: int = 0,
-        now_s: float = 0.0,
     ) -> None:
-        fault = SensorFault(
-            1 + SENSOR_NAMES.index(sensor),
-            SENSOR_FAULT_KINDS[kind].code,
-            value,
-            instance,
-            *window,
-            axis,
+        fault = Fault(
+            SENSOR_FAULTS.named(sensor), KINDS[kind], value, *window, instance=instance, axis=axis
         )
-        add_sensor_fault(self.failures.faults[0], self.failures.units[0], fault, now_s)
+        fault_table(self.failures, 0).set([fault], now_s=0.0)
 
     def run(self, unit: int, steps: int, twice: bool = False) -> tuple[np.ndarray, np.ndarray]:
         """Return what is reported in each step, and whether it is."""
@@ -183,7 +170,7 @@ def test_an_intermittent_sensor_is_off_in_first_halves() -> None:
     assert np.array_equal(fresh[11:][away], (phase >= 10)[away])
 
 
-@pytest.mark.parametrize("kind", SENSOR_FAULT_KINDS)
+@pytest.mark.parametrize("kind", KINDS)
 def test_a_second_call_for_the_same_step_makes_the_same(kind: str) -> None:
     value = {"delayed": 0.02, "intermittent": 20.0, "slow": 7.0, "noise": 3.0, "fade": 1.0}
     once, twice = Bench(every=2), Bench(every=2)
@@ -196,38 +183,9 @@ def test_a_second_call_for_the_same_step_makes_the_same(kind: str) -> None:
 
 
 def test_a_sensor_is_well_after_its_fault() -> None:
-    for kind in SENSOR_FAULT_KINDS.values():
+    for kind in KINDS.values():
         bench = Bench()
         bench.set("gyro", kind.name, 0.5 if kind.name != "noise" else 5.0, window=(0.03, 0.1))
         values, fresh = bench.run(GYRO_1, 200)
         assert fresh[101:].all()
         assert np.array_equal(values[101:], healthy(200, 3)[101:])
-
-
-def test_all_instances_have_a_row_each_and_newer_ones_replace() -> None:
-    bench = Bench()
-    bench.set("gyro", "off")
-    row = bench.failures.faults[0]
-    assert [int(f["instance"]) for f in row if f["sensor"]] == [1, 2]
-    bench.set("gyro", "bias", 3.0, window=(0.5, 1.0), instance=2)
-    listed = [as_fault(f) for f in row if f["sensor"]]
-    assert [(f.kind.name, f.target) for f in listed] == [("off", "gyro 1"), ("bias", "gyro 2")]
-    assert listed[1].value == pytest.approx(3.0)
-    clear_sensor_faults(row, 1, 2)
-    assert [as_fault(f).target for f in row if f["sensor"]] == ["gyro 1"]
-    clear_sensor_faults(row)
-    assert not row["sensor"].any()
-
-
-def test_what_has_no_room_or_no_sensor_changes_nothing() -> None:
-    bench = Bench()
-    for i in range(MAX_SENSOR_FAULTS - 1):
-        bench.set("airspeed", "off", window=(i, i + 0.5))
-    before = bench.failures.faults.copy()
-    with pytest.raises(OverflowError, match="all 32 slots"):
-        bench.set("gyro", "off")
-    with pytest.raises(LookupError):
-        bench.set("gyro", "off", instance=3)
-    assert np.array_equal(bench.failures.faults, before)
-    bench.set("airspeed", "stuck", window=(100.0, 101.0), now_s=50.0)  # those that are over go
-    assert np.count_nonzero(bench.failures.faults["sensor"]) == 1

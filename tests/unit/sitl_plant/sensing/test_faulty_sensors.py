@@ -8,10 +8,9 @@ import pytest
 
 from gcs.scenario.model import load_scenario
 from mavlink_defs import dialect
+from mavlink_defs.faults.spec import SensorFaultSpec
 from mavlink_defs.framing.codec import SIM_STATE
-from mavlink_defs.sensor_fault_spec import SensorFaultSpec
-from sitl_plant.loop.fleet import new_plant_state
-from sitl_plant.sensing.commands import sensor_commands
+from sitl_plant.loop.fleet import fault_tables, new_plant_state
 from sitl_plant.sensing.sense import sense
 
 STEPS, ONSET_S = 400, 0.25
@@ -27,7 +26,7 @@ def fly(*faults: dict[str, Any]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     sensing = fleet.sensing
     for keys in faults:
         fault = SensorFaultSpec.model_validate({"start_s": ONSET_S, **keys}).command()
-        sensor_commands(fleet.sensing.faults, 0).set(fault, 0.0)
+        fault_tables(fleet, 0)["sensor"].set([fault], 0.0)
     motion = np.zeros(1, SIM_STATE)[0]
     imus, gps, delivered = [], [], []
     for step in range(STEPS):

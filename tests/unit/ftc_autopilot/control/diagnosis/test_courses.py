@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from courses import SERVOS, STEP_US, Course, Pilot, fly_along, plant_of
+from plain_faults import actuator_fault, add_fault
 
 from ftc_autopilot.common.motion import motion_of
 from ftc_autopilot.common.phases import LOST
@@ -19,8 +20,6 @@ from ftc_autopilot.control.laws.surviving import Surviving
 from ftc_autopilot.control.triggers.static import PerChannel
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
-from mavlink_defs.faults import Fault
-from sitl_plant.actuators.faults import add_fault
 from sitl_plant.loop.fleet import fly, observe
 
 DT, STOP = 0.002, math.radians(35.0)
@@ -106,10 +105,10 @@ def test_one_actuator_alone(name: str) -> None:
 
 
 FAULTS = {
-    "aileron": Fault(AILERON, 0.0, 2.0, 0.0, 0.4, 0.8),
-    "elevator": Fault(ELEVATOR, 0.5, 1.0, 0.0, 0.3, math.inf),
-    "rudder": Fault(RUDDER, 0.0, 25.0, 0.0, 0.4, math.inf),
-    "throttle": Fault(THROTTLE, 0.0, 300.0, 0.0, 0.4, math.inf),
+    "aileron": actuator_fault(AILERON, 0.0, 2.0, 0.0, 0.4, 0.8),
+    "elevator": actuator_fault(ELEVATOR, 0.5, 1.0, 0.0, 0.3, math.inf),
+    "rudder": actuator_fault(RUDDER, 0.0, 25.0, 0.0, 0.4, math.inf),
+    "throttle": actuator_fault(THROTTLE, 0.0, 300.0, 0.0, 0.4, math.inf),
 }
 
 
@@ -129,7 +128,9 @@ def test_the_effectiveness_is_found_while_the_command_moves(
 ) -> None:
     """Without an alarm: of 40 % of the aileron's power lost, no test for a loss says anything."""
     plant = plant_of(scenario1, disturbance={})
-    add_fault(plant.uavs[0]["faults"], Fault(AILERON, rho, 0.0, 0.0, 0.2, math.inf), now_s=0.0)
+    add_fault(
+        plant.uavs[0]["faults"], actuator_fault(AILERON, rho, 0.0, 0.0, 0.2, math.inf), now_s=0.0
+    )
     pilot = Pilot(Surviving().with_servos(SERVOS), PerChannel(), scenario1.aircraft, 0.004)
     random, course = np.random.default_rng(3), []
     command = trim = np.array([0.07, -0.02, 0.36, 900.0])

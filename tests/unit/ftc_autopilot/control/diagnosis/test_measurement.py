@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from plain_faults import actuator_fault, add_fault
 from scipy import signal
 from steps import step_of
 
@@ -16,9 +17,8 @@ from ftc_autopilot.control.diagnosis.diagnose import _note_dead_time
 from ftc_autopilot.control.diagnosis.measurement import measure, servo_step, steps_back
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import RUDDER, THROTTLE
-from mavlink_defs.faults import Fault
+from mavlink_defs.faults.fault import Fault
 from sitl_plant.actuators.config import ActuatorServos
-from sitl_plant.actuators.faults import add_fault
 from sitl_plant.loop.fleet import fly, new_plant_state, observe
 
 STEP_US, DT, STEPS = 1000, 1e-3, 800
@@ -74,7 +74,7 @@ def test_measured_shows_a_fault_of_its_own_actuator_alone(
     scenario1: Scenario, channel: int
 ) -> None:
     stuck = (0.0, 0.0, 10.0, 700.0)[channel]
-    fault = Fault(channel, 0.0, stuck, 0.0, 0.3, float("inf"))
+    fault = actuator_fault(channel, 0.0, stuck, 0.0, 0.3, float("inf"))
     commanded, measured = flown(scenario1, staircase(), fault)
     difference = np.abs(measured - commanded)[100:] / (*np.radians([1.0, 1.0, 1.0]), 10.0)
     others = [c for c in range(4) if c != channel]

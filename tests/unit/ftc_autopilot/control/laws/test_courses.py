@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 from courses import SERVOS, Course, Pilot, fly_along, motion_at, neighbours_at, plant_of
+from plain_faults import actuator_fault, add_fault
 
 from ftc_autopilot.control.laws.backstepping import Backstepping
 from ftc_autopilot.control.laws.pid import Pid
@@ -16,8 +17,7 @@ from ftc_autopilot.control.triggers.periodic import Periodic
 from ftc_autopilot.control.triggers.static import Consequence, PerChannel
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
-from mavlink_defs.faults import Fault
-from sitl_plant.actuators.faults import add_fault
+from mavlink_defs.faults.fault import Fault
 
 
 def along_course(
@@ -83,33 +83,35 @@ TUBES: dict[str, tuple[dict[str, Any], Any, tuple[Fault, ...]]] = {
     "healthy": ({}, Consequence(), ()),
     "clock": ({"tube_scale": 0.5}, Periodic(period_s=0.04, rudder_period_s=0.2), ()),
     "wide": ({"tube_scale": 3.0, "dwell_s": 0.1, "gain_s": 0.1}, Consequence(), ()),
-    "no_rudder": ({}, Consequence(), (Fault(RUDDER, 0.0, 20.0, 0.0, 0.3, math.inf),)),
+    "no_rudder": ({}, Consequence(), (actuator_fault(RUDDER, 0.0, 20.0, 0.0, 0.3, math.inf),)),
     "no_aileron": (
-        {"takeover_s": 0.2}, Consequence(), (Fault(AILERON, 0.0, 2.0, 0.0, 0.3, 0.6),),
+        {"takeover_s": 0.2}, Consequence(), (actuator_fault(AILERON, 0.0, 2.0, 0.0, 0.3, 0.6),),
     ),
     "only_reported": (
-        {"survive": False}, Consequence(), (Fault(ELEVATOR, 0.0, -1.0, 0.0, 0.3, 0.5),),
+        {"survive": False}, Consequence(), (actuator_fault(ELEVATOR, 0.0, -1.0, 0.0, 0.3, 0.5),),
     ),
     "crowded": (
         {"storm_events": 3.0, "storm_s": 0.1, "tube_scale": 0.1, "dwell_s": 0.0}, Consequence(), (),
     ),
     "rescue": ({"rescue_deg": 2.0, "takeover_s": 0.1}, Consequence(), ()),
     "swinging": (
-        {"adapt": False}, Consequence(), (Fault(AILERON, 1.0, 4.0, 3.0, 0.1, math.inf),),
+        {"adapt": False}, Consequence(), (actuator_fault(AILERON, 1.0, 4.0, 3.0, 0.1, math.inf),),
     ),
     "weak": (
         {"adaptation_memory_s": 0.5, "adaptation_prior": 1e-3},
         Consequence(),
-        (Fault(ELEVATOR, 0.8, 0.0, 0.0, 0.0, math.inf),),
+        (actuator_fault(ELEVATOR, 0.8, 0.0, 0.0, 0.0, math.inf),),
     ),
-    "late_clock": ({}, Periodic(period_s=0.02), (Fault(RUDDER, 0.0, 9.0, 0.0, 0.2, math.inf),)),
+    "late_clock": (
+        {}, Periodic(period_s=0.02), (actuator_fault(RUDDER, 0.0, 9.0, 0.0, 0.2, math.inf),),
+    ),
 }  # fmt: skip
 
 
 COUPLED: dict[str, tuple[Any, tuple[Fault, ...]]] = {
     "healthy": (Consequence(), ()),
     "clock": (Periodic(period_s=0.06, rudder_period_s=0.09), ()),
-    "no_rudder": (Consequence(), (Fault(RUDDER, 0.0, 20.0, 0.0, 0.3, math.inf),)),
+    "no_rudder": (Consequence(), (actuator_fault(RUDDER, 0.0, 20.0, 0.0, 0.3, math.inf),)),
 }
 
 

@@ -1,6 +1,5 @@
-"""Keys of sensor faults: what they mean, and what is wrong with them."""
+"""Keys of faults: what they mean, and what is wrong with them."""
 
-import math
 from typing import Any
 
 import pytest
@@ -8,34 +7,37 @@ from pydantic import ValidationError
 
 from mavlink_defs import dialect
 from mavlink_defs.config.files import problems_of
-from mavlink_defs.sensor_fault_kinds import (
-    FAILURES,
-    SENSOR_FAULT_KINDS,
-    SENSOR_NAMES,
-    SENSOR_UNITS,
-)
-from mavlink_defs.sensor_fault_spec import SensorFaultSpec
-from mavlink_defs.sensor_faults import SensorFault, sensor_fault_from_params
-
-NAN = math.nan
+from mavlink_defs.faults import FAMILIES, FAMILY_OF
+from mavlink_defs.faults.command import fault_from_params
+from mavlink_defs.faults.fault import Fault
+from mavlink_defs.faults.sensors import AXIS_NAMES, FAILURES, SENSOR_FAULTS
+from mavlink_defs.faults.spec import SPECS, FaultSpec
 
 
-def fault(**keys: Any) -> SensorFault:
-    return SensorFaultSpec.model_validate(keys).command()
+def spec(keys: dict[str, Any]) -> type[FaultSpec]:
+    return SPECS["sensor" if "sensor" in keys else "actuator"]
+
+
+def fault(**keys: Any) -> Fault:
+    return spec(keys).model_validate(keys).command()
 
 
 def problems(**keys: Any) -> list[str]:
     with pytest.raises(ValidationError) as caught:
-        SensorFaultSpec.model_validate(keys)
-    return [str(problem) for problem in problems_of(SensorFaultSpec, caught.value)]
+        spec(keys).model_validate(keys)
+    named = {"bias_deg": "--bias", "stuck_deg": "--stuck", "start_s": "--start"}
+    return [problem.line(named) for problem in problems_of(spec(keys), caught.value)]
 
 
 def test_names_and_numbers_are_those_of_the_dialect() -> None:
-    for number, name in enumerate(SENSOR_NAMES, 1):
-        assert getattr(dialect, f"FTC_SENSOR_{name.upper()}") == number
-    for number, failure in enumerate(FAILURES, 1):
-        assert getattr(dialect, f"FAILURE_TYPE_{failure.upper()}") == number
-    for kind in SENSOR_FAULT_KINDS.values():
+    for family in FAMILIES:
+        for target in family.targets:
+            name = f"FTC_{family.key}_{target.name}".upper()
+            assert getattr(dialect, name) == family.number_of(target)
+    for names, of in ((FAILURES, "FAILURE_TYPE"), (AXIS_NAMES, "FTC_AXIS")):
+        for number, name in enumerate(names, 1):
+            assert getattr(dialect, f"{of}_{name.upper()}") == number
+    for kind in SENSOR_FAULTS.kinds:
         assert getattr(dialect, f"FTC_SENSOR_FAULT_KIND_{kind.name.upper()}") == kind.code
         assert kind.failure in {kind.name, "wrong"}
 
@@ -43,6 +45,18 @@ def test_names_and_numbers_are_those_of_the_dialect() -> None:
 @pytest.mark.parametrize(
     ("keys", "text"),
     [
+        (
+            {"actuator": "rudder", "bias_deg": 2.0},
+            "rudder at 100 % + 2 deg from now, until cleared",
+        ),
+        (
+            {"actuator": "throttle", "stuck_n": 2.0, "end_s": 3.0},
+            "throttle stuck at 2 N from now to 3 s",
+        ),
+        (
+            {"actuator": "throttle", "effectiveness": 0.0},
+            "throttle stuck at 0 N from now, until cleared",
+        ),
         ({"sensor": "airspeed", "failure": "stuck"}, "airspeed stuck from now, until cleared"),
         ({"sensor": "airspeed", "failure": "wrong"}, "airspeed times 0.5 from now, until cleared"),
         (
@@ -67,23 +81,23 @@ def test_keys_make_a_fault_and_a_text(keys: dict[str, Any], text: str) -> None:
     assert fault(**keys).describe() == text
 
 
-@pytest.mark.parametrize("sensor", SENSOR_UNITS)
+@pytest.mark.parametrize("sensor", [target.name for target in SENSOR_FAULTS.targets])
 @pytest.mark.parametrize("failure", FAILURES)
 def test_every_failure_has_a_default_that_the_plant_accepts(sensor: str, failure: str) -> None:
     made = fault(sensor=sensor, failure=failure)
-    assert repr(sensor_fault_from_params(made)) == repr(made)
+    assert repr(fault_from_params(SENSOR_FAULTS, made.params)) == repr(made)
     assert made.kind.failure == failure
     assert made.as_dict(None)["failure"] == failure
 
 
-@pytest.mark.parametrize("sensor", SENSOR_UNITS)
-def test_plain_data_are_the_keys_that_make_the_fault(sensor: str) -> None:
-    unit = SENSOR_UNITS[sensor]
-    for kind in SENSOR_FAULT_KINDS.values():
-        if not kind.fits(unit):
-            continue
-        keys = {kind.key(unit): 1.0} if kind.has_value else {"failure": kind.failure}
-        made = fault(sensor=sensor, instance=1, start_s=2.0, end_s=3.0, **keys)
+@pytest.mark.parametrize("name", FAMILY_OF)
+def test_plain_data_are_the_keys_that_make_the_fault(name: str) -> None:
+    family = FAMILY_OF[name]
+    target = family.named(name)
+    for kind in family.kinds_of(target).values():
+        keys = {kind.key(target): 1.0} if kind.has_value else {"failure": kind.failure}
+        own = {key: 1 for key in ("instance", "frequency_hz") if family.has(key)}
+        made = fault(**{family.key: name}, start_s=2.0, end_s=3.0, **keys, **own)
         again = made.as_dict(None)
         del again["active"]
         assert fault(**again) == made
@@ -92,6 +106,23 @@ def test_plain_data_are_the_keys_that_make_the_fault(sensor: str) -> None:
 @pytest.mark.parametrize(
     ("keys", "problem"),
     [
+        (
+            {"actuator": "rudder", "bias_deg": 1.0, "stuck_deg": 1.0},
+            "--bias: cannot be combined with '--stuck'",
+        ),
+        (
+            {"actuator": "rudder"},
+            "expected 'effectiveness', '--bias', '--stuck', 'drift_deg_s', 'hardover_deg' or"
+            " 'intermittent_deg', got none of them",
+        ),
+        (
+            {"actuator": "rudder", "bias_n": 1.0},
+            "bias_n: does not fit the rudder; did you mean '--bias'?",
+        ),
+        (
+            {"actuator": "rudder", "bias_deg": 1.0, "start_s": 3.0, "end_s": 2.0},
+            "end_s: expected > --start = 3.0 s, got 2.0",
+        ),
         ({"sensor": "gyro"}, "expected a 'failure' or a value, got neither"),
         (
             {"sensor": "gyro", "bias_pa": 1.0},
@@ -125,7 +156,7 @@ def test_plain_data_are_the_keys_that_make_the_fault(sensor: str) -> None:
         ),
         (
             {"sensor": "gyro", "failure": "off", "start_s": 3.0, "end_s": 2.0},
-            "end_s: expected > start_s = 3.0 s, got 2.0",
+            "end_s: expected > --start = 3.0 s, got 2.0",
         ),
         (
             {"sensor": "pitot", "failure": "off"},

@@ -1,3 +1,5 @@
+"""Commands that set faults, and faults as texts."""
+
 import math
 from typing import Any
 
@@ -5,21 +7,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from lossy_network import GCS, over_the_wire
+from plain_faults import actuator_fault
 
-from mavlink_defs import dialect
-from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_command_long_message
-from mavlink_defs.fault_kinds import CODES, HARDOVER, INTERMITTENT, STUCK, FaultLimits
-from mavlink_defs.fault_window import Window
-from mavlink_defs.faults import Fault, InvalidParam, fault_from_params
+from mavlink_defs.faults import FAMILIES
+from mavlink_defs.faults.actuators import ACTUATOR_FAULTS
+from mavlink_defs.faults.command import InvalidParam, fault_from_params
+from mavlink_defs.faults.fault import Fault
+from mavlink_defs.faults.kinds import Family, FaultLimits
+from mavlink_defs.faults.sensors import AXIS_NAMES
+from mavlink_defs.faults.window import Window
 from mavlink_defs.services.command import command_params
 
 LIMITS = FaultLimits(surfaces_deg=((-25.0, 25.0),) * 3, thrust_n=4000.0)
 NAN, INF = math.nan, math.inf
-
-
-def same(a: Fault, b: Fault) -> bool:
-    return all(x == y or (math.isnan(x) and math.isnan(y)) for x, y in zip(a, b, strict=True))
 
 
 def decimals(low: float, high: float, places: int) -> st.SearchStrategy[float]:
@@ -29,43 +30,45 @@ def decimals(low: float, high: float, places: int) -> st.SearchStrategy[float]:
 
 @st.composite
 def faults(draw: st.DrawFn) -> Fault:
-    actuator = draw(st.integers(0, 3))
-    code = draw(st.sampled_from(sorted(CODES)))
-    hardover = code == HARDOVER.code
-    effectiveness = 0.0 if hardover else draw(decimals(0.0, 1.0, 4))
-    replaces = hardover or (code == STUCK.code and effectiveness == 0.0)
-    limit = 4000.0 if actuator == 3 else 25.0
-    low = 0.0 if actuator == 3 and replaces else -limit
+    family = draw(st.sampled_from(FAMILIES))
+    target = draw(st.sampled_from(family.targets))
+    kind = draw(st.sampled_from(list(family.kinds_of(target).values())))
     start = draw(st.just(NAN) | decimals(0.0, 500.0, 2))
     earliest = 0.0 if math.isnan(start) else start
-    return Fault(
-        actuator,
-        effectiveness,
-        draw(decimals(low, limit, 2)),
-        draw(decimals(0.01 if code == INTERMITTENT.code else 0.0, 500.0, 2)),
-        start,
-        draw(st.just(NAN) | decimals(earliest + 0.01, 1000.0, 2)),
-        code,
-    )
+    value = draw(decimals(*kind.bounds(target, LIMITS), 2)) if kind.has_value else 0.0
+    end = draw(st.just(NAN) | decimals(earliest + 0.01, 1000.0, 2))
+    own: dict[str, Any] = {}
+    if family.has("effectiveness"):
+        own["effectiveness"] = draw(decimals(0.0001, 1.0, 4)) if kind.partial else 0.0
+        own["frequency_hz"] = draw(decimals(0.01 if kind.switches else 0.0, 500.0, 2))
+    if family.has("instance"):
+        own["instance"] = draw(st.integers(0, 8))
+        axes = len(AXIS_NAMES) if target.axes and kind.wrongs else 0
+        own["axis"] = draw(st.integers(0, axes))
+    return Fault(target, kind, value, start, end, **own)
 
 
 @given(faults())
 def test_fault_crosses_the_wire_unchanged(fault: Fault) -> None:
-    command = dialect.MAV_CMD_FTC_SET_FAULT
-    message = MAVLink_command_long_message(1, 1, command, 0, *fault)
+    message = MAVLink_command_long_message(1, 1, fault.family.command, 0, *fault.params)
     received: Any = over_the_wire(message, GCS)
-    assert same(fault_from_params(command_params(received), LIMITS), fault)
+    assert repr(fault_from_params(fault.family, command_params(received), LIMITS)) == repr(fault)
+    listed: Any = over_the_wire(fault.resolved(0.0).message(0.0), GCS)
+    assert Fault.from_message(listed) == fault.resolved(0.0)
 
 
-@given(st.lists(st.floats(width=32), min_size=7, max_size=7))
-def test_any_parameters_give_a_fault_within_limits_or_are_refused(params: list[float]) -> None:
+@given(st.sampled_from(FAMILIES), st.lists(st.floats(width=32), min_size=7, max_size=7))
+def test_any_parameters_give_a_fault_within_limits_or_are_refused(
+    family: Family, params: list[float]
+) -> None:
     try:
-        fault = fault_from_params(params, LIMITS)
+        fault = fault_from_params(family, params, LIMITS)
     except InvalidParam:
         return
-    assert fault.actuator in range(len(ACTUATORS))
+    assert fault.family is family
     assert 0.0 <= fault.effectiveness <= 1.0
-    assert abs(fault.value) <= (4000.0 if fault.actuator == 3 else 25.0)
+    low, high = fault.kind.bounds(fault.target, LIMITS)
+    assert not fault.kind.has_value or low <= fault.value <= high
 
 
 @pytest.mark.parametrize(
@@ -98,7 +101,7 @@ def test_any_parameters_give_a_fault_within_limits_or_are_refused(params: list[f
 )
 def test_bad_parameter_is_named(params: tuple[float, ...], index: int, text: str) -> None:
     with pytest.raises(InvalidParam) as caught:
-        fault_from_params(params, LIMITS)
+        fault_from_params(ACTUATOR_FAULTS, params, LIMITS)
     assert caught.value.index == index
     assert str(caught.value) == caught.value.text == text
 
@@ -107,37 +110,35 @@ def test_limit_that_went_through_radians_does_not_refuse_itself() -> None:
     for degrees in range(1, 90):
         stop = math.degrees(math.radians(degrees))
         limits = FaultLimits(((-stop, stop),) * 3, 1.0)
-        fault = fault_from_params((0, 1, float(degrees), 0, NAN, NAN, 0), limits)
+        fault = fault_from_params(ACTUATOR_FAULTS, (0, 1, float(degrees), 0, NAN, NAN, 0), limits)
         assert fault.value == degrees
 
 
 def test_negative_thrust_bias_is_a_fault() -> None:
-    fault = fault_from_params((3, 1, -4000, 0, NAN, INF, 0), LIMITS)
+    fault = fault_from_params(ACTUATOR_FAULTS, (3, 1, -4000, 0, NAN, INF, 0), LIMITS)
     assert (fault.value, fault.end_s) == (-4000.0, INF)
 
 
-def test_actuators_are_in_the_order_of_the_dialect() -> None:
-    names = [f"FTC_ACTUATOR_{name.upper()}" for name in ACTUATORS]
-    assert [getattr(dialect, name) for name in names] == [0, 1, 2, 3]
-
-
 def test_a_kind_that_is_not_given_is_the_first() -> None:
-    assert fault_from_params((2, 1, 5, 0, NAN, NAN, NAN), LIMITS).code == 0
+    assert fault_from_params(ACTUATOR_FAULTS, (2, 1, 5, 0, NAN, NAN, NAN), LIMITS).code == 0
 
 
 @pytest.mark.parametrize(
     ("fault", "expected"),
     [
         (
-            Fault(0, 1.0, -2.0, 0.3, 1.0, math.inf),
+            actuator_fault(0, 1.0, -2.0, 0.3, 1.0, math.inf),
             "aileron at 100 % - 2 deg · cos 2π 0.3 Hz after 1 s, until cleared",
         ),
         (
-            Fault(3, 0.0, 1.5, 0.0, math.nan, math.nan),
+            actuator_fault(3, 0.0, 1.5, 0.0, math.nan, math.nan),
             "throttle stuck at 1.5 N from now, until cleared",
         ),
-        (Fault(1, 0.0, -3.0, 0.0, 1.0, 2.0), "elevator stuck at -3 deg in (1, 2] s"),
-        (Fault(2, 0.5, 1.0, 0.0, math.nan, 22.0), "rudder at 50 % + 1 deg from now to 22 s"),
+        (actuator_fault(1, 0.0, -3.0, 0.0, 1.0, 2.0), "elevator stuck at -3 deg in (1, 2] s"),
+        (
+            actuator_fault(2, 0.5, 1.0, 0.0, math.nan, 22.0),
+            "rudder at 50 % + 1 deg from now to 22 s",
+        ),
     ],
 )
 def test_faults_as_texts(fault: Fault, expected: str) -> None:
