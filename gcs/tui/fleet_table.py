@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from textual.binding import Binding, BindingType
-from textual.message import Message
 
 from gcs.station.navigation import current_item, is_on_path, nearest_of, slot_error_of
 from gcs.station.vehicle_state import VehicleState
@@ -46,13 +45,6 @@ class FleetTable(Grid):
         Binding("c", "cycle", "columns", tooltip="Show the next group of columns"),
     ]
 
-    class Marked(Message):
-        """The operator marks a vehicle, or unmarks it."""
-
-        def __init__(self, system: int) -> None:
-            super().__init__()
-            self.system = system
-
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("waiting for vehicles: start a fleet with `gcs up SCENARIO`", **kwargs)
         self.border_title = "Fleet"
@@ -85,11 +77,6 @@ class FleetTable(Grid):
             self.move_to(view.selected)
         marked = f" · {len(view.marked)} marked" if view.marked else ""
         self.border_title = f"Fleet · {counted(len(rows), 'UAV')}{marked}"
-
-    def action_mark(self) -> None:
-        """Mark the vehicle of the cursor, or no longer."""
-        if self.key is not None:
-            self.post_message(self.Marked(self.key))
 
     def action_cycle(self) -> None:
         """Show the next group of columns."""

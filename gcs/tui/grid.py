@@ -87,6 +87,13 @@ class Grid(Guarded, ScrollView, can_focus=True):
             """The grid."""
             return self.grid
 
+    class Marked(Message):
+        """The operator marks the vehicle whose system id is a row's key, or unmarks it."""
+
+        def __init__(self, system: int) -> None:
+            super().__init__()
+            self.system = system
+
     class Activated(Moved):
         """The operator pressed enter on a row, or clicked on the row of the cursor."""
 
@@ -133,6 +140,11 @@ class Grid(Guarded, ScrollView, can_focus=True):
         """Put the cursor on the row with this key, if there is one."""
         place = next((i for i, row in enumerate(self.rows) if row.key == key), None)
         self.cursor = min(self.cursor, max(len(self.rows) - 1, 0)) if place is None else place
+
+    def action_mark(self) -> None:
+        """Mark the vehicle of the cursor, or no longer."""
+        if self.key is not None:
+            self.post_message(self.Marked(self.key))
 
     @property
     def key(self) -> Any:
