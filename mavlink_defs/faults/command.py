@@ -1,4 +1,4 @@
-"""Faults as commands carry them: those of `mavlink_defs.faults.SETTING`, MAV_CMD_INJECT_FAILURE."""
+"""Faults as their families' commands, and MAV_CMD_INJECT_FAILURE, carry them."""
 
 import math
 from collections.abc import Sequence

@@ -49,8 +49,8 @@ class Target:
         name: In keys, options and texts.
         failure_unit: FAILURE_UNIT.
         unit: Of its values, as people read them.
-        per_unit: A unit of the value as the plant has it: in SI units, of a sensor in those of its
-            samples (see `sitl_plant.sensing.failures`).
+        per_unit: A unit of the value as the plant has it: in SI units, or in the units of a
+            sensor's samples (see `sitl_plant.sensing.failures`).
         most: Largest value that can be set [unit]; infinite: the aircraft's `FaultLimits` say it.
         wrong: Kind and value of FAILURE_TYPE_WRONG without a value.
         axes: Whether it has three axes.
