@@ -172,11 +172,10 @@ def identify(
     check_out(options.out, _MARK, "an identified aircraft")
     console = console_of(quiet=options.quiet)
     command = options.command(plant)
-    found = (
-        _of_plant(plant, command, options, console)
-        if plant is not None
-        else _of_flight(options, console)
-    )
+    if plant is not None:
+        found = _of_plant(plant, command, options, console)
+    else:
+        found = _of_flight(options, console)
     if options.out is not None:
         from ftc_lab.identification.identified import text_of
 
