@@ -16,7 +16,7 @@ import typer
 from rich.console import Group
 from rich.live import Live
 
-from gcs.commands.options import options_of, with_options
+from gcs.commands.options import JsonOption, options_of, with_options
 from gcs.commands.progress import working
 from gcs.errors import BadInput, GcsError
 from gcs.outputs import write_file
@@ -98,9 +98,7 @@ class WireOptions:
     csv: Annotated[
         Path | None, typer.Option(help="Also write the counts as CSV.", metavar="FILE")
     ] = None
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print JSON on standard output instead of tables.")
-    ] = False
+    as_json: JsonOption = False
 
 
 @with_options("options", options_of(WireOptions), WireOptions)
