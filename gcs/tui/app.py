@@ -19,7 +19,7 @@ from gcs.tui.dialogs import Help, Question
 from gcs.tui.events import EventsPanel
 from gcs.tui.faults import FaultsPanel, clear_all, repeat
 from gcs.tui.fleet_table import FleetTable
-from gcs.tui.grid import Grid
+from gcs.tui.grid import Grid, VehicleGrid
 from gcs.tui.guard import CachedStatic, Failed, guarded, on, one_line
 from gcs.tui.key_bar import KeyBar
 from gcs.tui.keys import ACTING, KEYS, REPLAYING
@@ -30,7 +30,7 @@ from gcs.tui.parameters import ParametersPanel
 from gcs.tui.playback import Playback
 from gcs.tui.plots import PlotsPanel
 from gcs.tui.profile_views import ProfileFiles
-from gcs.tui.profiles import Holdings, ProfilesPanel
+from gcs.tui.profiles import ProfilesPanel
 from gcs.tui.replay_bar import ReplayBar
 from gcs.tui.requests import Choice, Refresh, VehicleAction
 from gcs.tui.status_bar import StatusBar
@@ -148,9 +148,8 @@ class Dashboard(App[None]):
         self.view.select(event.key)
         self.refresh_view()
 
-    @on(FleetTable.Marked)
-    @on(Holdings.Marked)
-    def _marked(self, event: FleetTable.Marked | Holdings.Marked) -> None:
+    @on(VehicleGrid.Marked)
+    def _marked(self, event: VehicleGrid.Marked) -> None:
         if self.playback is not None:  # nothing is done with marked vehicles
             self.action_play()
         else:

@@ -5,12 +5,11 @@ from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from textual.binding import Binding, BindingType
-from textual.message import Message
 
 from gcs.station.navigation import current_item, is_on_path, nearest_of, slot_error_of
 from gcs.station.vehicle_state import VehicleState
 from gcs.tui.formatting import Cell, number, seconds
-from gcs.tui.grid import Column, Grid, Row
+from gcs.tui.grid import Column, Row, VehicleGrid
 from gcs.tui.requests import Refresh
 from gcs.tui.view import FleetView
 from mavlink_defs.config.models import counted
@@ -38,20 +37,13 @@ _NOTABLE_ERROR = (1.0, 5.0, 5.0, 5.0)  # m/s, deg: shown in colour
 _NOTABLE_ON_PATH = (5.0, 5.0, math.inf, math.inf)  # m
 
 
-class FleetTable(Grid):
+class FleetTable(VehicleGrid):
     """All vehicles; the row of the cursor is the one whose details are shown elsewhere."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("space", "mark", "mark", tooltip="Mark the vehicle: actions go to marked ones"),
         Binding("c", "cycle", "columns", tooltip="Show the next group of columns"),
     ]
-
-    class Marked(Message):
-        """The operator marks a vehicle, or unmarks it."""
-
-        def __init__(self, system: int) -> None:
-            super().__init__()
-            self.system = system
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("waiting for vehicles: start a fleet with `gcs up SCENARIO`", **kwargs)
@@ -85,11 +77,6 @@ class FleetTable(Grid):
             self.move_to(view.selected)
         marked = f" · {len(view.marked)} marked" if view.marked else ""
         self.border_title = f"Fleet · {counted(len(rows), 'UAV')}{marked}"
-
-    def action_mark(self) -> None:
-        """Mark the vehicle of the cursor, or no longer."""
-        if self.key is not None:
-            self.post_message(self.Marked(self.key))
 
     def action_cycle(self) -> None:
         """Show the next group of columns."""

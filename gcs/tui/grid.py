@@ -318,3 +318,19 @@ def _joined(cells: Sequence[Cell], columns: Sequence[Column], widths: Sequence[i
         else:
             runs.append((fitted, role))
     return runs
+
+
+class VehicleGrid(Grid):
+    """A table of vehicles, which the operator can mark."""
+
+    class Marked(Message):
+        """The operator marks a vehicle, or unmarks it."""
+
+        def __init__(self, system: int) -> None:
+            super().__init__()
+            self.system = system
+
+    def action_mark(self) -> None:
+        """Mark the vehicle of the cursor, or no longer."""
+        if self.key is not None:
+            self.post_message(self.Marked(self.key))

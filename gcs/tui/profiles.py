@@ -6,7 +6,6 @@ from typing import Any, ClassVar
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
-from textual.message import Message
 from textual.widgets import DirectoryTree, Input
 
 from gcs.scenario.profile_file import load_profile
@@ -14,7 +13,7 @@ from gcs.station.vehicle import Vehicle
 from gcs.station.vehicle_link import Progress
 from gcs.station.vehicle_state import VehicleState
 from gcs.tui.formatting import Cell, ids
-from gcs.tui.grid import Column, Grid, Row
+from gcs.tui.grid import Column, Row, VehicleGrid
 from gcs.tui.guard import CachedStatic, on
 from gcs.tui.profile_views import ProfileFiles, ProfilePlot, ProfileTable, differences
 from gcs.tui.requests import Outcome, Refresh, VehicleAction
@@ -27,17 +26,10 @@ _COLUMNS = (Column("", 1, "left"), Column("UAV", 3), Column("holds", 0, "left"))
 _BAR = 10
 
 
-class Holdings(Grid):
+class Holdings(VehicleGrid):
     """The profile of each vehicle, compared with the file."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("space", "mark", "mark", show=False)]
-
-    class Marked(Message):
-        """The operator marks a vehicle, or unmarks it."""
-
-        def __init__(self, system: int) -> None:
-            super().__init__()
-            self.system = system
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("waiting for vehicles", **kwargs)
@@ -52,11 +44,6 @@ class Holdings(Grid):
             holds = self._bar(state.system) or _compared(state, segments)
             rows.append(Row(state.system, ((mark, "accent"), (str(state.system), "strong"), holds)))
         self.show(_COLUMNS, rows)
-
-    def action_mark(self) -> None:
-        """Mark the vehicle of the cursor, or no longer."""
-        if self.key is not None:
-            self.post_message(self.Marked(self.key))
 
     def _bar(self, system: int) -> Cell | None:
         if system not in self.progress:
