@@ -4,10 +4,9 @@ Each equation takes the recorded values of the quantities in it, which have equa
 own, so that an error shows in the equation in which it occurs.
 """
 
-from collections.abc import Mapping
 from functools import partial
 from itertools import accumulate, pairwise
-from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -185,8 +184,15 @@ def _deflections(known: Known, law: Proposed, trigger: Trigger) -> list[Equality
         *_estimated(
             known,
             ("(38)", "Φ̂_ω", "Phi_omega", gamma1 * network * e_sq, law.sigma_omega1, law.phi_omega0),
-            ("(39)", "β̂_ω", "beta_omega", beta_growth, law.sigma_omega2, law.beta_omega0),
-            cancelled={"beta_omega": (beta_size,)},
+            (
+                "(39)",
+                "β̂_ω",
+                "beta_omega",
+                beta_growth,
+                law.sigma_omega2,
+                law.beta_omega0,
+                beta_size,
+            ),
         ),
         *_sent(("(29)", "(29)", "(19)"), known, _SURFACES, trigger),
     ]
@@ -238,37 +244,21 @@ def _run(commands: list[float], is_yaw: bool, w: float, dt: float) -> list[list[
     return [values, rates]
 
 
-def _estimated(
-    known: Known,
-    *estimates: tuple[str, str, str, np.ndarray, float, float],
-    cancelled: Mapping[str, tuple[np.ndarray, ...]] = MappingProxyType({}),
-) -> list[Equality]:
+def _estimated(known: Known, *estimates: tuple[Any, ...]) -> list[Equality]:
     """Check the rates of estimates, growth less leakage, and their steps.
 
     Args:
         known: The flight.
         estimates: Of each the equation, its symbol, the signal, its growth (n,) [1/s], its leakage
-            [1/s], and its first value.
-        cancelled: Magnitudes of terms that cancel within the growth, by signal.
+            [1/s], its first value, and magnitudes of terms that cancel within the growth.
     """
-    s = known.signals
-    rates = [
-        compare(
-            equation,
-            f"rate of {symbol}",
-            s[f"{name}_dot"],
-            growth,
-            -leakage * s[name],
-            where=known.present,
-            time_s=known.time_s,
-            cancelled=cancelled.get(name, ()),
-        )
-        for equation, symbol, name, growth, leakage, _ in estimates
-    ]
-    return rates + [
-        _stepped(equation, symbol, known, s[name], s[f"{name}_dot"], initial)
-        for equation, symbol, name, _, _, initial in estimates
-    ]
+    s, rates, steps = known.signals, [], []
+    same = partial(compare, where=known.present, time_s=known.time_s)
+    for equation, symbol, name, growth, leakage, initial, *sizes in estimates:
+        rate, leaked = s[f"{name}_dot"], -leakage * s[name]
+        rates.append(same(equation, f"rate of {symbol}", rate, growth, leaked, cancelled=sizes))
+        steps.append(_stepped(equation, symbol, known, s[name], rate, initial))
+    return rates + steps
 
 
 def _stepped(
