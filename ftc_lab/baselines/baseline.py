@@ -299,14 +299,44 @@ def find_baseline(
     return replace(baseline, per_channel=search.per_channel(slowest, longest))
 
 
+@dataclass(frozen=True)
+class Uncertain:
+    """Aircraft that differ from the nominal one, and what is asked of a sender on them.
+
+    Attributes:
+        campaign: Draws them; its scenario and variants do not matter.
+        path: Its file, for messages.
+        largest_ratio: Largest IAE of an aircraft that is kept, relative to the reference.
+        share: Share of the aircraft to be kept.
+    """
+
+    campaign: Campaign
+    path: Path
+    largest_ratio: float
+    share: float
+
+    def drawn(self, nominal: Scenario) -> list[Scenario]:
+        """Return a flight by each of the aircraft.
+
+        Raises:
+            BadInput: The scenario does not have what the campaign draws.
+            ConfigError: A draw makes no valid scenario.
+        """
+        own = self.campaign.model_copy(update={"variants": {"all": {}}})
+        table = draw_table(own, [uav.id for uav in nominal.uavs])
+        trees = {"all": plain(nominal.model_dump())}
+        flights = Flights(own, str(self.path), trees, trees, table.schema)
+        try:
+            return [flights.scenario(row) for row in rows_of(table)]
+        except PlaceError as problem:
+            raise BadInput(
+                f"the campaign {self.path} draws {problem} of this scenario",
+                "name another with --campaign, whose factors the scenario has",
+            ) from problem
+
+
 def find_robust(
-    scenario: Scenario,
-    search: Search,
-    campaign: Campaign,
-    path: Path,
-    longest: int,
-    largest_ratio: float,
-    share: float,
+    scenario: Scenario, search: Search, uncertain: Uncertain, longest: int
 ) -> Robustness:
     """Search for the slowest periodic sender that keeps enough of uncertain aircraft.
 
@@ -316,54 +346,40 @@ def find_robust(
     Args:
         scenario: Of the triggered flight.
         search: The search among the periodic senders of the nominal aircraft.
-        campaign: The campaign that draws the aircraft; its scenario and variants do not matter.
-        path: Its file, for messages.
+        uncertain: The aircraft.
         longest: Longest period, in control periods.
-        largest_ratio: Largest IAE of an aircraft that is kept, relative to the reference.
-        share: Share of the aircraft to be kept.
 
     Raises:
-        BadInput: The scenario does not have what the campaign draws.
+        BadInput: A scenario does not have what the campaign draws.
         ConfigError: A draw makes no valid scenario.
     """
-    own = campaign.model_copy(update={"variants": {"all": {}}})
-    table = draw_table(own, [uav.id for uav in scenario.uavs])
-    rows = list(rows_of(table))
-    may_lose = int((1.0 - share) * len(rows) + 1e-9)
 
-    def drawn(nominal: Scenario) -> list[Scenario]:
-        trees = {"all": plain(nominal.model_dump())}
-        flights = Flights(own, str(path), trees, trees, table.schema)
-        return [flights.scenario(row) for row in rows]
-
-    def fly_drawn(nominal: Scenario, *, to_the_end: bool) -> tuple[int, int]:
-        """Return how many aircraft are kept, and how many were flown."""
-        aircraft, kept, flown = drawn(nominal), 0, 0
-        while flown < len(aircraft) and (to_the_end or flown - kept <= may_lose):
+    def fly(aircraft: list[Scenario], may_lose: int) -> tuple[int, int]:
+        """Return how many are kept, and how many were flown: all, unless too many were lost."""
+        kept = flown = 0
+        while flown < len(aircraft) and flown - kept <= may_lose:
             for summary in search.fly(aircraft[flown : flown + _BATCH]):
                 ratio = worst_ratio(summary, search.reference)
-                kept += ratio is not None and ratio <= largest_ratio
+                kept += ratio is not None and ratio <= uncertain.largest_ratio
                 flown += 1
         search.on_flown()
         return kept, flown
 
-    def judge(sender: Sender) -> Verdict:
-        kept, flown = fly_drawn(sender.scenario, to_the_end=False)
-        good = len(rows) - kept <= may_lose
-        return Verdict(sender, sender.transmissions, good, kept=kept, flown=flown)
-
-    try:
-        drawn(scenario)
-    except PlaceError as problem:
-        raise BadInput(
-            f"the campaign {path} draws {problem} of this scenario",
-            "name another with --campaign, whose factors the scenario has",
-        ) from problem
-    kept, _ = fly_drawn(scenario, to_the_end=True)
+    triggered = uncertain.drawn(scenario)
+    drawn = len(triggered)
+    may_lose = int((1.0 - uncertain.share) * drawn + 1e-9)
+    kept, _ = fly(triggered, may_lose=drawn)
     checked: list[Verdict] = []
     for n in reversed(some_periods(longest, COARSE)):
         for sender in senders(search.base, (n,) * N_CHANNELS):
             if find_slowest(checked) is None:
-                checked.append(judge(sender))
-    triggered = kept, len(rows) - kept <= may_lose
-    return Robustness(len(rows), share, largest_ratio, triggered, tuple(checked))
+                own, flown = fly(uncertain.drawn(sender.scenario), may_lose)
+                good = drawn - own <= may_lose
+                checked.append(Verdict(sender, sender.transmissions, good, kept=own, flown=flown))
+    return Robustness(
+        drawn,
+        uncertain.share,
+        uncertain.largest_ratio,
+        (kept, drawn - kept <= may_lose),
+        tuple(checked),
+    )

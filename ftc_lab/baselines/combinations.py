@@ -59,16 +59,9 @@ class Combination:
 
     def uav(self, uav_id: int) -> UavSummary | None:
         """Return a UAV's part of the flight; None unless all attitudes and headings were kept."""
-        if self.summary is None or not self.summary.completed or _departed(self.summary):
+        if self.summary is None or not self.summary.completed or self.summary.departure:
             return None
         return self.summary.uav(uav_id)
-
-
-def _departed(summary: FlightSummary, *, heading: bool = True) -> bool:
-    return any(
-        uav.attitude_lost_at_s is not None or (heading and uav.heading_lost_at_s is not None)
-        for uav in summary.uavs
-    )
 
 
 def combinations(scenario: Scenario) -> list[Combination]:
@@ -116,7 +109,7 @@ def fly_faults(one: Combination, fly: Fly) -> Combination:
     lost = [
         file
         for file, summary in zip(files, fly(scenarios), strict=True)
-        if not summary.completed or _departed(summary, heading=False)
+        if not summary.completed or any(uav.attitude_lost_at_s is not None for uav in summary.uavs)
     ]
     return replace(one, faults_lost=tuple(lost))
 

@@ -101,16 +101,16 @@ def worst_ratio(
         triggered: The flight that it is compared with.
         yardstick: What the errors are against.
     """
+    if summary.departure or not summary.completed:
+        return None
     ratios = []
     for uav, of_triggered in zip(summary.uavs, triggered.uavs, strict=True):
-        if uav.attitude_lost_at_s is not None or uav.heading_lost_at_s is not None:
-            return None
         for quantity in QUANTITIES:
             area, allowed = (_iae(one, yardstick)[quantity] for one in (uav, of_triggered))
             if area is None or not allowed:
                 return None
             ratios.append(area / allowed)
-    return max(ratios) if summary.completed else None
+    return max(ratios)
 
 
 def _iae(uav: UavSummary, yardstick: Yardstick) -> Mapping[str, float | None]:

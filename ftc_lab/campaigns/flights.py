@@ -183,14 +183,7 @@ def outcome_of(summary: FlightSummary) -> tuple[Outcome, str]:
         if summary.control_failed:
             return "control_failed", summary.loss
         return ("ground" if summary.hit_ground else "model_left"), summary.loss
-    parts: dict[Outcome, str] = {"attitude_lost": "roll or pitch", "heading_lost": "yaw"}
-    for outcome, part in parts.items():
-        times = ((getattr(uav, f"{outcome}_at_s"), uav.id) for uav in summary.uavs)
-        first = min(((at, uav) for at, uav in times if at is not None), default=None)
-        if first is not None:
-            reason = f"UAV {first[1]} was more than 90° off in {part} at {first[0]:g} s"
-            return outcome, reason
-    return "completed", ""
+    return summary.departure or ("completed", "")
 
 
 def figures_of(summary: FlightSummary) -> dict[str, Any]:

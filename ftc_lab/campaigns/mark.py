@@ -98,15 +98,6 @@ def mark_of(folder: Path) -> Mark:
     )
 
 
-def campaign_of(folder: Path) -> Campaign:
-    """Read the campaign of a folder.
-
-    Raises:
-        BadInput: As of `mark_of`.
-    """
-    return mark_of(folder).campaign
-
-
 def write_mark(folder: Path, mark: Mark) -> None:
     """Write `scenario.yaml`, and `request.yaml` so that it is there when both are complete.
 

@@ -109,24 +109,24 @@ class SuccessComparison:
     Attributes:
         old: Flights that succeeded, and all of them.
         new: The same of the new flights.
+        difference: New less old success probability, with a conservative interval.
+        p_value: Of the test.
+        test: Name of the test.
         only_old: Pairs in which only the old flight succeeded; None if unpaired.
         only_new: Pairs in which only the new flight succeeded; None if unpaired.
         share: Of the pairs with two outcomes, those in which only the new flight succeeded, as a
             probability, with an interval that leaves ½ out exactly where the test rejects at its
             level; None if unpaired.
-        difference: New less old success probability, with a conservative interval.
-        p_value: Of the test.
-        test: Name of the test.
     """
 
     old: tuple[int, int]
     new: tuple[int, int]
-    only_old: int | None
-    only_new: int | None
-    share: Estimate | None
     difference: Estimate
     p_value: float
     test: str
+    only_old: int | None = None
+    only_new: int | None = None
+    share: Estimate | None = None
 
 
 def compare_paired_successes(
@@ -149,14 +149,14 @@ def compare_paired_successes(
     p_value = stats.binomtest(only_old, discordant, alternative=side).pvalue if discordant else 1.0
     lost, won = (proportion(count, n, (1.0 + level) / 2.0) for count in (only_old, only_new))
     return SuccessComparison(
-        (int(old.sum()), n),
-        (int(new.sum()), n),
-        only_old,
-        only_new,
-        proportion(only_new, discordant, level),
-        Estimate(won.value - lost.value, won.low - lost.high, won.high - lost.low),
-        float(p_value),
-        "McNemar's exact test",
+        old=(int(old.sum()), n),
+        new=(int(new.sum()), n),
+        only_old=only_old,
+        only_new=only_new,
+        share=proportion(only_new, discordant, level),
+        difference=Estimate(won.value - lost.value, won.low - lost.high, won.high - lost.low),
+        p_value=float(p_value),
+        test="McNemar's exact test",
     )
 
 
@@ -180,7 +180,11 @@ def compare_successes(
         second.value - first.value, second.low - first.high, second.high - first.low
     )
     return SuccessComparison(
-        (a, n), (b, m), None, None, None, difference, float(p_value), "Fisher's exact test"
+        old=(a, n),
+        new=(b, m),
+        difference=difference,
+        p_value=float(p_value),
+        test="Fisher's exact test",
     )
 
 

@@ -4,7 +4,7 @@ import json
 import math
 import os
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -21,11 +21,13 @@ from gcs.commands.common import (
     changed_scenario,
     tell,
 )
+from gcs.commands.options import options_of, with_options
 from gcs.errors import BadInput, FlightLost, Interrupted
 from gcs.progress import working
 from gcs.terminal import console_of, numbers, print_json, table_of, texts
 
 if TYPE_CHECKING:
+    from ftc_lab.baselines.baseline import Baseline, Uncertain
     from gcs.results.figures import FlightSummary
     from gcs.scenario.model import Scenario
 
@@ -44,17 +46,19 @@ was lost or a file cannot be written, 2 bad input, 130 Ctrl-C.
 """
 
 
-def baseline(
-    scenario: ScenarioArgument,
-    additions: WithOption = None,
-    settings: SetOption = None,
+@dataclass(frozen=True)
+class BaselineOptions:
+    """Options of ``gcs baseline``."""
+
+    additions: WithOption = None
+    settings: SetOption = None
     against: Annotated[
         list[str] | None,
         typer.Option(
             help="A key of the scenario and its value for the periodic senders, such as their law.",
             metavar="KEY=VALUE",
         ),
-    ] = None,
+    ] = None
     tolerance: Annotated[
         float,
         typer.Option(
@@ -63,22 +67,22 @@ def baseline(
             min=0.0,
             metavar="%",
         ),
-    ] = 1.0,
+    ] = 1.0
     longest: Annotated[
         float | None,
         typer.Option(
             help="Longest period that is flown [ms], 1000 by default; at most the whole flight.",
             metavar="MS",
         ),
-    ] = None,
+    ] = None
     no_per_channel: Annotated[
         bool,
         typer.Option("--no-per-channel", help="Do not search for a period for each channel."),
-    ] = False,
+    ] = False
     aircraft: Annotated[
         int,
         typer.Option(min=0, metavar="NUMBER", help="Number of uncertain aircraft to fly as well."),
-    ] = 0,
+    ] = 0
     campaign: Annotated[
         Path | None,
         typer.Option(
@@ -86,7 +90,7 @@ def baseline(
             "campaigns/uncertainty by default.",
             metavar="CAMPAIGN",
         ),
-    ] = None,
+    ] = None
     keep: Annotated[
         float,
         typer.Option(
@@ -95,7 +99,7 @@ def baseline(
             max=100.0,
             metavar="%",
         ),
-    ] = 95.0,
+    ] = 95.0
     within: Annotated[
         float,
         typer.Option(
@@ -104,19 +108,22 @@ def baseline(
             min=1.0,
             metavar="FACTOR",
         ),
-    ] = 2.0,
-    jobs: JobsOption = None,
+    ] = 2.0
+    jobs: JobsOption = None
     out: Annotated[
         Path | None,
         typer.Option(
             help="Folder, new or empty; runs/baseline-NAME-DATE-TIME by default.", metavar="FOLDER"
         ),
-    ] = None,
-    quiet: QuietOption = False,
+    ] = None
+    quiet: QuietOption = False
     as_json: Annotated[
         bool, typer.Option("--json", help="Print baseline.json on standard output instead.")
-    ] = False,
-) -> None:
+    ] = False
+
+
+@with_options("options", options_of(BaselineOptions), BaselineOptions)
+def baseline(scenario: ScenarioArgument, *, options: BaselineOptions) -> None:
     """Find the slowest periodic senders that match a triggered flight.
 
     Flies the scenario with its trigger, then the same law sending by the clock: with one period
@@ -124,61 +131,92 @@ def baseline(
     nominal one. All in process. The folder gets baseline.json and baseline.md.
     """
     from ftc_lab.baselines.baseline import Search, find_baseline, find_robust
-    from ftc_lab.baselines.senders import periodic_base, worst_ratio
-    from ftc_lab.campaigns.model import load_campaign
-    from ftc_lab.reports.baseline import COLUMNS, baseline_report, baseline_rows, baseline_sentences
-    from ftc_lab.reports.markdown import save_markdown
+    from ftc_lab.baselines.senders import periodic_base
     from gcs.flights.preparation import checked
     from gcs.flights.warm_up import warm_up
     from gcs.results.run_folder import make_run_folder
-    from gcs.scenario.bundled import find_scenario
     from gcs.scenario.settings import values_of
-    from mavlink_defs.config.output_files import write_text
 
-    console = console_of(quiet=quiet)
-    triggered = changed_scenario(scenario, additions, settings)
-    base = periodic_base(triggered, scenario, values_of(against or (), "--against"))
-    steps = _longest(triggered, longest)
-    if campaign is not None and not aircraft:
-        raise BadInput("--campaign draws no aircraft", "give their number with --aircraft")
-    file = find_scenario(campaign or Path("campaigns/uncertainty"))
-    drawn = load_campaign(file, draws=aircraft) if aircraft else None
+    console = console_of(quiet=options.quiet)
+    triggered = changed_scenario(scenario, options.additions, options.settings)
+    base = periodic_base(triggered, scenario, values_of(options.against or (), "--against"))
+    longest = _longest(triggered, options.longest)
+    uncertain = _uncertain(options)
     remarks = checked(triggered)
-    folder = make_run_folder(out, f"baseline-{triggered.name}")
+    folder = make_run_folder(options.out, f"baseline-{triggered.name}")
     tell(remarks, console)
     warm_up(triggered, console)
-    pool = ThreadPoolExecutor(jobs or os.cpu_count() or 1)
+    pool = ThreadPoolExecutor(options.jobs or os.cpu_count() or 1)
     try:
         with working(console) as work:
             task = work.add("searching for the slowest equal senders", unit="flights")
-            reference = _fly(triggered)
-            if worst_ratio(reference, reference) is None:
-                reason = reference.loss or "it lost its attitude or heading"
-                raise FlightLost(
-                    f"the triggered flight is no reference: {reason}",
-                    "choose a scenario that its law and trigger complete",
-                )
-            ratio = 1.0 + tolerance / 100.0
+            reference, ratio = _fly_triggered(triggered), 1.0 + options.tolerance / 100.0
             search = Search(base, reference, ratio, partial(pool.map, _fly), task.advance)
-            found = find_baseline(triggered, search, steps, each_channel=not no_per_channel)
-            if drawn is not None:
-                robust = find_robust(triggered, search, drawn, file, steps, within, keep / 100.0)
+            by_channel = not options.no_per_channel
+            found = find_baseline(triggered, search, longest, each_channel=by_channel)
+            if uncertain is not None:
+                robust = find_robust(triggered, search, uncertain, longest)
                 found = replace(found, robustness=robust)
     except KeyboardInterrupt:
         raise Interrupted("interrupted; nothing is stored") from None
     finally:
         pool.shutdown(cancel_futures=True)
-    text = json.dumps(found.to_json(), indent=2) + "\n"
-    write_text(folder / "baseline.json", text)
+    _report(found, folder, options)
+
+
+def _uncertain(options: BaselineOptions) -> "Uncertain | None":
+    """Return the aircraft to fly as well, if any are.
+
+    Raises:
+        BadInput: A campaign draws none of them, or cannot be used.
+    """
+    from ftc_lab.baselines.baseline import Uncertain
+    from ftc_lab.campaigns.model import load_campaign
+    from gcs.scenario.bundled import find_scenario
+
+    if options.campaign is not None and not options.aircraft:
+        raise BadInput("--campaign draws no aircraft", "give their number with --aircraft")
+    if not options.aircraft:
+        return None
+    file = find_scenario(options.campaign or Path("campaigns/uncertainty"))
+    campaign = load_campaign(file, draws=options.aircraft)
+    return Uncertain(campaign, file, options.within, options.keep / 100.0)
+
+
+def _fly_triggered(scenario: "Scenario") -> "FlightSummary":
+    """Fly what senders are compared with.
+
+    Raises:
+        FlightLost: It did not end well.
+    """
+    from ftc_lab.baselines.senders import worst_ratio
+
+    reference = _fly(scenario)
+    if worst_ratio(reference, reference) is None:
+        reason = reference.loss or "it lost its attitude or heading"
+        raise FlightLost(
+            f"the triggered flight is no reference: {reason}",
+            "choose a scenario that its law and trigger complete",
+        )
+    return reference
+
+
+def _report(found: "Baseline", folder: Path, options: BaselineOptions) -> None:
+    """Write the files of the folder, and print the same."""
+    from ftc_lab.reports.baseline import COLUMNS, baseline_report, baseline_rows, baseline_sentences
+    from ftc_lab.reports.markdown import save_markdown
+    from mavlink_defs.config.output_files import write_text
+
+    write_text(folder / "baseline.json", json.dumps(found.to_json(), indent=2) + "\n")
     save_markdown(folder / "baseline.md", baseline_report(found))
-    if as_json:
+    if options.as_json:
         print_json(found.to_json(), indent=2)
         return
     headings = (texts(COLUMNS[0]), *map(numbers, COLUMNS[1:]))
     shown = table_of(*headings, title=f"Baselines of {found.scenario}", box=box.SIMPLE_HEAD)
     for row in baseline_rows(found):
         shown.add_row(*row)
-    output = console_of(stderr=False, quiet=quiet)
+    output = console_of(stderr=False, quiet=options.quiet)
     output.print(shown)
     for sentence in baseline_sentences(found):
         output.print(sentence)

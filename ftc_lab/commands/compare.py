@@ -1,10 +1,12 @@
 """``gcs compare``: whether a campaign is worse than another one, for CI; and two flights."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gcs.commands.options import options_of, with_options
 from gcs.errors import BadInput
 from gcs.outputs import check_file, write_file
 from gcs.terminal import console_of, print_json
@@ -26,6 +28,35 @@ Exit status: 0 no check failed, 1 one failed or a file cannot be written, 2 bad 
 """
 
 
+@dataclass(frozen=True)
+class CompareOptions:
+    """Options of ``gcs compare``."""
+
+    fail_if: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Condition under which NEW fails; may be repeated. 'worse p(success) at 95 %' by "
+            "default; also 'worse FIGURE at 99 %', 'p(attitude_lost) > 0.05 at 95 %'.",
+            metavar="CONDITION",
+            show_default=False,
+        ),
+    ] = None
+    junit: Annotated[
+        Path | None, typer.Option(help="Write a JUnit file, a case for each check.", metavar="FILE")
+    ] = None
+    markdown: Annotated[
+        Path | None, typer.Option(help="Write a summary for the page of a CI job.", metavar="FILE")
+    ] = None
+    everything: Annotated[
+        bool,
+        typer.Option("--all", help="Two flights: also list keys of one law only, at defaults."),
+    ] = False
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Two flights: print JSON, nothing else.")
+    ] = False
+
+
+@with_options("options", options_of(CompareOptions), CompareOptions)
 def compare(
     old: Annotated[
         Path,
@@ -37,28 +68,8 @@ def compare(
         Path,
         typer.Argument(help="Folder of the campaign, or the flight, in question.", metavar="NEW"),
     ],
-    fail_if: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Condition under which NEW fails; may be repeated. 'worse p(success) at 95 %' by "
-            "default; also 'worse FIGURE at 99 %', 'p(attitude_lost) > 0.05 at 95 %'.",
-            metavar="CONDITION",
-            show_default=False,
-        ),
-    ] = None,
-    junit: Annotated[
-        Path | None, typer.Option(help="Write a JUnit file, a case for each check.", metavar="FILE")
-    ] = None,
-    markdown: Annotated[
-        Path | None, typer.Option(help="Write a summary for the page of a CI job.", metavar="FILE")
-    ] = None,
-    everything: Annotated[
-        bool,
-        typer.Option("--all", help="Two flights: also list keys of one law only, at defaults."),
-    ] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Two flights: print JSON, nothing else.")
-    ] = False,
+    *,
+    options: CompareOptions,
 ) -> None:
     """Compare two flights, or two campaigns.
 
@@ -75,30 +86,39 @@ def compare(
     for folder in (old, new):
         if not folder.exists():
             raise BadInput(f"{folder} does not exist", "gcs runs lists what was flown")
-    kinds = [is_flight(old), is_flight(new)]
-    if any(kinds):
-        _compare_flights(old, new, kinds, [*(fail_if or ()), junit, markdown], as_json, everything)
-        return
-    if as_json or everything:
-        name = "--json" if as_json else "--all"
+    if is_flight(old) or is_flight(new):
+        _compare_flights(old, new, options)
+    else:
+        _compare_campaigns(old, new, options)
+
+
+def _compare_campaigns(old: Path, new: Path, options: CompareOptions) -> None:
+    """Show whether a campaign is worse than another.
+
+    Raises:
+        BadInput: One of them is none, or is unfinished; or an option is of flights.
+        typer.Exit: It is worse.
+    """
+    if options.as_json or options.everything:
+        name = "--json" if options.as_json else "--all"
         raise BadInput(f"{name} is of two flights", "campaigns have --junit and --markdown")
     from ftc_lab.campaigns.findings import findings_of
     from ftc_lab.campaigns.gate import DEFAULT, gate, parse_rules
     from ftc_lab.reports import gate as reports
 
-    for path, option in ((junit, "--junit"), (markdown, "--markdown")):
+    for path, option in ((options.junit, "--junit"), (options.markdown, "--markdown")):
         if path is not None:
             check_file(path, option)
     both = findings_of(old), findings_of(new)
     notes = _checked(*both)
     before, after = both[0].counted, both[1].counted
-    rules = parse_rules(fail_if or [DEFAULT], [*before.values(), *after.values()])
+    rules = parse_rules(options.fail_if or [DEFAULT], [*before.values(), *after.values()])
     checks = gate(before, after, rules)
-    if markdown is not None:
+    if options.markdown is not None:
         text = visible_lines(reports.gate_markdown(str(old), str(new), checks, notes))
-        write_file(markdown, text, "--markdown")
-    if junit is not None:
-        write_file(junit, reports.junit(str(old), str(new), checks, notes), "--junit")
+        write_file(options.markdown, text, "--markdown")
+    if options.junit is not None:
+        write_file(options.junit, reports.junit(str(old), str(new), checks, notes), "--junit")
     console = console_of(stderr=False)
     for line in reports.gate_lines(checks, notes):
         console.print(line, soft_wrap=True)
@@ -106,34 +126,26 @@ def compare(
         raise typer.Exit(1)
 
 
-def _compare_flights(
-    old: Path,
-    new: Path,
-    kinds: list[bool],
-    options: list[object],
-    as_json: bool,
-    everything: bool,
-) -> None:
+def _compare_flights(old: Path, new: Path, options: CompareOptions) -> None:
     """Show how two flights differ.
 
     Raises:
         BadInput: One of them is none, or has not ended; or an option is for campaigns.
     """
-    from gcs.runs.difference import Flight, difference, difference_data
+    from gcs.runs.difference import Flight, difference, difference_data, is_flight
 
-    if not all(kinds):
-        folder, other = (old, new) if kinds[0] else (new, old)
-        raise BadInput(
-            f"{folder} is a flight, and {other} is none", "compare two flights, or two campaigns"
-        )
-    if any(option is not None for option in options):
+    for folder, other in ((old, new), (new, old)):
+        if not is_flight(other):
+            text = f"{folder} is a flight, and {other} is none"
+            raise BadInput(text, "compare two flights, or two campaigns")
+    if options.fail_if or options.junit or options.markdown:
         text = "--fail-if, --junit and --markdown test campaigns; a flight is a single draw"
         raise BadInput(text, "leave them out, or fly a campaign")
-    if as_json:
+    if options.as_json:
         print_json(difference_data(Flight(old), Flight(new)))
         return
     console = console_of(stderr=False)
-    for part in difference(Flight(old), Flight(new), everything=everything):
+    for part in difference(Flight(old), Flight(new), everything=options.everything):
         console.print(part, soft_wrap=isinstance(part, str))
 
 

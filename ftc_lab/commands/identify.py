@@ -9,7 +9,7 @@ import typer
 from ftc_lab.commands.design import DEFAULT_LAW
 from ftc_lab.written_files import check_out
 from gcs.commands.common import QuietOption
-from gcs.commands.options import options_of, with_options
+from gcs.commands.options import JsonOption, options_of, with_options
 from gcs.errors import BadInput
 from gcs.outputs import write_file
 from gcs.progress import working
@@ -113,9 +113,7 @@ class IdentifyOptions:
         ),
     ] = None
     quiet: QuietOption = False
-    as_json: Annotated[bool, typer.Option("--json", help="Print an object instead of tables.")] = (
-        False
-    )
+    as_json: JsonOption = False
 
     def command(self, plant: str | None) -> str:
         """Return the command that identifies the same."""
@@ -172,11 +170,10 @@ def identify(
     check_out(options.out, _MARK, "an identified aircraft")
     console = console_of(quiet=options.quiet)
     command = options.command(plant)
-    found = (
-        _of_plant(plant, command, options, console)
-        if plant is not None
-        else _of_flight(options, console)
-    )
+    if plant is not None:
+        found = _of_plant(plant, command, options, console)
+    else:
+        found = _of_flight(options, console)
     if options.out is not None:
         from ftc_lab.identification.identified import text_of
 

@@ -2,12 +2,14 @@
 
 import os
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gcs.commands.common import QuietOption
+from gcs.commands.options import options_of, with_options
 from gcs.errors import FlightLost, Interrupted
 from gcs.flights.warm_up import warm_up
 from gcs.progress import working
@@ -33,24 +35,27 @@ cannot be written, 2 bad input, 130 Ctrl-C.
 """
 
 
-def reproduce(
+@dataclass(frozen=True)
+class ReproduceOptions:
+    """Options of ``gcs reproduce``."""
+
     out: Annotated[
         Path | None,
         typer.Option(
             help="Folder, new or empty; runs/reproduce-DATE-TIME by default.", metavar="FOLDER"
         ),
-    ] = None,
+    ] = None
     over_wire: Annotated[
         bool,
         typer.Option("--over-wire", help="Fly with processes over MAVLink, one after the other."),
-    ] = False,
+    ] = False
     faults: Annotated[
         bool,
         typer.Option(
             "--faults",
             help="Also fly every bundled fault file with every law and trigger: takes minutes.",
         ),
-    ] = False,
+    ] = False
     scenarios: Annotated[
         Path,
         typer.Option(
@@ -58,9 +63,12 @@ def reproduce(
             show_default=False,
             metavar="FOLDER",
         ),
-    ] = SCENARIOS / "paper",
-    quiet: QuietOption = False,
-) -> None:
+    ] = SCENARIOS / "paper"
+    quiet: QuietOption = False
+
+
+@with_options("options", options_of(ReproduceOptions), ReproduceOptions)
+def reproduce(*, options: ReproduceOptions) -> None:
     """Fly the paper's scenarios, compare with its results.
 
     For a second chapter of the report, every law is flown with every trigger, on ideal and on
@@ -71,9 +79,9 @@ def reproduce(
     from ftc_lab import reproduce as work
     from gcs.results.run_folder import make_run_folder
 
-    loaded = work.load_all(scenarios)
-    folder = make_run_folder(out, "reproduce")
-    console = console_of(quiet=quiet)
+    loaded = work.load_all(options.scenarios)
+    folder = make_run_folder(options.out, "reproduce")
+    console = console_of(quiet=options.quiet)
     warm_up(loaded["scenario1"], console)
     begin = time.monotonic()
     try:
@@ -81,16 +89,16 @@ def reproduce(
             task = shown.add("flying and drawing", work.steps(loaded), "steps")
             done = work.reproduce(
                 loaded,
-                _over_wire(folder) if over_wire else _in_process,
-                1 if over_wire else os.cpu_count() or 1,
+                _over_wire(folder) if options.over_wire else _in_process,
+                1 if options.over_wire else os.cpu_count() or 1,
                 folder,
                 task.advance,
-                faults=faults,
+                faults=options.faults,
             )
     except KeyboardInterrupt:
         raise Interrupted(f"interrupted; finished flights are in {folder}") from None
     seconds = time.monotonic() - begin
-    console_of(stderr=False, quiet=quiet).print(
+    console_of(stderr=False, quiet=options.quiet).print(
         f"{done.flights} flights, {len(done.summaries)} of them the paper's, in {seconds:.1f} s; "
         f"open {folder}/report.html",
         soft_wrap=True,

@@ -10,6 +10,7 @@ from ftc_lab.commands.flights import JobsOption, fly_plan, interruptible
 from gcs.commands.common import QuietOption, tell
 from gcs.errors import GcsError
 from gcs.progress import working
+from gcs.scenario.settings import parse_axes
 from gcs.terminal import console_of
 
 if TYPE_CHECKING:
@@ -71,7 +72,6 @@ def sweep(
     from ftc_lab.campaigns.grid import plan_grid
     from ftc_lab.campaigns.points import choose_uav, read_points
     from gcs.flights.preparation import checked
-    from gcs.scenario.settings import parse_axes
 
     console = console_of(quiet=quiet)
     grid = plan_grid(scenarios, parse_axes(settings or []))
@@ -82,15 +82,7 @@ def sweep(
     open_folder(folder, grid.plan)
     with interruptible(folder, len(grid.scenarios)):
         fly_plan(grid.plan, folder, jobs, console)
-        points = read_points(folder, grid)
-        _report(points, uav_id, folder, console)
-    invalid = [point.reason for point in points if point.outcome == "invalid"]
-    if invalid:
-        text = f"{len(invalid)} of {len(points)} points have values that are no scenario"
-        console.print(f"{text}: {invalid[0]}; each is named in table.md", soft_wrap=True)
-    failed = [point.reason for point in points if point.outcome == "failed"]
-    if failed:
-        raise GcsError(f"{len(failed)} of {len(points)} flights could not be computed: {failed[0]}")
+        _report(read_points(folder, grid), uav_id, folder, console)
 
 
 def _report(points: list["Point"], uav_id: int | None, folder: Path, console: Console) -> None:
@@ -104,3 +96,10 @@ def _report(points: list["Point"], uav_id: int | None, folder: Path, console: Co
     output = console_of(stderr=False, quiet=console.quiet)
     output.print(terminal_table(points, uav_id))
     output.print(f"results in {folder}", soft_wrap=True)
+    invalid = [point.reason for point in points if point.outcome == "invalid"]
+    if invalid:
+        text = f"{len(invalid)} of {len(points)} points have values that are no scenario"
+        console.print(f"{text}: {invalid[0]}; each is named in table.md", soft_wrap=True)
+    failed = [point.reason for point in points if point.outcome == "failed"]
+    if failed:
+        raise GcsError(f"{len(failed)} of {len(points)} flights could not be computed: {failed[0]}")

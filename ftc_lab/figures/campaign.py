@@ -84,12 +84,17 @@ def importance(findings: Findings) -> "Figure":
     for panel, what in zip(panels, ("failure", "tracking error"), strict=True):
         _draw_bars(panel, names, {variant: own[what] for variant, own in found.items()})
         panel.set_xlabel(f"strength of the association with {what}")
-    panels[0].set_yticks(range(len(names)), [literal(findings.title(n)) for n in names])
-    panels[0].set_ylim(len(names) - 0.4, -0.6)
-    for panel in panels[1:]:
-        panel.tick_params(labelleft=False)  # factors are named once
+    _name_factors(panels, [findings.title(name) for name in names])
     draw_legend(figure)
     return figure
+
+
+def _name_factors(panels: Sequence["Axes"], titles: Sequence[str]) -> None:
+    """Give every factor a row, and name it beside the first panel."""
+    panels[0].set_yticks(range(len(titles)), list(map(literal, titles)))
+    panels[0].set_ylim(len(titles) - 0.4, -0.6)
+    for panel in panels[1:]:
+        panel.tick_params(labelleft=False)
 
 
 def _strongest(lists: Sequence[Sequence[Importance]]) -> list[str]:
@@ -147,10 +152,7 @@ def sobol_indices(findings: Findings) -> "Figure | None":
     for panel, cost in zip(panels, costs, strict=True):
         _draw_indices(panel, names, {variant: own.get(cost, []) for variant, own in found.items()})
         panel.set_xlabel(f"share of the variance of {cost}")
-    panels[0].set_yticks(range(len(names)), [literal(findings.title(n)) for n in names])
-    panels[0].set_ylim(len(names) - 0.4, -0.6)
-    for panel in panels[1:]:
-        panel.tick_params(labelleft=False)  # factors are named once
+    _name_factors(panels, [findings.title(name) for name in names])
     draw_legend(figure)
     return figure
 

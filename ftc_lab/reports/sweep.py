@@ -13,7 +13,7 @@ from rich import box
 from rich.table import Table
 
 from ftc_lab.campaigns.points import FILE, Point, dimensions_of, position, uav_of
-from ftc_lab.reports.markdown import save_markdown
+from ftc_lab.reports.markdown import save_markdown, table
 from gcs.results.figures import UAV_FIGURES, shown_figure
 from gcs.results.quantities import IAE_UNITS, QUANTITIES
 from gcs.terminal import numbers, table_of, texts
@@ -52,7 +52,7 @@ def write_markdown(points: Sequence[Point], uav_id: int | None, path: Path) -> N
     triggered = _has_formation_trigger(points)
     if triggered:
         head[-1:-1] = ["neighbour messages", "neighbour messages saved"]
-    lines = [_title(uav_id), "", _markdown_row(head), _markdown_row(["---"] * len(head))]
+    rows = []
     for point in points:
         where = [position(point, name) for name in names]
         cells = [*where, point.outcome, *_figures(point, uav_id), point.reason]
@@ -60,13 +60,8 @@ def write_markdown(points: Sequence[Point], uav_id: int | None, path: Path) -> N
             cells[len(where)], cells[-1] = lost
         if triggered:
             cells[-1:-1] = _neighbour_figures(point, uav_id)
-        lines.append(_markdown_row(cells))
-    save_markdown(path, "\n".join(lines) + "\n")
-
-
-def _markdown_row(cells: Sequence[str]) -> str:
-    escaped = (" ".join(cell.split()).replace("|", "\\|") for cell in cells)
-    return f"| {' | '.join(escaped)} |"
+        rows.append([" ".join(cell.split()).replace("|", "\\|") for cell in cells])
+    save_markdown(path, f"{_title(uav_id)}\n\n{table(head, rows)}")
 
 
 def terminal_table(points: Sequence[Point], uav_id: int | None) -> Table:
@@ -78,18 +73,17 @@ def terminal_table(points: Sequence[Point], uav_id: int | None) -> Table:
         else "red: not flown to the end, attitude or heading lost; reasons in table.md"
     )
     marked = any(point.reason or _lost(point, uav_id) for point in points)
-    shown = left > 0 or marked
     names = [name for name, _ in dimensions_of(points)]
     short = [name.rpartition(".")[2] for name in names]
     headings = short if len(set(short)) == len(short) else names
     triggered = _has_formation_trigger(points)
-    table = table_of(
+    shown = table_of(
         *map(texts, headings),
         numbers("saving"),
         *(numbers(f"{quantity}\n[{IAE_UNITS[quantity]}]") for quantity in QUANTITIES),
         *[numbers("neighbour\nmessages")] * triggered,
         title=_title(uav_id),
-        caption=caption if shown else None,
+        caption=caption if left > 0 or marked else None,
         box=box.SIMPLE_HEAD,
         padding=0,
         pad_edge=False,
@@ -100,8 +94,8 @@ def terminal_table(points: Sequence[Point], uav_id: int | None) -> Table:
         done = point.outcome == "completed"
         style = "red" if not done or _lost(point, uav_id) else None
         messages = _neighbour_figures(point, uav_id)[:1] if triggered else []
-        table.add_row(*where, saving if done else point.outcome, *iae, *messages, style=style)
-    return table
+        shown.add_row(*where, saving if done else point.outcome, *iae, *messages, style=style)
+    return shown
 
 
 def _title(uav_id: int | None) -> str:

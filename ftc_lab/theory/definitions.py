@@ -6,6 +6,7 @@ own, so that an error shows in the equation in which it occurs.
 
 from functools import partial
 from itertools import accumulate, pairwise
+from typing import Any
 
 import numpy as np
 
@@ -23,15 +24,16 @@ _SURFACES, _THRUST, _YAW = np.arange(THROTTLE), np.array([THROTTLE]), 3
 
 def speed_definitions(known: Known, law: Proposed, trigger: Trigger) -> list[Equality]:
     """Check (31), (33) to (36) with all their terms, trigger and actuator."""
+    return [*_speed_errors(known, law), *_thrust(known, law, trigger)]
+
+
+def _speed_errors(known: Known, law: Proposed) -> list[Equality]:
+    """Check the errors (31) and what the law makes of them at once."""
     same = partial(compare, where=known.present, time_s=known.time_s)
     heard = partial(compare, where=known.reported, time_s=known.time_s)
     s, near, lam, V = known.signals, known.neighbours, known.lambda_v, known.signals["V"]
     V_r, V_r_dot = s["reference"][:, 0], s["reference_dot"][:, 0]
-    V_tp, zeta, drive = s["sync_error"][:, 0], s["zeta_v"], s["alpha_v"] - s["r_v"]
-    network = V_tp * s["basis"] / (2.0 * law.h_v1**2)  # vᵀΞ_v/(2 h_v1² V)
-    nominal = (known.v * known.drift_v).sum(axis=1) / V  # vᵀ(R1ᵀg + F0/m)/V
-    drift = lam * np.linalg.norm(known.drift_v, axis=1)
-    driven, offset = drive * s["beta_v"], s["g_v"] * zeta
+    V_tp = s["sync_error"][:, 0]
     V_sizes = (law.lambda1 * V, lam * V_r, law.lambda2 * (near.V @ near.weights))
     return [
         same("(11)", "V", V, np.linalg.norm(known.v, axis=1)),
@@ -46,7 +48,7 @@ def speed_definitions(known: Known, law: Proposed, trigger: Trigger) -> list[Equ
             law.lambda2 * ((V[:, None] - near.V) @ near.weights),
             cancelled=V_sizes,
         ),
-        same("(33)", "ζ_v", zeta, known.v[:, 0] * lam / (known.mass * V)),
+        same("(33)", "ζ_v", s["zeta_v"], known.v[:, 0] * lam / (known.mass * V)),
         heard(
             "(33)",
             "r_v",
@@ -55,6 +57,19 @@ def speed_definitions(known: Known, law: Proposed, trigger: Trigger) -> list[Equ
             law.lambda2 * ((near.V_dot - V_r_dot[:, None]) @ near.weights),
             cancelled=(law.lambda2 * (np.abs(near.V_dot) @ near.weights),),
         ),
+    ]
+
+
+def _thrust(known: Known, law: Proposed, trigger: Trigger) -> list[Equality]:
+    """Check the demand (33), its estimates (34) to (36), and what is sent of it."""
+    same = partial(compare, where=known.present, time_s=known.time_s)
+    s, lam, V = known.signals, known.lambda_v, known.signals["V"]
+    V_tp, zeta, drive = s["sync_error"][:, 0], s["zeta_v"], s["alpha_v"] - s["r_v"]
+    network = V_tp * s["basis"] / (2.0 * law.h_v1**2)  # vᵀΞ_v/(2 h_v1² V)
+    nominal = (known.v * known.drift_v).sum(axis=1) / V  # vᵀ(R1ᵀg + F0/m)/V
+    driven, offset = drive * s["beta_v"], s["g_v"] * zeta
+    g_growth = law.gamma_v2 * np.abs(V_tp) * zeta
+    return [
         same(
             "(33)",
             "α_v",
@@ -63,7 +78,7 @@ def speed_definitions(known: Known, law: Proposed, trigger: Trigger) -> list[Equ
             lam * nominal,
             lam * s["Phi_v"] * network,
             lam * V_tp / (2.0 * law.h_v2**2),
-            cancelled=(drift,),
+            cancelled=(lam * np.linalg.norm(known.drift_v, axis=1),),
         ),
         same(
             "(33)",
@@ -78,56 +93,38 @@ def speed_definitions(known: Known, law: Proposed, trigger: Trigger) -> list[Equ
             s["demand"][:, THROTTLE],
             -(1.0 + in_force(trigger.a1, known.time_s)) * s["B_v"] / zeta,
         ),
-        same(
-            "(34)",
-            "rate of Φ̂_v",
-            s["Phi_v_dot"],
-            lam * law.gamma_v1 * V_tp * network,
-            -law.sigma_v1 * s["Phi_v"],
+        *_estimated(
+            known,
+            ("(34)", "Φ̂_v", "Phi_v", lam * law.gamma_v1 * V_tp * network, law.sigma_v1, law.phi_v0),
+            ("(35)", "ĝ_v", "g_v", g_growth, law.sigma_v2, law.g_v0),
+            ("(36)", "β̂_v", "beta_v", law.gamma_v3 * V_tp * drive, law.sigma_v3, law.beta_v0),
         ),
-        same(
-            "(35)",
-            "rate of ĝ_v",
-            s["g_v_dot"],
-            law.gamma_v2 * np.abs(V_tp) * zeta,
-            -law.sigma_v2 * s["g_v"],
-        ),
-        same(
-            "(36)",
-            "rate of β̂_v",
-            s["beta_v_dot"],
-            law.gamma_v3 * V_tp * drive,
-            -law.sigma_v3 * s["beta_v"],
-        ),
-        _stepped("(34)", "Φ̂_v", known, s["Phi_v"], s["Phi_v_dot"], law.phi_v0),
-        _stepped("(35)", "ĝ_v", known, s["g_v"], s["g_v_dot"], law.g_v0),
-        _stepped("(36)", "β̂_v", known, s["beta_v"], s["beta_v_dot"], law.beta_v0),
         *_sent(("(25)", "(26)", "(13)"), known, _THRUST, trigger),
     ]
 
 
 def attitude_definitions(known: Known, law: Proposed, trigger: Trigger) -> list[Equality]:
     """Check (23), (32), (57), (37) to (39) with all their terms, trigger and actuators."""
+    return [*_attitude_errors(known, law), *_deflections(known, law, trigger)]
+
+
+def _attitude_errors(known: Known, law: Proposed) -> list[Equality]:
+    """Check the errors (32), and the body rates (57) that they ask for."""
     same = partial(compare, where=known.present, time_s=known.time_s)
     heard = partial(compare, where=known.reported, time_s=known.time_s)
     s, near, lam, lambda4 = known.signals, known.neighbours, known.lambda_omega, law.lambda4
-    e, e_prime, e_omega = s["error"][:, 1:], s["sync_error"][:, 1:], s["e_omega"]
+    e, e_prime = s["error"][:, 1:], s["sync_error"][:, 1:]
     phi, phi_r, phi_r_dot = known.attitude, s["reference"][:, 1:], s["reference_dot"][:, 1:]
     e_near = short_way(near.attitude - phi_r[:, None])
     e_sum = np.einsum("kjc,j->kc", short_way(e[:, None] - e_near), near.weights)
     rates = np.einsum("kjc,j->kc", near.attitude_dot - phi_r_dot[:, None], near.weights)
     reports = lambda4 * (np.linalg.norm(near.attitude, axis=2) @ near.weights)
-    K1, K2 = in_force(law.K1, known.time_s), in_force(law.K2, known.time_s)
+    K1 = in_force(law.K1, known.time_s)
     omega_d = [
         np.einsum("kij,kj->ki", known.R2, term) / lam
         for term in (-K1 * e_prime, lam * phi_r_dot, lambda4 * rates)
     ]
     rate_sizes = lambda4 / lam * (np.linalg.norm(near.attitude_dot, axis=2) @ near.weights)
-    zeta = s["zeta_omega"]
-    e_sq, zeta_sq = np.square(e_omega).sum(axis=1), np.square(zeta).sum(axis=1)
-    network = s["basis"] / (2.0 * law.h_omega1**2)
-    strength = np.square(s["beta_omega"]) * zeta_sq
-    gain = strength / np.sqrt(strength * e_sq + law.eps_omega)
     filtered = s["omega_d"] - law.tau_omega_d_s * s["omega_d_dot"]  # ω_d behind its filter
     return [
         _stepped("Assumption 4", "ϕ_r", known, phi_r, phi_r_dot, s["command"][0, 1:]),
@@ -142,7 +139,7 @@ def attitude_definitions(known: Known, law: Proposed, trigger: Trigger) -> list[
             cancelled=(lam * phi, lam * phi_r, reports),
         ),
         heard("(57)", "ω_d", s["omega_d"], *omega_d, cancelled=(rate_sizes,)),
-        same("(57)", "e_ω", e_omega, known.omega, -s["omega_d"]),
+        same("(57)", "e_ω", s["e_omega"], known.omega, -s["omega_d"]),
         _stepped(
             "(57)",
             "ω_d behind its filter",
@@ -152,16 +149,30 @@ def attitude_definitions(known: Known, law: Proposed, trigger: Trigger) -> list[
             s["omega_d"][0],
             cancelled=(s["omega_d"],),
         ),
+    ]
+
+
+def _deflections(known: Known, law: Proposed, trigger: Trigger) -> list[Equality]:
+    """Check the network (23), the demand (37), its estimates (38), (39), and what is sent of it."""
+    same = partial(compare, where=known.present, time_s=known.time_s)
+    s, e_omega, zeta = known.signals, known.signals["e_omega"], known.signals["zeta_omega"]
+    e_sq, zeta_sq = np.square(e_omega).sum(axis=1), np.square(zeta).sum(axis=1)
+    network = s["basis"] / (2.0 * law.h_omega1**2)
+    strength = np.square(s["beta_omega"]) * zeta_sq
+    gain = strength / np.sqrt(strength * e_sq + law.eps_omega)
+    gamma1, gamma2 = law.gamma_omega1, law.gamma_omega2
+    beta_growth, beta_size = gamma2 * (e_omega * zeta).sum(axis=1), gamma2 * np.sqrt(e_sq * zeta_sq)
+    return [
         same("(23)", "ςᵀς", s["basis"], _basis(known, law)),
         same(
             "(37)",
             "ζ_ω",
             zeta,
-            K2 * e_omega,
+            in_force(law.K2, known.time_s) * e_omega,
             known.drift_omega,
             (s["Phi_omega"] * network)[:, None] * e_omega,
             e_omega / (2.0 * law.h_omega2**2),
-            lam * solve(np.swapaxes(known.R2, 1, 2), e_prime),
+            known.lambda_omega * solve(np.swapaxes(known.R2, 1, 2), s["sync_error"][:, 1:]),
             -s["omega_d_dot"],
         ),
         same(
@@ -170,23 +181,19 @@ def attitude_definitions(known: Known, law: Proposed, trigger: Trigger) -> list[
             s["demand"][:, :THROTTLE],
             -gain[:, None] * np.einsum("kji,kj->ki", known.G, e_omega),
         ),
-        same(
-            "(38)",
-            "rate of Φ̂_ω",
-            s["Phi_omega_dot"],
-            law.gamma_omega1 * network * e_sq,
-            -law.sigma_omega1 * s["Phi_omega"],
+        *_estimated(
+            known,
+            ("(38)", "Φ̂_ω", "Phi_omega", gamma1 * network * e_sq, law.sigma_omega1, law.phi_omega0),
+            (
+                "(39)",
+                "β̂_ω",
+                "beta_omega",
+                beta_growth,
+                law.sigma_omega2,
+                law.beta_omega0,
+                beta_size,
+            ),
         ),
-        same(
-            "(39)",
-            "rate of β̂_ω",
-            s["beta_omega_dot"],
-            law.gamma_omega2 * (e_omega * zeta).sum(axis=1),
-            -law.sigma_omega2 * s["beta_omega"],
-            cancelled=(law.gamma_omega2 * np.sqrt(e_sq * zeta_sq),),
-        ),
-        _stepped("(38)", "Φ̂_ω", known, s["Phi_omega"], s["Phi_omega_dot"], law.phi_omega0),
-        _stepped("(39)", "β̂_ω", known, s["beta_omega"], s["beta_omega_dot"], law.beta_omega0),
         *_sent(("(29)", "(29)", "(19)"), known, _SURFACES, trigger),
     ]
 
@@ -235,6 +242,23 @@ def _run(commands: list[float], is_yaw: bool, w: float, dt: float) -> list[list[
         jerk = w**3 * error - 3.0 * w**2 * x_dot - 3.0 * w * x_ddot
         x, x_dot, x_ddot = x + dt * x_dot, x_dot + dt * x_ddot, x_ddot + dt * jerk
     return [values, rates]
+
+
+def _estimated(known: Known, *estimates: tuple[Any, ...]) -> list[Equality]:
+    """Check the rates of estimates, growth less leakage, and their steps.
+
+    Args:
+        known: The flight.
+        estimates: Of each the equation, its symbol, the signal, its growth (n,) [1/s], its leakage
+            [1/s], its first value, and magnitudes of terms that cancel within the growth.
+    """
+    s, rates, steps = known.signals, [], []
+    same = partial(compare, where=known.present, time_s=known.time_s)
+    for equation, symbol, name, growth, leakage, initial, *sizes in estimates:
+        rate, leaked = s[f"{name}_dot"], -leakage * s[name]
+        rates.append(same(equation, f"rate of {symbol}", rate, growth, leaked, cancelled=sizes))
+        steps.append(_stepped(equation, symbol, known, s[name], rate, initial))
+    return rates + steps
 
 
 def _stepped(

@@ -1,5 +1,6 @@
 """Equalities along a flight, compared to rounding."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,7 +46,7 @@ def compare(
     *terms: np.ndarray,
     where: np.ndarray,
     time_s: np.ndarray,
-    cancelled: tuple[np.ndarray, ...] = (),
+    cancelled: Sequence[np.ndarray] = (),
 ) -> Equality:
     """Compare a quantity with a sum at the steps of a mask.
 

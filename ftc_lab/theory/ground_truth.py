@@ -107,15 +107,12 @@ class Known:
 
 def known_quantities(recording: Recording, i: int, scenario: Scenario) -> Known:
     """Compute `Known` for UAV index i of a recording with at least one step."""
-    uav_id, time_s = recording.uav_ids[i], recording.time_s
+    uav_id, time_s, signals = recording.uav_ids[i], recording.time_s, recording.signals[:, i]
     states = np.ascontiguousarray(recording.states[:, i])
     applied = np.ascontiguousarray(recording.applied[:, i])
-    signals = recording.signals[:, i]
     aircraft, law = scenario.aircraft_of(uav_id), scenario.controller
-    nominal = aircraft_record(aircraft)
-    true = aircraft_record(true_aircraft(aircraft, scenario.uncertainty))
+    nominal, true = map(aircraft_record, (aircraft, true_aircraft(aircraft, scenario.uncertainty)))
     table = disturbance_table(scenario.disturbance)
-    calm, nothing = np.zeros_like(table), np.zeros_like(applied)
     G_nominal, G_true = control_effectiveness(nominal), control_effectiveness(true)
     rho, faulty = _faults(scenario, uav_id, time_s)
     neighbours, reported = _neighbours(recording, i, scenario)
@@ -123,8 +120,8 @@ def known_quantities(recording: Recording, i: int, scenario: Scenario) -> Known:
     a_sum = float(neighbours.weights.sum())
     with np.errstate(all="ignore"):  # a lost flight may end in NaN or inf
         slope = slopes(states, applied, time_s, table, true)
-        excess = slope - slopes(states, applied, time_s, calm, nominal)
-        drift = slopes(states, nothing, time_s, calm, nominal)
+        excess = slope - slopes(states, applied, time_s, np.zeros_like(table), nominal)
+        drift = slopes(states, np.zeros_like(applied), time_s, np.zeros_like(table), nominal)
         G = np.square(signals["V"])[:, None, None] * G_nominal
         fault = applied - rho * signals["held"]
         return Known(

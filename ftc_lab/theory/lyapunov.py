@@ -10,6 +10,7 @@ V̇_L <= -κ V_L + χ becomes an equality.
 """
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -78,6 +79,73 @@ class _Estimate:
     weight: np.ndarray | float  # ρ/γ or g_ω/γ
     leakage: float  # σ [1/s]
 
+    @property
+    def error(self) -> np.ndarray:
+        """What the estimate is off."""
+        return self.value - self.ideal
+
+    def leaked(self, of: np.ndarray | float) -> Any:
+        """Return the leakage's share of V̇_L in the square of something."""
+        return 0.5 * self.weight * self.leakage * of**2
+
+
+@dataclass(frozen=True)
+class _Proof:
+    """What differs between the two proofs; the arrays have shape (n,)."""
+
+    known: Known
+    equations: tuple[str, str]  # V̇_L before the inequalities, and the result
+    error: _Error
+    estimates: dict[str, _Estimate]
+    before: tuple[np.ndarray, ...]  # summands of V̇_L before the inequalities, but decay, adaptation
+    cancelled: tuple[np.ndarray, ...]  # magnitudes of terms that cancel within them
+    slack: dict[str, np.ndarray]  # of the inequalities up to there
+    parts: dict[str, Any]  # summands of χ that do not come from the estimates
+    covered: np.ndarray  # this and the rest as in `Subsystem`
+    counted: np.ndarray
+    jumps: np.ndarray
+    equalities: list[Equality]  # up to there
+    constants: dict[str, float | list[float]]
+
+    def subsystem(self) -> Subsystem:
+        """Assemble V_L from the error and the estimates, and finish the proof."""
+        error, estimates = self.error, self.estimates.values()
+        V_L = sum((0.5 * one.weight * one.error**2 for one in estimates), error.energy)
+        kappa = np.minimum(error.rate, min(one.leakage for one in estimates))
+        parts = self.parts | {name: one.leaked(one.ideal) for name, one in self.estimates.items()}
+        chi = np.sum([np.broadcast_to(part, V_L.shape) for part in parts.values()], axis=0)
+        adaptation = [one.weight * one.error * one.change for one in estimates]
+        V_L_dot = error.change + np.sum(adaptation, axis=0)
+        unequal, result = self.equations
+        leakage = sum(one.leaked(one.error) for one in estimates)
+        slack = self.slack | {
+            f"{result}, estimates": np.sum([one.leaked(one.value) for one in estimates], axis=0),
+            f"{result}, κ": error.decay + leakage - kappa * V_L,
+        }
+        along = partial(
+            compare,
+            where=self.covered,
+            time_s=self.known.time_s,
+            cancelled=(*self.cancelled, *self.before, *adaptation),
+        )
+        text = "rate of V_L before the inequalities"
+        begun = along(unequal, text, V_L_dot, -error.decay, *self.before, *adaptation)
+        text = "rate of V_L with the slack of each inequality"
+        ended = along(result, text, V_L_dot, -kappa * V_L, chi, *(-part for part in slack.values()))
+        return Subsystem(
+            V_L=V_L,
+            V_L_dot=V_L_dot,
+            kappa=kappa,
+            chi=chi,
+            covered=self.covered,
+            counted=self.counted,
+            jumps=self.jumps,
+            chi_parts=_at_last(parts, self.counted),
+            slack=slack,
+            equalities=[*self.equalities, begun, ended],
+            constants=self.constants,
+        )
+
 
 def speed_subsystem(known: Known, law: Proposed, trigger: Trigger) -> Subsystem | None:
     """Evaluate L1 of (48), its derivative, and κ_v, χ_v of (53); None if no step counts."""
@@ -117,7 +185,7 @@ def speed_subsystem(known: Known, law: Proposed, trigger: Trigger) -> Subsystem 
     h_v1, h_v2 = 1.5 * lam * law.h_v1**2, 0.5 * lam * law.h_v2**2 * float(tau @ tau)
     change = law.lambda1 * (known.V_dot - s["reference_dot"][:, 0])
     change += law.lambda2 * ((known.V_dot[:, None] - near.V_dot) @ near.weights)  # of (31)
-    return _subsystem(
+    return _Proof(
         known=known,
         equations=("(49)", "(53)"),
         error=_Error(
@@ -161,7 +229,7 @@ def speed_subsystem(known: Known, law: Proposed, trigger: Trigger) -> Subsystem 
             **_at_last({"g_v": g, "beta_v": beta}, counted),
             "tau_bar_m_s2": tau.tolist(),
         },
-    )
+    ).subsystem()
 
 
 def attitude_subsystem(known: Known, law: Proposed, trigger: Trigger) -> Subsystem | None:
@@ -220,7 +288,7 @@ def attitude_subsystem(known: Known, law: Proposed, trigger: Trigger) -> Subsyst
         "kjc,j->kc", rates[:, None] - near.attitude_dot, near.weights
     )  # of (32)
     e_decay = _dot(e_prime, K1 * e_prime)
-    return _subsystem(
+    return _Proof(
         known=known,
         equations=("(65)", "(69)"),
         error=_Error(
@@ -272,96 +340,7 @@ def attitude_subsystem(known: Known, law: Proposed, trigger: Trigger) -> Subsyst
             "tau_bar_rad_s2": tau.tolist(),
             "omega_d_filter_error_rad_s2": _filter_error(known, K1, counted),
         },
-    )
-
-
-def _subsystem(
-    known: Known,
-    equations: tuple[str, str],
-    error: _Error,
-    estimates: dict[str, _Estimate],
-    before: tuple[np.ndarray, ...],
-    cancelled: tuple[np.ndarray, ...],
-    slack: dict[str, np.ndarray],
-    parts: dict[str, Any],
-    covered: np.ndarray,
-    counted: np.ndarray,
-    jumps: np.ndarray,
-    equalities: list[Equality],
-    constants: dict[str, float | list[float]],
-) -> Subsystem:
-    """Assemble V_L from the error and the estimates, and finish the proof, the same for both.
-
-    Args:
-        known: The flight.
-        equations: Numbers of V̇_L before the inequalities and of the result.
-        error: The error's part of V_L.
-        estimates: The estimates' parts, by name.
-        before: Summands of V̇_L before the inequalities, apart from the error's decay and the
-            estimates' change.
-        cancelled: Magnitudes of terms that cancel within them.
-        slack: Of the inequalities up to there.
-        parts: Summands of χ that do not come from the estimates.
-        covered: As in `Subsystem`.
-        counted: As in `Subsystem`.
-        jumps: As in `Subsystem`.
-        equalities: As in `Subsystem`, up to there.
-        constants: As in `Subsystem`.
-    """
-    V_L, leakage, kappa = error.energy.copy(), np.zeros(len(covered)), error.rate
-    given, adaptation, chi_parts = np.zeros(len(covered)), [], dict(parts)
-    for name, estimate in estimates.items():
-        weight, tilde = estimate.weight, estimate.value - estimate.ideal
-        V_L += 0.5 * weight * tilde**2
-        adaptation.append(weight * tilde * estimate.change)
-        leakage += 0.5 * weight * estimate.leakage * tilde**2
-        given += 0.5 * weight * estimate.leakage * estimate.value**2
-        chi_parts[name] = 0.5 * weight * estimate.leakage * estimate.ideal**2
-        kappa = np.minimum(kappa, estimate.leakage)
-    chi = np.sum([np.broadcast_to(part, V_L.shape) for part in chi_parts.values()], axis=0)
-    V_L_dot = error.change + np.sum(adaptation, axis=0)
-    unequal, result = equations
-    slack = slack | {
-        f"{result}, estimates": given,
-        f"{result}, κ": error.decay + leakage - kappa * V_L,
-    }
-
-    def along(equation: str, quantity: str, *terms: np.ndarray) -> Equality:
-        return compare(
-            equation,
-            quantity,
-            V_L_dot,
-            *terms,
-            where=covered,
-            time_s=known.time_s,
-            cancelled=(*cancelled, *before, *adaptation),
-        )
-
-    return Subsystem(
-        V_L=V_L,
-        V_L_dot=V_L_dot,
-        kappa=kappa,
-        chi=chi,
-        covered=covered,
-        counted=counted,
-        jumps=jumps,
-        chi_parts=_at_last(chi_parts, counted),
-        slack=slack,
-        equalities=[
-            *equalities,
-            along(
-                unequal, "rate of V_L before the inequalities", -error.decay, *before, *adaptation
-            ),
-            along(
-                result,
-                "rate of V_L with the slack of each inequality",
-                -kappa * V_L,
-                chi,
-                *(-part for part in slack.values()),
-            ),
-        ],
-        constants=constants,
-    )
+    ).subsystem()
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ import typer
 from rich.table import Table
 
 from gcs.commands import transfer
+from gcs.commands.options import JsonOption
 from gcs.commands.station import EXIT_STATUS, Station, station_command
 from gcs.commands.transfer import Note
 from gcs.errors import BadInput
@@ -79,7 +80,7 @@ def show(
             metavar="SCENARIO",
         ),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, nothing else.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Check a mission as a vehicle would, and show its items, lengths, turns and times.
 

@@ -114,6 +114,28 @@ def _own_source() -> str | None:
     return url
 
 
+def _package_of(folder: Path) -> str:
+    """Return the name of a new project's package.
+
+    Raises:
+        BadInput: The folder exists, or has a name that is taken, or makes none.
+    """
+    name = folder.resolve().name
+    package = re.sub(r"[-. ]+", "_", name).lower()
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", package) or keyword.iskeyword(package):
+        text = f"--project is {name!r}, which makes no name of a package"
+        raise BadInput(text, "letters, digits, - and _, beginning with a letter, as in my-law")
+    if package in LAWS:
+        text = f"--project is {name!r}, and {package} is a law of ftc-sitl"
+        raise BadInput(text, "choose another name")
+    if _is_taken(name, package):
+        text = f"--project is {name!r}, and {package} is installed here: it would be replaced"
+        raise BadInput(text, "choose another name")
+    if folder.exists():
+        raise BadInput(f"{folder} already exists and was not changed", "choose another name")
+    return package
+
+
 def _is_taken(name: str, package: str) -> bool:
     """Return whether a project of that name would replace, or hide, what is installed."""
     try:
@@ -131,21 +153,9 @@ def _write_project(folder: Path, source: str) -> None:
         source: Where ftc-sitl is installed from, for the CI.
 
     Raises:
-        BadInput: It exists, cannot be written, or has a name that is taken.
+        BadInput: Its name is none of a package, or it cannot be written.
     """
-    name = folder.resolve().name
-    package = re.sub(r"[-. ]+", "_", name).lower()
-    if not re.fullmatch(r"[a-z][a-z0-9_]*", package) or keyword.iskeyword(package):
-        text = f"--project is {name!r}, which makes no name of a package"
-        raise BadInput(text, "letters, digits, - and _, beginning with a letter, as in my-law")
-    if package in LAWS:
-        text = f"--project is {name!r}, and {package} is a law of ftc-sitl"
-        raise BadInput(text, "choose another name")
-    if _is_taken(name, package):
-        text = f"--project is {name!r}, and {package} is installed here: it would be replaced"
-        raise BadInput(text, "choose another name")
-    if folder.exists():
-        raise BadInput(f"{folder} already exists and was not changed", "choose another name")
+    name, package = folder.resolve().name, _package_of(folder)
     make_folder(folder.parent, "--project")
     part = folder.with_name(f"{name}.part")
     try:

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from gcs.commands.options import JsonOption
 from gcs.commands.plugins import Kind, show, show_header, show_list
 
 
@@ -22,16 +23,15 @@ def plugin_app(kind: Kind, command: str, several: str, examples: Sequence[str]) 
         f"Examples:\n\n{written}\n\nOther packages register theirs in the group of entry points "
         f"{kind.group}.\n\nExit status: 0 shown, 2 bad input.\n"
     )
-    summary = f"List the {several}, ours and other packages', or show one."
-    app = typer.Typer(help=summary, invoke_without_command=True, epilog=epilog)
-    named = f"Name of a {kind.noun}, or FILE.py:CLASS."
-    metavar = kind.noun.split()[-1].upper()
+    app = typer.Typer(invoke_without_command=True, epilog=epilog)
+    named = typer.Argument(
+        help=f"Name of a {kind.noun}, or FILE.py:CLASS.",
+        metavar=kind.noun.split()[-1].upper(),
+        show_default=False,
+    )
 
-    @app.callback(help=summary)
-    def main(
-        context: typer.Context,
-        json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-    ) -> None:
+    @app.callback(help=f"List the {several}, ours and other packages', or show one.")
+    def main(context: typer.Context, json: JsonOption = False) -> None:
         if context.invoked_subcommand is None:
             show_list(kind, as_json=json)
 
@@ -41,9 +41,7 @@ def plugin_app(kind: Kind, command: str, several: str, examples: Sequence[str]) 
         "defaults.",
         epilog=epilog,
     )
-    def show_one(
-        name: Annotated[str, typer.Argument(help=named, metavar=metavar, show_default=False)],
-    ) -> None:
+    def show_one(name: Annotated[str, named]) -> None:
         show(kind, name)
 
     @app.command(
@@ -52,9 +50,7 @@ def plugin_app(kind: Kind, command: str, several: str, examples: Sequence[str]) 
         epilog=epilog,
     )
     def header(
-        name: Annotated[
-            str | None, typer.Argument(help=named, metavar=metavar, show_default=False)
-        ] = None,
+        name: Annotated[str | None, named] = None,
         folder: Annotated[
             bool, typer.Option("--folder", help=f"Print the folder of {kind.header} instead.")
         ] = False,

@@ -46,43 +46,86 @@ async def serve(
         on_ready: Called when browsers can connect.
     """
     logging.getLogger("textual-serve").addHandler(logging.NullHandler())
-    server = textual_server.Server("")
-    page = files("gcs.tui").joinpath("web_page.html").read_text(encoding="utf-8")
-    open_views: set[asyncio.Task[None]] = set()
+    site = _Site(command, host, most)
+    runner = web.AppRunner(
+        site.app(), access_log=None, shutdown_timeout=_CLOSING_S, handler_cancellation=True
+    )
+    stopped = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    end_with_session(partial(loop.call_soon_threadsafe, stopped.set))
+    await runner.setup()
+    try:
+        await web.SockSite(runner, listening).start()
+        on_ready()
+        await stopped.wait()
+    finally:
+        await site.close()
+        await runner.cleanup()
 
-    def check_room() -> None:
-        if len(open_views) >= most:
+
+class _Site:
+    """What browsers get: the page, views of it, and files; arguments as of `serve`."""
+
+    def __init__(self, command: Sequence[str], host: str, most: int) -> None:
+        self._command, self._host, self._most = command, host, most
+        self._textual = textual_server.Server("")
+        self._page = files("gcs.tui").joinpath("web_page.html").read_text(encoding="utf-8")
+        self._open: set[asyncio.Task[None]] = set()
+
+    def app(self) -> web.Application:
+        """Return what answers requests."""
+        app = web.Application(middlewares=[self._ours_alone])
+        static = Path(textual_server.__file__).parent / "static"
+        app.add_routes(
+            [
+                web.get("/", self._index),
+                web.get("/ws", self._view),
+                web.get("/download/{key}", self._textual.handle_download),
+                web.static("/static", static),
+            ]
+        )
+        return app
+
+    async def close(self) -> None:
+        """End the views, and with each its process."""
+        for task in self._open:
+            task.cancel()
+        if self._open:
+            await asyncio.wait(self._open)
+
+    def _check_room(self) -> None:
+        if len(self._open) >= self._most:
             text = (
-                f"{most} dashboards are open, as many as this server has: close one and load this "
-                "page again, or start gcs web with a larger --views"
+                f"{self._most} dashboards are open, as many as this server has: close one and load "
+                "this page again, or start gcs web with a larger --views"
             )
             raise web.HTTPServiceUnavailable(text=text)
 
     @contextlib.asynccontextmanager
-    async def room() -> AsyncIterator[None]:
+    async def _room(self) -> AsyncIterator[None]:
         """Hold the place of a view, until its process is gone."""
-        check_room()
+        self._check_room()
         task = asyncio.current_task()
         assert task is not None
-        open_views.add(task)
+        self._open.add(task)
         try:
             yield
         finally:
-            open_views.discard(task)
+            self._open.discard(task)
 
-    async def index(_: web.Request) -> web.Response:
-        check_room()
-        return web.Response(text=page, content_type="text/html")
+    async def _index(self, _: web.Request) -> web.Response:
+        self._check_room()
+        return web.Response(text=self._page, content_type="text/html")
 
-    async def view(request: web.Request) -> web.StreamResponse:
+    async def _view(self, request: web.Request) -> web.StreamResponse:
         try:
             width, height = size_in({"width": "80", "height": "24", **request.query})
         except ValueError:
             raise web.HTTPBadRequest(text="width and height: expected whole numbers") from None
         websocket = web.WebSocketResponse(heartbeat=15)
-        async with room():
+        async with self._room():
             await websocket.prepare(request)
-            one = View(command, websocket, server.download_manager)
+            one = View(self._command, websocket, self._textual.download_manager)
             try:
                 await one.start(width, height)
                 async for message in websocket:
@@ -94,46 +137,18 @@ async def serve(
         return websocket
 
     @web.middleware
-    async def ours_alone(request: web.Request, handler: Handler) -> web.StreamResponse:
+    async def _ours_alone(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         """Refuse what a page of another site asks a browser of this machine to open."""
         named = request.headers.get("Host", "")
         origin = request.headers.get("Origin")
         foreign = origin is not None and origin.partition("://")[2] != named
-        if foreign or not _is_ours(named, host):
+        if foreign or not _is_ours(named, self._host):
             text = (
                 "this dashboard is not for pages of other sites: open it at the address that "
                 "gcs web prints, or name another one by --listen"
             )
             raise web.HTTPForbidden(text=text)
         return await handler(request)
-
-    app = web.Application(middlewares=[ours_alone])
-    static = Path(textual_server.__file__).parent / "static"
-    app.add_routes(
-        [
-            web.get("/", index),
-            web.get("/ws", view),
-            web.get("/download/{key}", server.handle_download),
-            web.static("/static", static),
-        ]
-    )
-    runner = web.AppRunner(
-        app, access_log=None, shutdown_timeout=_CLOSING_S, handler_cancellation=True
-    )
-    stopped = asyncio.Event()
-    loop = asyncio.get_running_loop()
-    end_with_session(partial(loop.call_soon_threadsafe, stopped.set))
-    await runner.setup()
-    try:
-        await web.SockSite(runner, listening).start()
-        on_ready()
-        await stopped.wait()
-    finally:
-        for task in open_views:  # each ends its process
-            task.cancel()
-        if open_views:
-            await asyncio.wait(open_views)
-        await runner.cleanup()
 
 
 def _is_ours(named: str, host: str) -> bool:

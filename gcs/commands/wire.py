@@ -8,6 +8,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -15,6 +16,7 @@ import typer
 from rich.console import Group
 from rich.live import Live
 
+from gcs.commands.options import JsonOption, options_of, with_options
 from gcs.errors import BadInput, GcsError
 from gcs.outputs import write_file
 from gcs.progress import working
@@ -55,27 +57,24 @@ Exit status: 0 counted, 1 no MAVLink 2 frame in the file, 2 bad input.
 """
 
 
-def wire(
-    file: Annotated[
-        Path | None,
-        typer.Argument(
-            help="Capture (pcap, pcapng), telemetry log (tlog) or wire.json.", metavar="FILE"
-        ),
-    ] = None,
+@dataclass(frozen=True)
+class WireOptions:
+    """Options of ``gcs wire``."""
+
     relay: Annotated[
         list[str] | None,
         typer.Option(
             help="Listen at an address and relay to another and back; may be repeated.",
             metavar="LISTEN=TARGET",
         ),
-    ] = None,
+    ] = None
     impair: Annotated[
         str | None,
         typer.Option(
             help="Impairments of the relays: keys of a scenario's links.impairments.",
             metavar="KEY=VALUE,...",
         ),
-    ] = None,
+    ] = None
     link: Annotated[
         list[str] | None,
         typer.Option(
@@ -84,7 +83,7 @@ def wire(
             f"{FORMATION_BASE_PORT + 1}-{FORMATION_BASE_PORT + LAST_SYSTEM}.",
             metavar="NAME=PORT",
         ),
-    ] = None,
+    ] = None
     period_us: Annotated[
         int | None,
         typer.Option(
@@ -92,16 +91,26 @@ def wire(
             help="Control period [µs], for captures without FTC_SIM_STATE, which carries it.",
             metavar="US",
         ),
-    ] = None,
+    ] = None
     seconds: Annotated[
         float | None, typer.Option(min=0.0, metavar="S", help="Stop relaying after this time [s].")
-    ] = None,
+    ] = None
     csv: Annotated[
         Path | None, typer.Option(help="Also write the counts as CSV.", metavar="FILE")
+    ] = None
+    as_json: JsonOption = False
+
+
+@with_options("options", options_of(WireOptions), WireOptions)
+def wire(
+    file: Annotated[
+        Path | None,
+        typer.Argument(
+            help="Capture (pcap, pcapng), telemetry log (tlog) or wire.json.", metavar="FILE"
+        ),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print JSON on standard output instead of tables.")
-    ] = False,
+    *,
+    options: WireOptions,
 ) -> None:
     """Count frames and bytes of a capture or a relay.
 
@@ -110,23 +119,23 @@ def wire(
     Reads a file, or relays UDP datagrams and shows the counts live; a relay can also lose, delay,
     duplicate, reorder and damage datagrams. Actuator channels are compared with periodic sending.
     """
-    if (file is None) == (not relay):
+    if (file is None) == (not options.relay):
         raise BadInput("expected either a FILE or --relay LISTEN=TARGET", "see `gcs wire --help`")
-    if impair is not None and not relay:
+    if options.impair is not None and not options.relay:
         raise BadInput("--impair is for relays; a file cannot be impaired")
-    ports = {**DEFAULT_PORTS, **dict(map(_named_port, link or []))}
-    tap = Tap(period_us=period_us)
+    ports = {**DEFAULT_PORTS, **dict(map(_named_port, options.link or []))}
+    tap = Tap(period_us=options.period_us)
     if file is not None:
         report, remark = _count_file(file, tap, LinkNames(ports))
         if remark:
             print_line(f"warning: {remark}", stderr=True)
     else:
-        impairment = None if impair is None else _impairment(impair)
-        routes = [_route(text, ports, impairment) for text in relay or []]
-        report = _relay(routes, tap, seconds, as_json)
-    if csv is not None:
-        _save_csv(report, csv)
-    if as_json:
+        impairment = None if options.impair is None else _impairment(options.impair)
+        routes = [_route(text, ports, impairment) for text in options.relay or []]
+        report = _relay(routes, tap, options.seconds, options.as_json)
+    if options.csv is not None:
+        _save_csv(report, options.csv)
+    if options.as_json:
         print_json(report.to_json(), indent=2)
     else:
         console_of(stderr=False).print(*wire_tables(report), sep="\n")

@@ -207,6 +207,20 @@ class FlightSummary:
         """Whether a law gave a command that was not finite."""
         return any(uav.control_failure is not None for uav in self.uavs)
 
+    @property
+    def departure(self) -> tuple[Literal["attitude_lost", "heading_lost"], str] | None:
+        """Which of attitude and heading was lost, the worse first, and a text; None if neither."""
+        parts: tuple[tuple[Literal["attitude_lost", "heading_lost"], str], ...] = (
+            ("attitude_lost", "roll or pitch"),
+            ("heading_lost", "yaw"),
+        )
+        for lost, part in parts:
+            times = ((getattr(uav, f"{lost}_at_s"), uav.id) for uav in self.uavs)
+            first = min(((at, uav) for at, uav in times if at is not None), default=None)
+            if first is not None:
+                return lost, f"UAV {first[1]} was more than 90° off in {part} at {first[0]:g} s"
+        return None
+
     def uav(self, system: int) -> UavSummary | None:
         """Return the part of one UAV, by its system id; None if it did not fly."""
         return next((uav for uav in self.uavs if uav.id == system), None)

@@ -105,16 +105,14 @@ class PathErrors:
         """Return the errors of the next steps, shape (steps, n), dtype `ERRORS`."""
         errors = np.zeros(steps.signals.shape, ERRORS)
         path_errors(
-            steps.first,
-            self._settling,
-            steps.states,
-            steps.signals["V"],
-            steps.signals["path_position"],
-            steps.signals["slot"],
-            self._paths,
-            self._leaders,
-            self.followers,
-            errors,
+            first=steps.first,
+            settling=self._settling,
+            states=steps.states,
+            signals=steps.signals,
+            paths=self._paths,
+            leaders=self._leaders,
+            followers=self.followers,
+            errors=errors,
         )
         return errors
 
@@ -159,9 +157,7 @@ def path_errors(
     first: int,
     settling: int,
     states: np.ndarray,
-    V: np.ndarray,  # noqa: N803 - the signal's name
-    supposed: np.ndarray,
-    slots: np.ndarray,
+    signals: np.ndarray,
     paths: np.ndarray,
     leaders: np.ndarray,
     followers: np.ndarray,
@@ -173,9 +169,8 @@ def path_errors(
         first: Number of the first step.
         settling: `SETTLING_S` in steps.
         states: True ones, shape (steps, n, 12).
-        V: Signal, shape (steps, n); NaN where an autopilot received no state.
-        supposed: Signal `path_position`, shape (steps, n) [m]; NaN where no path is followed.
-        slots: Signal `slot`, shape (steps, n, 3) [m].
+        signals: Shape (steps, n), dtype `SIGNALS`: `V` is NaN where an autopilot received no
+            state, `path_position` where no path is followed.
         paths: Shape (n,), dtype `PATH`.
         leaders: Indices of the UAVs that slots count from.
         followers: Shape (n,), updated.
@@ -185,39 +180,62 @@ def path_errors(
     known = np.zeros(n, np.bool_)
     for k in range(len(states)):
         for i in range(n):
-            own, error = followers[i], errors[k, i]
-            missing, follows = math.isnan(V[k, i]), not math.isnan(supposed[k, i])
+            error = errors[k, i]
             error["cross_track"] = error["height"] = error["slot"] = np.nan
             error["part"] = _UNSETTLED
-            known[i] = False
-            own["flown"] += follows
-            if not follows and not missing:
-                own["s"], own["began"], own["turned"] = np.nan, _NEVER, _NEVER
-            if math.isnan(own["s"]):
-                own["s"] = supposed[k, i]
-            north, east, down = states[k, i, 0], states[k, i, 1], states[k, i, 2]
-            if paths[i]["count"] == 0 or not math.isfinite(own["s"] + north + east):
-                continue
-            s, right = locate(paths[i], north, east, own["s"])
-            if follows and not abs(s - supposed[k, i]) < _ELSEWHERE_M:
-                own["s"], own["began"], own["turned"] = np.nan, _NEVER, _NEVER
-                continue
-            own["s"] = s
-            point = point_at(paths[i], s)
-            if own["began"] == _NEVER:
-                own["began"] = first + k
-            if point.curvature != 0.0:
-                own["turned"] = first + k
-            known[i] = follows
-            if follows:
-                error["cross_track"] = right - slots[k, i, 1]
-                error["height"] = -down - point.height - slots[k, i, 2]
-                error["part"] = _part(first + k, settling, own)
+            known[i] = _follow(
+                first + k, settling, states[k, i], signals[k, i], paths[i], followers[i], error
+            )
         leader = _leader(leaders, known)
         for i in range(n):
             if leader >= 0 and known[i]:
-                xi = followers[leader]["s"] - slots[k, leader, 0]
-                errors[k, i]["slot"] = _from_slot(paths[i], xi, slots[k, i], states[k, i])
+                xi = followers[leader]["s"] - signals[k, leader]["slot"][0]
+                slot = signals[k, i]["slot"]
+                errors[k, i]["slot"] = _from_slot(paths[i], xi, slot, states[k, i])
+
+
+@compiled
+def _follow(
+    step: int,
+    settling: int,
+    state: np.ndarray,
+    signal: np.void,
+    path: np.void,
+    own: np.void,
+    error: np.void,
+) -> bool:
+    """Compute a UAV's errors but the slot's at one step, and return whether it has a place."""
+    supposed = signal["path_position"]
+    follows = not math.isnan(supposed)
+    own["flown"] += follows
+    if not follows and not math.isnan(signal["V"]):
+        _forget(own)
+    if math.isnan(own["s"]):
+        own["s"] = supposed
+    north, east, down = state[0], state[1], state[2]
+    if path["count"] == 0 or not math.isfinite(own["s"] + north + east):
+        return False
+    s, right = locate(path, north, east, own["s"])
+    if follows and not abs(s - supposed) < _ELSEWHERE_M:
+        _forget(own)
+        return False
+    own["s"] = s
+    point = point_at(path, s)
+    if own["began"] == _NEVER:
+        own["began"] = step
+    if point.curvature != 0.0:
+        own["turned"] = step
+    if follows:
+        error["cross_track"] = right - signal["slot"][1]
+        error["height"] = -down - point.height - signal["slot"][2]
+        error["part"] = _part(step, settling, own)
+    return follows
+
+
+@compiled
+def _forget(own: np.void) -> None:
+    """Note that a UAV follows no path."""
+    own["s"], own["began"], own["turned"] = np.nan, _NEVER, _NEVER
 
 
 @compiled

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gcs.results.choices import Record
-from gcs.results.columns import columns_of
+from gcs.results.columns import Column, columns_of
 from gcs.results.export import save_arrays_of
 from gcs.results.figures import FlightSummary
 from gcs.results.path_following import paths_of
@@ -30,14 +30,15 @@ def trajectory_bytes(scenario: Scenario, record: Record) -> int:
     """Return the most that the trajectory of a whole flight takes on disk [bytes]."""
     if record is Record.NONE:
         return 0
-    light = record is Record.LIGHT
-    columns = columns_of(light=light, estimated=scenario.navigation == "estimated")
-    every = _light_every(scenario) if light else 1
+    columns, every = _layout(scenario, record)
     return -(-scenario.steps // every) * len(scenario.uavs) * row_size(columns)
 
 
-def _light_every(scenario: Scenario) -> int:
-    return max(LIGHT_PERIOD_US // scenario.step_us, 1)
+def _layout(scenario: Scenario, record: Record) -> tuple[tuple[Column, ...], int]:
+    """Return the columns of a trajectory, and how many steps a recorded one stands for."""
+    light = record is Record.LIGHT
+    columns = columns_of(light=light, estimated=scenario.navigation == "estimated")
+    return columns, max(LIGHT_PERIOD_US // scenario.step_us, 1) if light else 1
 
 
 def streams_of(
@@ -48,9 +49,7 @@ def streams_of(
     Raises:
         OSError: With a file's name.
     """
-    light = record is Record.LIGHT
-    columns = columns_of(light=light, estimated=scenario.navigation == "estimated")
-    every = _light_every(scenario) if light else 1
+    columns, every = _layout(scenario, record)
     events = EventStream(None if folder is None else folder / EVENTS, scenario.step_us)
     trajectory = TrajectoryStream(
         None if folder is None else folder / TRAJECTORY,
@@ -58,7 +57,7 @@ def streams_of(
         every,
         tuple(uav.id for uav in scenario.uavs),
         scenario.step_us,
-        compressed=light,
+        compressed=record is Record.LIGHT,
         about={
             "scenario": scenario.name,
             "origin": scenario.origin.model_dump_json(),

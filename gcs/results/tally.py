@@ -156,15 +156,15 @@ class Tally:
         """Count the i-th UAV's steps, which are a column of the arrays."""
         before = self.uavs[i].copy()
         count_steps(
-            steps.first,
-            self._step_us,
-            np.ascontiguousarray(steps.states),
-            np.ascontiguousarray(steps.wind),
-            np.ascontiguousarray(steps.signals),
-            column,
-            self.uavs[i],
-            self._tail[i],
-            errors,
+            first=steps.first,
+            step_us=self._step_us,
+            states=np.ascontiguousarray(steps.states),
+            wind=np.ascontiguousarray(steps.wind),
+            signals=np.ascontiguousarray(steps.signals),
+            i=column,
+            tally=self.uavs[i],
+            tail=self._tail[i],
+            errors=errors,
         )
         if self.uavs[i]["changes"] > before["changes"]:
             self._note_decisions(i, steps.first, steps.signals[:, column], int(before["lost"]))
@@ -206,44 +206,12 @@ def count_steps(
     """
     target = tally["target"]
     for k in range(len(states)):
-        step, signal = first + k, signals[k, i]
-        lost = 0
-        for c in range(N_CHANNELS):
-            lost |= (signal["phase"][c] == LOST) << c
-        if lost != tally["lost"]:
-            tally["lost"] = lost
-            tally["changes"] += 1
-        if math.isnan(signal["V"]):
-            tally["missing"] += 1
-        elif step > 0:
-            tally["neighbour_periods"] += 1
-            tally["neighbour_messages"] += signal["neighbour_message"]
-        if not math.isnan(signal["V"]):
-            tally["heard"] = 1
-            for j in range(4):
-                target[0, j] = signal["command"][j]
-                target[1, j] = signal["reference"][j]
-        if math.isfinite(signal["command"][0]):
-            tally["active"] += 1
-        _count_events(step, signal["events"], tally)
-        if signal["not_finite"] != 0:
-            if tally["control_failed"] < 0:
-                tally["control_failed"] = step
-            for c in range(N_CHANNELS):
-                tally["not_finite"][c] += (signal["not_finite"] >> c) & 1
+        step = first + k
+        _count_signals(step, signals[k, i], tally)
         tally["highest_down"] = max(tally["highest_down"], states[k, i, 2])
-        u = states[k, i, 3] - wind[k, i, 0]
-        v = states[k, i, 4] - wind[k, i, 1]
-        w = states[k, i, 5] - wind[k, i, 2]
-        airspeed = math.sqrt(u * u + v * v + w * w)
         error, known = (0.0, 0.0, 0.0, 0.0), False
         for against in range(2):  # the command, and then the reference
-            error = (
-                airspeed - target[against, 0],
-                wrap(states[k, i, 6] - target[against, 1]),
-                states[k, i, 7] - target[against, 2],
-                wrap(states[k, i, 8] - target[against, 3]),
-            )
+            error = _error(states[k, i], wind[k, i], target[against])
             known = math.isfinite(error[0]) and math.isfinite(error[1])
             known = known and math.isfinite(error[2]) and math.isfinite(error[3])
             if known:
@@ -261,6 +229,49 @@ def count_steps(
             tally["heading_lost"] = step
         for j in range(4):
             tail[step % len(tail), j] = errors[k, i, j] = error[j]
+
+
+@compiled
+def _error(
+    state: np.ndarray, wind: np.ndarray, target: np.ndarray
+) -> tuple[float, float, float, float]:
+    """Return the errors of airspeed [m/s], roll, pitch and yaw [rad]."""
+    u, v, w = state[3] - wind[0], state[4] - wind[1], state[5] - wind[2]
+    return (
+        math.sqrt(u * u + v * v + w * w) - target[0],
+        wrap(state[6] - target[1]),
+        state[7] - target[2],
+        wrap(state[8] - target[3]),
+    )
+
+
+@compiled
+def _count_signals(step: int, signal: np.void, tally: np.void) -> None:
+    """Count what an autopilot did at one step; a record of dtype `SIGNALS`."""
+    lost = 0
+    for c in range(N_CHANNELS):
+        lost |= (signal["phase"][c] == LOST) << c
+    if lost != tally["lost"]:
+        tally["lost"] = lost
+        tally["changes"] += 1
+    if math.isnan(signal["V"]):
+        tally["missing"] += 1
+    elif step > 0:
+        tally["neighbour_periods"] += 1
+        tally["neighbour_messages"] += signal["neighbour_message"]
+    if not math.isnan(signal["V"]):
+        tally["heard"] = 1
+        for j in range(4):
+            tally["target"][0, j] = signal["command"][j]
+            tally["target"][1, j] = signal["reference"][j]
+    if math.isfinite(signal["command"][0]):
+        tally["active"] += 1
+    _count_events(step, signal["events"], tally)
+    if signal["not_finite"] != 0:
+        if tally["control_failed"] < 0:
+            tally["control_failed"] = step
+        for c in range(N_CHANNELS):
+            tally["not_finite"][c] += (signal["not_finite"] >> c) & 1
 
 
 @compiled

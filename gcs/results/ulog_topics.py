@@ -133,19 +133,8 @@ def step_messages(
             rates[field] = columns[name]
     else:
         del made["vehicle_rates_setpoint"]
-    through_air = velocity - wind
-    airspeed = np.sqrt((through_air**2).sum(axis=1))
-    made["airspeed_validated"]["true_airspeed_m_s"] = airspeed
-    made["airspeed_validated"]["true_ground_minus_wind_m_s"] = airspeed
-    made["airspeed_validated"]["airspeed_sensor_measurement_valid"] = 1
-    made["airspeed"]["true_airspeed_m_s"] = columns["V"]
-    tecs = made["tecs_status"]
-    tecs["true_airspeed_sp"] = columns["reference_airspeed"]
-    tecs["true_airspeed_filtered"] = columns["V"]
-    tecs["height_rate"] = -velocity[:, 2]
-    tecs["pitch_sp_rad"] = columns["reference_pitch"]
-    tecs["throttle_sp"] = thrust
-    made["wind"]["windspeed_north"], made["wind"]["windspeed_east"] = wind[:, 0], wind[:, 1]
+    _fill_air(made, columns, velocity, wind)
+    made["tecs_status"]["throttle_sp"] = thrust
     outputs = made["actuator_outputs"]
     outputs["noutputs"] = len(ACTUATORS)
     for channel, name in enumerate(ACTUATORS):
@@ -211,6 +200,22 @@ def _fill_position(
     globally["lon"] = [place.longitude / 1e7 for place in places]
     globally["alt"] = [place.altitude / 1e3 for place in places]
     globally["lat_lon_valid"] = globally["alt_valid"] = 1
+
+
+def _fill_air(
+    made: dict[str, np.ndarray], columns: Columns, velocity: np.ndarray, wind: np.ndarray
+) -> None:
+    airspeed = np.sqrt(((velocity - wind) ** 2).sum(axis=1))
+    made["airspeed_validated"]["true_airspeed_m_s"] = airspeed
+    made["airspeed_validated"]["true_ground_minus_wind_m_s"] = airspeed
+    made["airspeed_validated"]["airspeed_sensor_measurement_valid"] = 1
+    made["airspeed"]["true_airspeed_m_s"] = columns["V"]
+    tecs = made["tecs_status"]
+    tecs["true_airspeed_sp"] = columns["reference_airspeed"]
+    tecs["true_airspeed_filtered"] = columns["V"]
+    tecs["height_rate"] = -velocity[:, 2]
+    tecs["pitch_sp_rad"] = columns["reference_pitch"]
+    made["wind"]["windspeed_north"], made["wind"]["windspeed_east"] = wind[:, 0], wind[:, 1]
 
 
 def _normalised(values: np.ndarray, channel: int, limits: FaultLimits) -> np.ndarray:

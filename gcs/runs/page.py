@@ -3,7 +3,7 @@
 import html
 import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 from importlib.resources import files
 from pathlib import Path
@@ -77,21 +77,45 @@ def save_page(
     Raises:
         OSError: It cannot be written; it is named.
     """
-    detailed, keys, thumbnails = [], [], {}
+    keys, curves, thumbnails = [], {}, {}
     for run in runs[:figures]:
         folder = _folder(root, run)
         keys.append(scenario_keys(folder))
-        detailed.append({"name": run.name, "curves": curves_of(folder)})
-        figure = figure_of(folder)
-        if figure is not None:
+        curves[run.name] = curves_of(folder)
+        if (figure := figure_of(folder)) is not None:
             thumbnails[run.name] = (thumbnail(figure), _link(figure, path))
         on_run(run.name)
+    head = "".join(
+        f"<th data-column='{name}'><button>{name}</button></th>"
+        for name in map(html.escape, _COLUMNS)
+    )
+    rows = "\n".join(_row(run, _link(_folder(root, run), path), thumbnails) for run in runs)
+    strange = "".join(f"<li>{_text(one.name)}: {_text(one.reason)}</li>" for one in foreign)
+    page = _resource("page.html")
+    for name, value in {
+        "title": _text(f"What was flown: {root}"),
+        "counts": _text(f"{len(runs)} runs, as of {datetime.now().astimezone():%Y-%m-%d %H:%M %Z}"),
+        "style": _resource("page.css"),
+        "head": head,
+        "rows": rows,
+        "foreign": f"<h2>No runs</h2><ul>{strange}</ul>" if strange else "",
+        "data": _data(keys, curves, compared),
+        "script": _resource("page.js"),
+    }.items():
+        page = page.replace(f"<!-- {name} -->", value)
+    write_file(path, page)
+
+
+def _data(
+    keys: Sequence[dict[str, str]], curves: Mapping[str, object], compared: Sequence[str]
+) -> str:
+    """Return what the page's script draws and compares, as JSON within HTML."""
     common, own = own_keys(keys)
     data = {
         "common": common,
         "runs": {
-            one["name"]: {"curves": one["curves"], "keys": mine, "has_keys": bool(all_)}
-            for one, mine, all_ in zip(detailed, own, keys, strict=True)
+            name: {"curves": curve, "keys": mine, "has_keys": bool(all_)}
+            for (name, curve), mine, all_ in zip(curves.items(), own, keys, strict=True)
         },
         "compared": list(compared),
         "panels": {
@@ -99,26 +123,7 @@ def save_page(
             "events": "events so far",
         },
     }
-    head = "".join(
-        f"<th data-column='{html.escape(name)}'><button>{html.escape(name)}</button></th>"
-        for name in _COLUMNS
-    )
-    rows = "\n".join(_row(run, _link(_folder(root, run), path), thumbnails) for run in runs)
-    strange = "".join(f"<li>{_text(one.name)}: {_text(one.reason)}</li>" for one in foreign)
-    now = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z")
-    page = _resource("page.html")
-    for name, value in {
-        "title": _text(f"What was flown: {root}"),
-        "counts": _text(f"{len(runs)} runs, as of {now}"),
-        "style": _resource("page.css"),
-        "head": head,
-        "rows": rows,
-        "foreign": f"<h2>No runs</h2><ul>{strange}</ul>" if strange else "",
-        "data": json.dumps(data, allow_nan=False).replace("<", "\\u003c"),
-        "script": _resource("page.js"),
-    }.items():
-        page = page.replace(f"<!-- {name} -->", value)
-    write_file(path, page)
+    return json.dumps(data, allow_nan=False).replace("<", "\\u003c")
 
 
 def _row(run: Run, link: str, thumbnails: dict[str, tuple[str, str]]) -> str:

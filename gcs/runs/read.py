@@ -120,17 +120,7 @@ def outcome_of(summary: FlightSummary) -> tuple[Outcome, str]:
         return "ground", summary.loss or ""
     if summary.loss is not None:
         return "lost", summary.loss
-    parts: tuple[tuple[Outcome, str], ...] = (
-        ("attitude_lost", "roll or pitch"),
-        ("heading_lost", "yaw"),
-    )
-    for outcome, part in parts:
-        times = ((getattr(uav, f"{outcome}_at_s"), uav.id) for uav in summary.uavs)
-        first = min(((at, uav) for at, uav in times if at is not None), default=None)
-        if first is not None:
-            text = f"UAV {first[1]} was more than 90° off in {part} at {first[0]:g} s"
-            return outcome, text
-    return "completed", ""
+    return summary.departure or ("completed", "")
 
 
 def _ended(folder: Path, mark: FlightMark | None) -> tuple[Outcome, str]:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from ftc_autopilot.control.laws.tube import Tube
 from ftc_autopilot.control.triggers.periodic import Periodic
-from ftc_lab.baselines.baseline import Baseline, Search, find_baseline, find_robust
+from ftc_lab.baselines.baseline import Baseline, Search, Uncertain, find_baseline, find_robust
 from ftc_lab.baselines.senders import (
     COARSE,
     FINE,
@@ -215,7 +215,7 @@ def test_the_slowest_sender_that_keeps_enough_aircraft(
         return with_iae(flown, 1.0)
 
     searched = replace(search, fly=lambda scenarios: map(fly, scenarios))
-    found = find_robust(short, searched, campaign, Path("x"), 60, 1.5, 0.95)
+    found = find_robust(short, searched, Uncertain(campaign, Path("x"), 1.5, 0.95), 60)
     heaviest.sort()
     assert len(heaviest) == 20
     assert found.triggered == (20, True)

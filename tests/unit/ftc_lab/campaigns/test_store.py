@@ -6,7 +6,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from ftc_lab.campaigns.mark import Mark, campaign_of, mark_of, write_mark
+from ftc_lab.campaigns.mark import Mark, mark_of, write_mark
 from ftc_lab.campaigns.model import Campaign
 from ftc_lab.campaigns.store import (
     alone_in,
@@ -62,7 +62,7 @@ def results(*rows: int) -> pa.Table:
 
 def test_mark_and_draws_are_read_back(folder: Path) -> None:
     assert mark_of(folder) == MARK
-    assert campaign_of(folder) == CAMPAIGN
+    assert mark_of(folder).campaign == CAMPAIGN
     assert read_draws(folder) == DRAWS
 
 
@@ -112,7 +112,7 @@ def test_unknown_column_is_named(folder: Path) -> None:
 
 
 def test_another_folder_is_refused(tmp_path: Path) -> None:
-    for read in (campaign_of, read_draws, read_results):
+    for read in (mark_of, read_draws, read_results):
         with pytest.raises(BadInput, match="not the folder of a campaign"):
             read(tmp_path)
 
@@ -121,4 +121,4 @@ def test_another_layout_is_refused(folder: Path) -> None:
     text = (folder / "request.yaml").read_text()
     (folder / "request.yaml").write_text(text.replace("schema: 2", "schema: 3"))
     with pytest.raises(BadInput, match="layout 3, this version reads 2"):
-        campaign_of(folder)
+        mark_of(folder)
