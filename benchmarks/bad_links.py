@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ftc_autopilot.control.controller import no_signals
-from ftc_autopilot.control.controllers import Source
+from ftc_autopilot.control.controllers import ReferenceSource
 from ftc_autopilot.control.laws import KINDS
 from ftc_autopilot.control.reference import profile_record
 from ftc_autopilot.control.stepping import (
@@ -76,7 +76,7 @@ class _Autopilot:
         self.controllers = autopilots.controllers
         self.controllers.edges[0]["weight"] = [one.weight for one in config.neighbours]
         self.controllers.uavs[0]["profile"] = profile_record(scenario.segments())
-        for key, value in (("active", 1), ("follows", Source.PROFILE), ("start_step", 0)):
+        for key, value in (("active", 1), ("follows", ReferenceSource.PROFILE), ("start_step", 0)):
             self.controllers.uavs[0]["guidance"][key] = value
         self.link = autopilots.own[0]["link"]
         self.states = _Direction(impairment, f"states {uav}")

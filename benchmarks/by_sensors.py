@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ftc_autopilot.estimation.state import AIDING
-from gcs.fleet.in_process import Flight, begin, fly_in_process, fly_on
+from gcs.fleet.in_process import InProcessFlight, begin, fly_in_process, fly_on
 from gcs.results.figures import FlightSummary
 from gcs.results.recording import Steps
 from gcs.results.summary import summarise
@@ -110,7 +110,7 @@ def watched(scenario: Scenario) -> tuple[Steps, list[Exclusion]]:
     return steps, exclusions
 
 
-def _excluded(flight: Flight) -> Iterator[tuple[int, str]]:
+def _excluded(flight: InProcessFlight) -> Iterator[tuple[int, str]]:
     for uav, estimator in zip(flight.ids, flight.estimates.estimators, strict=True):
         report = estimator["report"]
         for k in range(3):

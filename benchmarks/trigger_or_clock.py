@@ -31,7 +31,7 @@ from ftc_lab.baselines.baseline import Search
 from ftc_lab.baselines.senders import (
     FINE,
     YARDSTICKS,
-    Verdict,
+    SenderVerdict,
     Yardstick,
     periodic_base,
     some_periods,
@@ -88,10 +88,10 @@ class Compared(NamedTuple):
     transmissions: int
     messages: int
     is_lost: bool  # the triggered flight: nothing can be compared
-    slowest: Mapping[Yardstick, Verdict]  # with one period; where there is one
-    by_channel: Mapping[Yardstick, Verdict]  # with one for each; where searched
+    slowest: Mapping[Yardstick, SenderVerdict]  # with one period; where there is one
+    by_channel: Mapping[Yardstick, SenderVerdict]  # with one for each; where searched
 
-    def saved(self, clock: Verdict) -> float:
+    def saved(self, clock: SenderVerdict) -> float:
         """Return the saving against a clock [%]."""
         return 100.0 * (1.0 - self.transmissions / clock.transmissions)
 
@@ -146,7 +146,7 @@ def cells_of(compared: Sequence[Compared], by_channel: Sequence[Yardstick]) -> l
     return cells
 
 
-def _clock(compared: Sequence[Compared], clocks: Sequence[Verdict | None]) -> list[str]:
+def _clock(compared: Sequence[Compared], clocks: Sequence[SenderVerdict | None]) -> list[str]:
     """Return period, transmissions and saving against the clocks of several seeds: the means."""
     found = [clock for clock in clocks if clock is not None]
     if len(found) < len(compared):

@@ -14,11 +14,11 @@ from ftc_autopilot.hot.checkpoint import save
 from ftc_autopilot.hot.drops import GCS, PLANT, SIMULATOR
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.hot.navigation import reset_navigation
-from ftc_autopilot.hot.recorder import Recorder
+from ftc_autopilot.hot.recorder import AutopilotRecorder
 from ftc_autopilot.hot.state import FORMATION_SIGNER, PLANT_SIGNER, Autopilots
 from ftc_autopilot.vehicle.gcs_signing import GcsSigning
 from ftc_autopilot.vehicle.mission_checkpoint import load_mission, save_mission
-from ftc_autopilot.vehicle.vehicle import Vehicle
+from ftc_autopilot.vehicle.vehicle import VehicleServices
 from mavlink_defs import dialect
 from mavlink_defs.constants import SIMULATOR_COMPONENT
 from mavlink_defs.endpoint import (
@@ -29,7 +29,7 @@ from mavlink_defs.endpoint import (
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
 from mavlink_defs.framing.header import MAX_FRAME_SIZE
-from mavlink_defs.framing.hot_link import Outcome
+from mavlink_defs.framing.hot_link import ReturnReason
 from mavlink_defs.framing.hot_signing import refresh, sign_bytes
 from mavlink_defs.framing.key_file import KeyFile
 from mavlink_defs.runtime.spool import unwritten
@@ -103,9 +103,9 @@ class Autopilot:
         self.state, self._saved = state, state.own[0]["vehicle"]
         self._controllers = state.controllers
         self._signers = [state.signer(0, link) for link in (PLANT_SIGNER, FORMATION_SIGNER)]
-        self._recorder = None if record is None else Recorder(state, record, resumes)
+        self._recorder = None if record is None else AutopilotRecorder(state, record, resumes)
         self._hot = HotState(state)
-        self._vehicle = Vehicle(config, self._hot, self._controllers, time.time())
+        self._vehicle = VehicleServices(config, self._hot, self._controllers, time.time())
         self._mission_file = mission_file
         if resumes and mission_file:
             self._vehicle.resume(self._saved, load_mission(mission_file))
@@ -129,7 +129,7 @@ class Autopilot:
         """File descriptors of the sockets, as of `ftc_autopilot.hot.loop.new_loops`."""
         return self._plant.fileno(), self._formation.fileno(), self._gcs.fileno()
 
-    def serve(self, outcome: Outcome) -> None:
+    def serve(self, outcome: ReturnReason) -> None:
         """Do what the compiled loop asks for, and serve all links; it may be the end.
 
         Args:
@@ -137,14 +137,14 @@ class Autopilot:
         """
         if self._hot.step >= self.crash_at:
             os.kill(os.getpid(), signal.SIGKILL)
-        self.loss = self._write_record(outcome == Outcome.RESTARTED) or self._failure()
-        if self.loss is None and outcome == Outcome.OVER:
+        self.loss = self._write_record(outcome == ReturnReason.RESTARTED) or self._failure()
+        if self.loss is None and outcome == ReturnReason.OVER:
             self._report_end()
             self.stop()
             return
-        if outcome == Outcome.SERVICE:
+        if outcome == ReturnReason.SERVICE:
             self._receive_from_simulator()
-        elif outcome == Outcome.RESTARTED:
+        elif outcome == ReturnReason.RESTARTED:
             self._vehicle.restart()
             reset_navigation(self.state.own, self.state.histories, self._config)
         self.loss = self.loss or self._silence()

@@ -31,7 +31,7 @@ from mavlink_defs.endpoint import (
     open_udp,
     parse_address,
 )
-from mavlink_defs.framing.hot_link import Outcome
+from mavlink_defs.framing.hot_link import ReturnReason
 from mavlink_defs.framing.key_file import KeyFile
 from mavlink_defs.framing.signing import SigningError, counts_text
 from mavlink_defs.runtime.arguments import ArgumentParser
@@ -69,7 +69,7 @@ class Together:
             outcomes = loops.state["outcome"].tolist()
             asking = [(i, flying[i]) for i, outcome in enumerate(outcomes) if outcome]
             for i, autopilot in asking:
-                autopilot.serve(Outcome(outcomes[i]))
+                autopilot.serve(ReturnReason(outcomes[i]))
             if any(autopilot.is_over for _, autopilot in asking):
                 return
 

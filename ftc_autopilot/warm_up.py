@@ -17,7 +17,7 @@ from ftc_autopilot.hot.checkpoint import save
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.hot.loop import new_loops, run
 from ftc_autopilot.hot.state import new_autopilots
-from ftc_autopilot.vehicle.vehicle import Vehicle
+from ftc_autopilot.vehicle.vehicle import VehicleServices
 from mavlink_defs.config.files import load
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.framing.codec import SIM_STATE
@@ -61,7 +61,9 @@ def call_messages(config: AutopilotConfig) -> None:
     for part_of in (state_of, cause_of, policy_of):
         part_of(0)
     autopilots = new_autopilots([config])
-    (telemetry, *_) = Vehicle(config, HotState(autopilots), autopilots.controllers).telemetry
+    (telemetry, *_) = VehicleServices(
+        config, HotState(autopilots), autopilots.controllers
+    ).telemetry
     for message_id in telemetry.available:
         telemetry.make(message_id)
 

@@ -1,12 +1,12 @@
 """The commands of the lab, as `gcs` finds them by entry points of `ftc_sitl.commands`."""
 
-from gcs.command_list import Command
+from gcs.command_list import GcsCommand
 from gcs.extras import LAB_PACKAGES
 
 
-def _command(name: str, line: str, panel: str, needs_packages: bool = False) -> Command:
+def _command(name: str, line: str, panel: str, needs_packages: bool = False) -> GcsCommand:
     extra = ("lab", LAB_PACKAGES) if needs_packages else ("", ())
-    return Command(f"ftc_lab.commands.{name}", line, panel, *extra)
+    return GcsCommand(f"ftc_lab.commands.{name}", line, panel, *extra)
 
 
 compare = _command("compare", "Compare two flights, or two campaigns.", "Fly")

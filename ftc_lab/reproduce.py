@@ -17,7 +17,7 @@ from ftc_lab.figures.events import fig7, fig8, fig9
 from ftc_lab.figures.trajectories import fig5
 from ftc_lab.reports.combinations import combinations_csv, combinations_section
 from ftc_lab.reports.markdown import html_of, save_markdown
-from ftc_lab.reports.paper import CONTROLLERS, MODES, Results, paper_report
+from ftc_lab.reports.paper import CONTROLLERS, MODES, PaperResults, paper_report
 from ftc_lab.reports.published_values import FIG_9
 from ftc_lab.reports.theory import theory_section
 from gcs.errors import BadInput
@@ -179,7 +179,7 @@ def paper_chapter(
     theory = theory_section(scenarios, recordings, out / "data" / "theory.json")
     on_step("checked the theory")
     _draw(scenarios, recordings, out / "figures", on_step)
-    results = Results(
+    results = PaperResults(
         summaries=summaries,
         reference_lag=_reference_lag(recordings["scenario2_proposed"]),
         theory=theory,

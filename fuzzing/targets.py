@@ -28,7 +28,7 @@ from mavlink_defs.endpoint import UdpAddress as Endpoint
 from mavlink_defs.framing import codec
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
-from mavlink_defs.framing.hot_link import Outcome
+from mavlink_defs.framing.hot_link import ReturnReason
 from mavlink_defs.runtime.sockaddr import sockaddr
 from sitl_plant.loop import link as plant_link
 from sitl_plant.loop.fleet import fly
@@ -125,9 +125,9 @@ class AutopilotTarget:
         loops.state["until_step"] = 2**62
         run(loops)
         outcome = loops.state[0]["outcome"]
-        if outcome == Outcome.SERVICE:
+        if outcome == ReturnReason.SERVICE:
             self._autopilot._receive_from_simulator()
-        elif outcome == Outcome.RESTARTED:
+        elif outcome == ReturnReason.RESTARTED:
             self._autopilot._vehicle.restart()
             self._arm()
         self._autopilot._receive_from_ground_stations(1)
@@ -205,9 +205,9 @@ class PlantTarget:
         self._link.peers["heard_s"][:] = self._link.state["sent_s"] = time.monotonic()
         self._fuzzed.sendto(datagram, self._sock.getsockname())
         outcome = plant_link.run(self._sock.fileno(), self._link, self._fleet, 0.0)
-        if outcome == Outcome.SERVICE:
+        if outcome == ReturnReason.SERVICE:
             self._plant._serve()
-        assert outcome in {Outcome.SERVICE, Outcome.TICK}, outcome
+        assert outcome in {ReturnReason.SERVICE, ReturnReason.TICK}, outcome
         _drain(self._peer)
 
     def fly(self, steps: int) -> np.ndarray:

@@ -13,7 +13,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from gcs.command_list import OWN, Command, command_of, load, registered
+from gcs.command_list import OWN, GcsCommand, command_of, load, registered
 from gcs.commands.options import ConnectOption, ThemeOption
 from gcs.errors import BadInput, GcsError, Interrupted
 from gcs.extras import missing
@@ -70,7 +70,7 @@ class _Commands(TyperGroup):
             try:
                 self.commands[name] = _line(name, command_of(point))
             except BadInput as problem:
-                self.commands[name] = _line(name, Command("", f"{problem}."))
+                self.commands[name] = _line(name, GcsCommand("", f"{problem}."))
         panels = list(dict.fromkeys(command.panel for command in OWN.values()))
         order = {name: k for k, name in enumerate(panels)}
         shown: Any = self.commands
@@ -91,7 +91,7 @@ class _Commands(TyperGroup):
         self.commands[name] = _without_types(typer.main.get_group(holder).commands[name])
 
 
-def _line(name: str, command: Command) -> Any:
+def _line(name: str, command: GcsCommand) -> Any:
     """Return what stands for a command in the help of `gcs`."""
     lacks = command.extra and missing(command.packages)
     needs = f" Needs the extra `{command.extra}`." if lacks else ""

@@ -1,7 +1,7 @@
 """The commands of `gcs`: its own, and those that other packages register.
 
 A package registers one by an entry point of the group `ftc_sitl.commands`: its name is the
-command's, and it leads to a `Command`, in a module that imports nothing else of weight.
+command's, and it leads to a `GcsCommand`, in a module that imports nothing else of weight.
 """
 
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 GROUP = "ftc_sitl.commands"
 
 
-class Command(NamedTuple):
+class GcsCommand(NamedTuple):
     """A command, which is imported when it is run; until then only its line of help is there."""
 
     module: str
@@ -31,14 +31,14 @@ class Command(NamedTuple):
     packages: tuple[str, ...] = ()
 
 
-def _panel(title: str, **commands: tuple[str, str]) -> dict[str, Command]:
+def _panel(title: str, **commands: tuple[str, str]) -> dict[str, GcsCommand]:
     return {
-        name: Command(f"gcs.commands.{module}", line, title)
+        name: GcsCommand(f"gcs.commands.{module}", line, title)
         for name, (module, line) in commands.items()
     }
 
 
-OWN: Mapping[str, Command] = {
+OWN: Mapping[str, GcsCommand] = {
     **_panel(
         "Fly",
         new=("new", "Write a commented scenario, or a whole project, to start from."),
@@ -90,7 +90,7 @@ def registered() -> dict[str, "EntryPoint"]:
     return {point.name: point for point in entry_points(group=GROUP) if point.name not in OWN}
 
 
-def command_of(point: "EntryPoint") -> Command:
+def command_of(point: "EntryPoint") -> GcsCommand:
     """Return a command that another package registers.
 
     Raises:
@@ -104,13 +104,13 @@ def command_of(point: "EntryPoint") -> Command:
     except (Exception, SystemExit) as problem:
         text = f"{whose} cannot be imported: {type(problem).__name__}: {problem}"
         raise BadInput(text, "mend or remove that package") from problem
-    if not isinstance(found, Command):
+    if not isinstance(found, GcsCommand):
         text = f"{whose}: expected a `gcs.command_list.Command`, got {type(found).__name__}"
         raise BadInput(text, "mend or remove that package")
     return found
 
 
-def load(name: str, command: Command) -> Any:
+def load(name: str, command: GcsCommand) -> Any:
     """Import the module of a command.
 
     Raises:

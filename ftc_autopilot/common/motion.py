@@ -13,7 +13,7 @@ from sitl_plant.airframe.thrust import made_thrust, thrust_moment
 from sitl_plant.vec3 import Vec3, add, dot, mul, sub, vec3
 
 
-class Motion(NamedTuple):
+class MeasuredMotion(NamedTuple):
     """Measured motion, and the nominal model's view of the air."""
 
     v: Vec3  # velocity through the air, body axes [m/s]
@@ -28,7 +28,7 @@ class Motion(NamedTuple):
 
 
 @compiled
-def motion_of(measured: np.void, aircraft: AircraftRecord, thrust: float = 0.0) -> Motion:
+def motion_of(measured: np.void, aircraft: AircraftRecord, thrust: float = 0.0) -> MeasuredMotion:
     """Read an FTC_SIM_STATE payload.
 
     Args:
@@ -45,7 +45,7 @@ def motion_of(measured: np.void, aircraft: AircraftRecord, thrust: float = 0.0) 
     gravity = gravity_body(phi, aircraft["g"])
     force = vec3(measured["specific_force"])
     V_dot = dot(v, add(force, gravity)) / air.V
-    return Motion(
+    return MeasuredMotion(
         v=v,
         phi=phi,
         omega=omega,
@@ -59,7 +59,7 @@ def motion_of(measured: np.void, aircraft: AircraftRecord, thrust: float = 0.0) 
 
 
 @compiled
-def fill_neighbour_state(motion: Motion, step: int, message: np.void) -> None:
+def fill_neighbour_state(motion: MeasuredMotion, step: int, message: np.void) -> None:
     """Fill an FTC_NEIGHBOUR payload with the own motion, without a place.
 
     Args:

@@ -20,7 +20,7 @@ TABLE = (MAX_WINDOWS, 4)
 T = TypeVar("T")
 
 
-class Window(Model, Generic[T]):
+class TimedValue(Model, Generic[T]):
     """A value and the last instant at which it is in force."""
 
     until_s: float | None = quantity(
@@ -31,7 +31,9 @@ class Window(Model, Generic[T]):
 
 def _form(value: object) -> str:
     """Return the tag of a list of windows, or of a plain value (also a list of numbers)."""
-    windows = isinstance(value, list | tuple) and any(isinstance(v, dict | Window) for v in value)
+    windows = isinstance(value, list | tuple) and any(
+        isinstance(v, dict | TimedValue) for v in value
+    )
     return "<windows>" if windows else "<value>"
 
 
@@ -39,7 +41,7 @@ class Schedule(
     RootModel[
         Annotated[
             Annotated[T, Tag("<value>")]
-            | Annotated[tuple[Window[T], ...], AtMost(MAX_WINDOWS, "window"), Tag("<windows>")],
+            | Annotated[tuple[TimedValue[T], ...], AtMost(MAX_WINDOWS, "window"), Tag("<windows>")],
             Discriminator(_form),
         ]
     ],
@@ -54,7 +56,7 @@ class Schedule(
 
     def windows(self) -> tuple[tuple[float, Any], ...]:
         """Return last instant [s] and value of each window in order; the last is without end."""
-        if not isinstance(self.root, tuple) or not isinstance(self.root[0], Window):
+        if not isinstance(self.root, tuple) or not isinstance(self.root[0], TimedValue):
             return ((math.inf, self.root),)
         return tuple(
             (math.inf if window.until_s is None else window.until_s, window.value)

@@ -38,7 +38,7 @@ NO_RUDDER = "yawing moment by rudder"
 """Names of checks that others have to know."""
 
 
-class Check(NamedTuple):
+class AirframeCheck(NamedTuple):
     """A property of an airframe, and whether it is as the laws need it."""
 
     name: str
@@ -47,13 +47,13 @@ class Check(NamedTuple):
     otherwise: str  # what it means if it is not met, and what to do
 
 
-def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
+def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[AirframeCheck]:
     """Check an aircraft in straight, level flight."""
     air = lateral(flight.airspeed_m_s, aircraft_record(aircraft))
     roll, yaw = air.rolling, air.yawing
     ratio = aircraft.wing_area_m2 / (aircraft.wing_span_m * aircraft.mean_chord_m)
     found = [
-        Check(
+        AirframeCheck(
             AREA,
             f"{ratio:.2f}",
             abs(ratio - 1.0) <= _AREA,
@@ -66,11 +66,13 @@ def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
         reserve = aircraft.stall_deg - flight.alpha_deg
         text = f"no room for turns and gusts, {_RESERVE_DEG:g}° at least: choose a higher airspeed"
         is_met = reserve >= _RESERVE_DEG
-        found.append(Check("angle of attack below the stall", f"{reserve:.1f}°", is_met, text))
+        found.append(
+            AirframeCheck("angle of attack below the stall", f"{reserve:.1f}°", is_met, text)
+        )
     most = largest_thrust(aircraft, flight.airspeed_m_s)
     spare = most / flight.thrust_n if flight.thrust_n > 0.0 else float("inf")
     found.append(
-        Check(
+        AirframeCheck(
             "largest thrust by what level flight takes",
             f"{spare:.2f}",
             spare >= _SPARE_THRUST,
@@ -81,7 +83,7 @@ def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
         stiffness = yaw.beta - yaw.aileron * roll.beta / (roll.aileron or math.nan)
         return [
             *found,
-            Check(
+            AirframeCheck(
                 "turns into the wind while the aileron holds the roll (cn_beta)",
                 f"{stiffness:.3g}",
                 weathercock_problem(aircraft) is None,
@@ -90,7 +92,7 @@ def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
         ]
     if yaw.rudder == 0.0:
         text = "the rudder does nothing: check cn_dr, or say `surface_limits_deg: {rudder: none}`"
-        return [*found, Check(NO_RUDDER, "0", False, text)]
+        return [*found, AirframeCheck(NO_RUDDER, "0", False, text)]
     effective = remaining_side_force(aircraft, flight.airspeed_m_s)
     tau_s = (
         aircraft.mass_kg * flight.airspeed_m_s / -effective if effective != 0.0 else float("inf")
@@ -99,7 +101,7 @@ def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
         found.append(_pairing(aircraft))
     return [
         *found,
-        Check(
+        AirframeCheck(
             SIDESLIP,
             f"{tau_s:.3g} s",
             0.0 < tau_s < float("inf"),
@@ -109,7 +111,7 @@ def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
     ]
 
 
-def _pairing(aircraft: Aircraft) -> Check:
+def _pairing(aircraft: Aircraft) -> AirframeCheck:
     gain = relative_gain(aircraft)
     if is_coupled(aircraft):
         text = (
@@ -122,12 +124,12 @@ def _pairing(aircraft: Aircraft) -> Check:
             "aileron and rudder undo each other's work: little is left to turn about one axis; "
             "roll and yaw take small steps, and many messages"
         )
-    return Check(
+    return AirframeCheck(
         PAIRING, f"{gain:.2f}", LEAST_RELATIVE_GAIN <= gain <= _LARGEST_RELATIVE_GAIN, text
     )
 
 
-def _surfaces_that_do_nothing(aircraft: Aircraft, flight: LevelFlight) -> Iterator[Check]:
+def _surfaces_that_do_nothing(aircraft: Aircraft, flight: LevelFlight) -> Iterator[AirframeCheck]:
     """Yield a check that is not met for an aileron or an elevator without a moment, if any."""
     V = flight.airspeed_m_s
     by_aileron = lateral(V, aircraft_record(aircraft)).rolling.aileron
@@ -138,15 +140,15 @@ def _surfaces_that_do_nothing(aircraft: Aircraft, flight: LevelFlight) -> Iterat
     ):
         if moment == 0.0 or not aircraft.has(surface):
             text = f"it does nothing, and every law needs it: {checked} and its stops"
-            yield Check(f"moment by {surface}", "0", False, text)
+            yield AirframeCheck(f"moment by {surface}", "0", False, text)
 
 
-def _surfaces_within_stops(aircraft: Aircraft, flight: LevelFlight) -> list[Check]:
+def _surfaces_within_stops(aircraft: Aircraft, flight: LevelFlight) -> list[AirframeCheck]:
     angles = flight.aileron_deg, flight.elevator_deg, flight.rudder_deg
     found = []
     for name, angle, (low, high) in zip(SURFACES, angles, aircraft.stops_deg, strict=True):
         if aircraft.has(name):
             share = angle / (high if angle > 0.0 else low)
             what, value = f"{name} in level flight", f"{share:.0%} of its stop"
-            found.append(Check(what, value, share < 1.0, _NO_TRIM))
+            found.append(AirframeCheck(what, value, share < 1.0, _NO_TRIM))
     return found

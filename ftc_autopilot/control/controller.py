@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ftc_autopilot.common.motion import Motion
+from ftc_autopilot.common.motion import MeasuredMotion
 from ftc_autopilot.common.records import fill, record_dtype
 from ftc_autopilot.common.schedule import scheduled
 from ftc_autopilot.common.tuples import four, rows_of
@@ -217,7 +217,7 @@ class Inputs(NamedTuple):
 
     t: float  # time that the parameters' schedules run on [s]
     dt: float  # control period [s]
-    motion: Motion  # own motion
+    motion: MeasuredMotion  # own motion
     seen: Seen
     command: np.ndarray  # unfiltered reference: airspeed [m/s], roll, pitch, yaw [rad], shape (4,)
     edges: np.ndarray  # what is known of each neighbour, dtype EDGE, shape (degree,)

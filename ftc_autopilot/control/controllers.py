@@ -34,7 +34,7 @@ from sitl_plant.airframe.aircraft import AIRCRAFT, aircraft_record
 NOT_STARTED = -(2**62)
 
 
-class Source(IntEnum):
+class ReferenceSource(IntEnum):
     """Where the unfiltered reference comes from."""
 
     COMMAND = 0
@@ -48,7 +48,7 @@ class Source(IntEnum):
 GUIDANCE = np.dtype(
     [
         ("active", "i8"),  # 1: armed, the controller runs
-        ("follows", "i8"),  # a `Source`
+        ("follows", "i8"),  # a `ReferenceSource`
         ("start_step", "i8"),  # step at which the mission's clock is 0, or NOT_STARTED
         ("command", "f8", (4,)),  # airspeed [m/s], roll, pitch, yaw [rad]
         ("guided_step", "i8"),  # of the last update of the guidance law, or NOT_STARTED
@@ -167,7 +167,7 @@ def begin_path(guidance: np.void, near: float = 0.0, *, in_slot: bool = True) ->
         near: Path parameter of a point near the UAV [m].
         in_slot: Whether a member of a formation is to fly in its slot.
     """
-    guidance["follows"] = Source.PATH
+    guidance["follows"] = ReferenceSource.PATH
     guidance["in_slot"] = int(in_slot)
     guidance["guided_step"] = NOT_STARTED
     guidance["path_position"] = near

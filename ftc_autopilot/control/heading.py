@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ftc_autopilot.common.angles import wrap
-from ftc_autopilot.common.motion import Motion
+from ftc_autopilot.common.motion import MeasuredMotion
 from ftc_autopilot.common.tuples import replaced
 from ftc_autopilot.control.pairing import surfaces_by_sideslip
 from ftc_autopilot.control.step import Step
@@ -85,7 +85,7 @@ def weathercock_problem(aircraft: Aircraft) -> str | None:
 
 @compiled
 def bank_for(
-    motion: Motion, filtered: np.ndarray, bandwidth: float, loop: HeadingLoop, g: float
+    motion: MeasuredMotion, filtered: np.ndarray, bandwidth: float, loop: HeadingLoop, g: float
 ) -> float:
     """Return the roll angle that turns to the heading of the reference [rad].
 
@@ -103,7 +103,7 @@ def bank_for(
 
 
 @compiled
-def sideslip_of(motion: Motion) -> float:
+def sideslip_of(motion: MeasuredMotion) -> float:
     """Return β [rad]."""
     return math.asin(clamp(motion.v[1] / motion.V, -1.0, 1.0))
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ftc_autopilot.common.motion import Motion
+from ftc_autopilot.common.motion import MeasuredMotion
 from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import RUDDER, SURFACES
 from mavlink_defs.runtime.jit import compiled, inlined
@@ -81,7 +81,9 @@ def deflections_for(moment: Vec3, C: Mat3, aircraft: AircraftRecord) -> Vec3:
 
 
 @inlined
-def acceleration_without_thrust(motion: Motion, delta: Vec3, aircraft: AircraftRecord) -> float:
+def acceleration_without_thrust(
+    motion: MeasuredMotion, delta: Vec3, aircraft: AircraftRecord
+) -> float:
     """Return what V̇ would be without thrust: vᵀ(R1ᵀg + F0/m)/V [m/s²].
 
     Args:
@@ -94,7 +96,9 @@ def acceleration_without_thrust(motion: Motion, delta: Vec3, aircraft: AircraftR
 
 
 @inlined
-def thrust_for(V_dot: float, motion: Motion, delta: Vec3, aircraft: AircraftRecord) -> float:
+def thrust_for(
+    V_dot: float, motion: MeasuredMotion, delta: Vec3, aircraft: AircraftRecord
+) -> float:
     """Return the thrust [N] that makes a derivative of the airspeed [m/s²].
 
     Args:

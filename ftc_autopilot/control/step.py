@@ -4,7 +4,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from ftc_autopilot.common.motion import Motion
+from ftc_autopilot.common.motion import MeasuredMotion
 from ftc_autopilot.common.tuples import Four, Rows
 from ftc_autopilot.control.reference import Reference
 from ftc_autopilot.control.synchronisation_errors import FormationErrors
@@ -32,7 +32,7 @@ class Thresholds(NamedTuple):
 class Seen(NamedTuple):
     """What a measurement shows, which a delay makes older than the step."""
 
-    motion: Motion  # as measured; a step's is predicted from it
+    motion: MeasuredMotion  # as measured; a step's is predicted from it
     ahead: int  # by how many control periods the commands that it shows are older, of surfaces
     links: int  # the same without what is known of servos and sensors
     after_gap: int  # 1: states before it were lost, or the command in force is not known
@@ -59,7 +59,7 @@ class Step(NamedTuple):
     held: Four  # commands in force: aileron, elevator, rudder [rad], thrust [N]
     filtered: Rows  # filtered reference and its two derivatives [m/s, rad]
     errors: FormationErrors  # errors against reference and neighbours, (31), (32)
-    motion: Motion  # own motion, when the commands of this step will act
+    motion: MeasuredMotion  # own motion, when the commands of this step will act
     seen: Seen
     reference: Reference  # of `filtered`; if heading is held by bank, yaw is the way of flight
 

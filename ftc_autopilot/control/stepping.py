@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from ftc_autopilot.common.motion import Motion, fill_neighbour_state, motion_of
+from ftc_autopilot.common.motion import MeasuredMotion, fill_neighbour_state, motion_of
 from ftc_autopilot.common.tuples import four, replaced, rows_of
 from ftc_autopilot.control import state_predictor
 from ftc_autopilot.control.controller import (
@@ -17,7 +17,7 @@ from ftc_autopilot.control.controller import (
     count_events,
     no_signals,
 )
-from ftc_autopilot.control.controllers import NOT_STARTED, Source
+from ftc_autopilot.control.controllers import NOT_STARTED, ReferenceSource
 from ftc_autopilot.control.neighbour_messages import (
     extrapolate,
     is_message_due,
@@ -117,7 +117,7 @@ def controller_step(
 def _seen(
     uav: np.void,
     measured: np.void,
-    motion: Motion,
+    motion: MeasuredMotion,
     step_us: int,
     gap: bool,
     received: bool,
@@ -212,7 +212,7 @@ def _control(
     edges: np.ndarray,
     path: np.void,
     measured: np.void,
-    motion: Motion,
+    motion: MeasuredMotion,
     seen: Seen,
     step_us: int,
     may_send: bool,
@@ -223,9 +223,9 @@ def _control(
     if guidance["start_step"] != NOT_STARTED:
         clock = (measured["step"] - guidance["start_step"]) * step_us / 1e6
     dt = step_us / 1e6
-    on_path = guidance["follows"] == Source.PATH
+    on_path = guidance["follows"] == ReferenceSource.PATH
     _note_known(uav, edges, int(np.int64(measured["step"])), dt)
-    if guidance["follows"] == Source.PROFILE:
+    if guidance["follows"] == ReferenceSource.PROFILE:
         profile_value(uav["profile"], clock, guidance["command"])
     elif on_path:
         _guide(uav, edges, path, measured, motion, clock, dt)
@@ -254,7 +254,7 @@ def _guide(
     edges: np.ndarray,
     path: np.void,
     measured: np.void,
-    motion: Motion,
+    motion: MeasuredMotion,
     clock: float,
     dt: float,
 ) -> None:
@@ -335,7 +335,7 @@ def _record_guidance(uav: np.void, on_path: bool) -> None:
 
 
 @compiled
-def _cut_thrust(uav: np.void, motion: Motion) -> int:
+def _cut_thrust(uav: np.void, motion: MeasuredMotion) -> int:
     """Set the thrust to zero, an event of the throttle; the surfaces stay. The UAV is disarmed.
 
     Only measured and held signals are recorded; no law is evaluated.

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ftc_autopilot.common.angles import wrap
-from ftc_autopilot.common.motion import Motion
+from ftc_autopilot.common.motion import MeasuredMotion
 from ftc_autopilot.control.reference import Reference
 from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE
 from mavlink_defs.runtime.jit import compiled
@@ -27,7 +27,7 @@ class FormationErrors(NamedTuple):
 
 @compiled
 def formation_errors(
-    motion: Motion,
+    motion: MeasuredMotion,
     reference: Reference,
     edges: np.ndarray,
     weighting: np.void,

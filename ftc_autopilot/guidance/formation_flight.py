@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from ftc_autopilot.common.motion import Motion
+from ftc_autopilot.common.motion import MeasuredMotion
 from ftc_autopilot.common.tuples import replaced
 from ftc_autopilot.guidance.coordination import Coordination, Progress, coordinate
 from ftc_autopilot.guidance.laws import intention_of, pace_of
@@ -108,7 +108,7 @@ def tell_place(
     message: np.void,
     path_id: int,
     measured: np.void,
-    motion: Motion,
+    motion: MeasuredMotion,
     dt: float,
     layout: np.void,
     state: np.void,

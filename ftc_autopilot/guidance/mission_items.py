@@ -101,7 +101,7 @@ def refusal(command: int) -> str:
     return f"command {command} is not supported" + (f": {reason}" if reason else "")
 
 
-class Target(NamedTuple):
+class MissionTarget(NamedTuple):
     """An item of a mission in the simulation's world, and how the way to it is flown.
 
     Attributes:
@@ -148,7 +148,7 @@ def param(item: MissionItem, number: int) -> float:
 
 def decode_items(
     items: Sequence[MissionItem], origin: Origin, home: Home, limits: FlightLimits
-) -> tuple[Target, ...]:
+) -> tuple[MissionTarget, ...]:
     """Return the targets of a mission: target k is item k + 1, as item 0 is home.
 
     Args:
@@ -160,7 +160,7 @@ def decode_items(
     Raises:
         ItemError: An item cannot be flown.
     """
-    targets: list[Target] = []
+    targets: list[MissionTarget] = []
     for seq, item in enumerate(items[1:], start=1):
         if item.seq != seq:
             text = f"it is at place {seq}, but has number {item.seq}"
@@ -212,21 +212,21 @@ def _check_params(item: MissionItem, limits: FlightLimits, last: int) -> None:
             raise ItemError(item.seq, dialect.MAV_MISSION_INVALID_PARAM1 + number - 1, text)
 
 
-def _placed(item: MissionItem, origin: Origin, home: Home, limits: FlightLimits) -> Target:
+def _placed(item: MissionItem, origin: Origin, home: Home, limits: FlightLimits) -> MissionTarget:
     """Return an item whose params are good with its place and height."""
     command = item.command
     flown_to = command in PLACES and command != RETURN
     if not flown_to and (command != SET_HOME or param(item, 1) == 1.0):
-        return Target(item)
+        return MissionTarget(item)
     place = None
     if command in {WAYPOINT, SET_HOME} or has_place(item):
         place = north_east_of(item.x, item.y, origin, item.seq)
     height = height_of(item.frame, decimal_of_float32(item.z), origin, home, item.seq)
     if not flown_to:
-        return Target(item, place, height)
+        return MissionTarget(item, place, height)
     check_height(height, home, limits, item.seq)
     within = param(item, 2) if command == WAYPOINT else 0.0
-    return Target(item, place, height, within, param(item, 3))
+    return MissionTarget(item, place, height, within, param(item, 3))
 
 
 def _param(item: MissionItem, number: int) -> float:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from ftc_autopilot.guidance.legs import Circle, Leg, Pose, approach, distance, tangent_course
 from ftc_autopilot.guidance.limits import FlightLimits, tightest_turn, turn_radius
-from ftc_autopilot.guidance.mission_items import Target
+from ftc_autopilot.guidance.mission_items import MissionTarget
 from ftc_autopilot.guidance.mission_places import Home
 from ftc_autopilot.guidance.path import MAX_LEGS, NO_LOOP
 from ftc_autopilot.guidance.targets import Targets, order_of
@@ -49,7 +49,7 @@ class MissionPath(NamedTuple):
 
 
 def mission_path(
-    mission: Sequence[Target],
+    mission: Sequence[MissionTarget],
     limits: FlightLimits,
     home: Home,
     start: Start | None = None,
@@ -127,7 +127,7 @@ class _Builder:
         self._target, self._limits = targets, limits
         self._pose, self._height, self._levels = start.pose, start.height, levels
         self._begun: list[Leg] = []  # what follows a corner's middle
-        self._circle: Target | None = None  # what is left
+        self._circle: MissionTarget | None = None  # what is left
         self._legs: list[Leg] = []
 
     def path(self) -> MissionPath:
@@ -146,7 +146,7 @@ class _Builder:
             k += 1
         return MissionPath(tuple(self._legs))
 
-    def _too_long(self, target: Target, k: int) -> ItemError:
+    def _too_long(self, target: MissionTarget, k: int) -> ItemError:
         item = target.item.seq
         text = f"the path has more than {MAX_LEGS} legs up to here; shorten the mission"
         if self._target.index_of_same(k) is not None:
@@ -177,7 +177,7 @@ class _Builder:
 
     # the way to a target
 
-    def _add_way(self, k: int, target: Target) -> None:
+    def _add_way(self, k: int, target: MissionTarget) -> None:
         """Add the way to target k, with the first half of the turn there."""
         pieces, self._begun = self._begun, []
         following = self._target(k + 1)
@@ -197,7 +197,7 @@ class _Builder:
                 self._begun, self._pose = [second], second.end
         self._add_climb(target, pieces)
 
-    def _way(self, target: Target) -> list[Leg]:
+    def _way(self, target: MissionTarget) -> list[Leg]:
         """Return arc and line to a target from where the path is."""
         assert target.place is not None
         circle = Circle(*target.place, target.radius)
@@ -221,7 +221,7 @@ class _Builder:
         )
 
     def _corner_radius(
-        self, k: int, target: Target, corner: _Corner, length: float
+        self, k: int, target: MissionTarget, corner: _Corner, length: float
     ) -> float | None:
         """Return the radius of a turn; None if the path is to go over the waypoint.
 
@@ -247,7 +247,9 @@ class _Builder:
         least = tightest_turn(max(target.fastest, following.fastest), self._limits)
         return radius if radius >= least else None
 
-    def _wide_radius(self, target: Target, corner: _Corner, following: Target) -> float | None:
+    def _wide_radius(
+        self, target: MissionTarget, corner: _Corner, following: MissionTarget
+    ) -> float | None:
         """Return the radius of a turn if lines are long; None if it must go over the waypoint."""
         if abs(corner.turn) > _LARGEST_TURN:
             return None
@@ -257,7 +259,7 @@ class _Builder:
             radius = min(radius, target.within / max(corner.miss, 1e-12))
         return radius if radius >= tightest_turn(airspeed, self._limits) else None
 
-    def _add_climb(self, target: Target, pieces: list[Leg]) -> None:
+    def _add_climb(self, target: MissionTarget, pieces: list[Leg]) -> None:
         """Add the way to a target, so that its height is reached there."""
         length = sum(piece.length_m for piece in pieces)
         rise, steepest = target.height - self._height, self._limits.climb
@@ -279,7 +281,7 @@ class _Builder:
         self._add(target, pieces, climb)
         self._height = target.height
 
-    def _add_circle(self, target: Target) -> None:
+    def _add_circle(self, target: MissionTarget) -> None:
         if target.radius == 0.0:
             return
         piece = self._into_circle(target, target.length)
@@ -288,11 +290,11 @@ class _Builder:
         if not math.isinf(target.length):
             self._pose = piece.end
 
-    def _into_circle(self, target: Target, length: float) -> Leg:
+    def _into_circle(self, target: MissionTarget, length: float) -> Leg:
         return Leg(*self._pose, 1.0 / target.radius, length)
 
     def _add(
-        self, target: Target, pieces: Sequence[Leg], climb: float, *, there: bool = False
+        self, target: MissionTarget, pieces: Sequence[Leg], climb: float, *, there: bool = False
     ) -> None:
         """Add legs, cut where the airspeed changes; `there`: after the way to the target."""
         changes = [] if there else list(target.changes)
@@ -315,7 +317,7 @@ class _Builder:
                 height += climb * leg.length_m if climb else 0.0
 
 
-def _corner(target: Target, course: float, following: Target) -> _Corner | None:
+def _corner(target: MissionTarget, course: float, following: MissionTarget) -> _Corner | None:
     """Return the corner at a waypoint that is reached with a course; None if there is none."""
     if target.radius != 0.0 or target.place is None or following.place is None:
         return None

@@ -11,7 +11,7 @@ from ftc_autopilot.guidance.formation import Formation
 from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.legs import Pose
 from ftc_autopilot.guidance.limits import FlightLimits, level_airspeed
-from ftc_autopilot.guidance.mission_items import LOITER, RETURN, Target, decode_items
+from ftc_autopilot.guidance.mission_items import LOITER, RETURN, MissionTarget, decode_items
 from ftc_autopilot.guidance.mission_path import Start, mission_path
 from ftc_autopilot.guidance.mission_places import Home
 from ftc_autopilot.guidance.path import path_record
@@ -130,13 +130,13 @@ class Planner:
         Raises:
             ItemError: The circle is too small.
         """
-        circle = Target(mission_item(0, LOITER), centre, height, radius=radius_m)
+        circle = MissionTarget(mission_item(0, LOITER), centre, height, radius=radius_m)
         return path_record(*mission_path((circle,), self.limits, Home(), start))
 
     def way_home(self, start: Start, home: Home) -> np.void:
         """Return the path from a start into the circle around home."""
         return path_record(
-            *mission_path((Target(mission_item(0, RETURN)),), self.limits, home, start)
+            *mission_path((MissionTarget(mission_item(0, RETURN)),), self.limits, home, start)
         )
 
 

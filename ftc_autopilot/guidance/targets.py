@@ -13,7 +13,7 @@ from ftc_autopilot.guidance.mission_items import (
     PLACES,
     RETURN,
     WAYPOINT,
-    Target,
+    MissionTarget,
     param,
 )
 from ftc_autopilot.guidance.mission_places import Home
@@ -23,7 +23,7 @@ from mavlink_defs.profile import ItemError
 
 MAX_VISITS = 1000
 
-Visit: TypeAlias = tuple[Target, ...]
+Visit: TypeAlias = tuple[MissionTarget, ...]
 """What is done on the way to a place, jumps included, and the place."""
 
 
@@ -38,7 +38,7 @@ class Order(NamedTuple):
     again: int | None = None
 
 
-def order_of(mission: Sequence[Target], first: int = 1) -> Order:
+def order_of(mission: Sequence[MissionTarget], first: int = 1) -> Order:
     """Carry out the jumps of a mission.
 
     A jump counts by itself, and is not set back by another one, as in ArduPilot. What comes before
@@ -52,7 +52,7 @@ def order_of(mission: Sequence[Target], first: int = 1) -> Order:
         ItemError: Jumps lead around without a place, or make too many of them.
     """
     visits: list[Visit] = []
-    visit: list[Target] = []
+    visit: list[MissionTarget] = []
     left = {t.item.seq: int(param(t.item, 2)) for t in mission if t.item.command == JUMP}
     begun: dict[tuple[int, ...], int] = {}  # visits made when an endless jump was taken before
     at, jump = first, None
@@ -112,10 +112,10 @@ class Targets:
             airspeed: Airspeed there [m/s].
         """
         self._order, self._limits = order, limits
-        start = Target(mission_item(0, WAYPOINT), begin[:2], begin[2])
+        start = MissionTarget(mission_item(0, WAYPOINT), begin[:2], begin[2])
         self._found = [start._replace(airspeed=airspeed, home=home)]
 
-    def __call__(self, k: int) -> Target | None:
+    def __call__(self, k: int) -> MissionTarget | None:
         """Return target k; None after the one without end."""
         while len(self._found) <= k + 1:
             before = self._found[-1]
@@ -140,7 +140,7 @@ class Targets:
             return None
         return next(item.seq for item in reversed(flown) if item.command == JUMP)
 
-    def _next(self, before: Target) -> Target:
+    def _next(self, before: MissionTarget) -> MissionTarget:
         visits, again = self._order.visits, self._order.again
         n = len(self._found) - 1
         if n < len(visits):
@@ -152,7 +152,7 @@ class Targets:
         circle = before._replace(place=None, radius=radius, length=math.inf)
         return circle._replace(airspeed=airspeed, changes=())
 
-    def _resolve(self, visit: Visit, before: Target) -> Target:
+    def _resolve(self, visit: Visit, before: MissionTarget) -> MissionTarget:
         """Return the place of a visit with all that the way to it and the visits before decide."""
         *on_the_way, to = visit
         home, airspeed = before.home, before.airspeed_there
@@ -183,7 +183,7 @@ class Targets:
         length = 2.0 * math.pi * abs(radius) * turns + airspeed * seconds
         return to._replace(radius=radius, length=length)
 
-    def _radius(self, target: Target, airspeed: float) -> float:
+    def _radius(self, target: MissionTarget, airspeed: float) -> float:
         """Return the radius of a circle; of a turn if it is 0."""
         radius, least = target.radius, tightest_turn(airspeed, self._limits)
         if radius != 0.0 and abs(radius) < least:

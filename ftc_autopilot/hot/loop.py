@@ -15,7 +15,7 @@ from ftc_autopilot.hot.link import note_step, prepare_step, report_done, send_st
 from ftc_autopilot.hot.receiving import is_due, receive_states
 from ftc_autopilot.hot.state import FORMATION_SIGNER, PLANT_SIGNER, Autopilots
 from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP, FTC_SIM_FLAGS_RUNNING
-from mavlink_defs.framing.hot_link import Outcome
+from mavlink_defs.framing.hot_link import ReturnReason
 from mavlink_defs.framing.hot_signing import LinkSigner
 from mavlink_defs.runtime.jit import compiled, inlined
 from mavlink_defs.runtime.memory import borrowed, bytes_of
@@ -39,7 +39,7 @@ LOOP_STATE = np.dtype(
         ("plant_fd", "i4"),  # socket connected to the plant
         ("formation_fd", "i4"),  # bound to the own formation port, with a short receive timeout
         ("gcs_fd", "i4"),  # of the ground stations
-        ("outcome", "i4"),  # why Python is needed, an `Outcome`
+        ("outcome", "i4"),  # why Python is needed, an `ReturnReason`
         ("at_once", "i4"),  # whether a ground station is answered at once
         ("until_step", "i8"),  # step after which it is
         ("until_s", "f8"),  # and the time, as `monotonic_s` gives it [s]
@@ -86,7 +86,7 @@ def run(loops: Loops) -> None:
     """
     state, polled, autopilots = borrowed(loops)
     for i in range(len(state)):
-        state[i]["outcome"] = Outcome.NONE
+        state[i]["outcome"] = ReturnReason.NONE
     now_s = monotonic_s()
     poll_s, spin_until_s = now_s + _GCS_POLL_S, now_s + SPIN_S
     while True:
@@ -103,14 +103,14 @@ def run(loops: Loops) -> None:
             now_s = monotonic_s()
             lockstep = _is_lockstep(own["link"])
             spins |= lockstep
-            if now["outcome"] == Outcome.NONE and (
+            if now["outcome"] == ReturnReason.NONE and (
                 now_s >= now["until_s"]
                 or own["link"]["step"] >= now["until_step"]
                 or 0 < autopilots.record.shape[1] == own["link"]["recorded"]
                 or has_failed(own["uav"])
                 or (polls and lockstep and waits(now["gcs_fd"], bytes_of(own["received"])))
             ):
-                now["outcome"] = Outcome.TICK
+                now["outcome"] = ReturnReason.TICK
             now["at_once"] = _answers_at_once(own["link"])
         if _some_need_python(state):
             return
@@ -124,8 +124,8 @@ def run(loops: Loops) -> None:
 
 
 @inlined
-def _handle(length: int, now: np.void, autopilots: Autopilots) -> Outcome:
-    """Handle a datagram of the plant, and make the step if one is due; return the `Outcome`."""
+def _handle(length: int, now: np.void, autopilots: Autopilots) -> ReturnReason:
+    """Handle a datagram of the plant, and make the step if one is due; return why."""
     i = now["row"]
     own, path, history = autopilots.own[i], autopilots.paths[i], autopilots.histories[i]
     edges = autopilots.edges[i][: own["degree"]]
@@ -143,7 +143,7 @@ def _handle(length: int, now: np.void, autopilots: Autopilots) -> Outcome:
         due = note_step(own, autopilots.record[i], autopilots.estimates[i], mask)
         save(autopilots.checkpoint, autopilots.own, autopilots.edges)
         send_step(plant_fd, formation_fd, due, broadcasts, own, edges, plant, formation)
-    return Outcome.OVER if report_done(plant_fd, own, plant) else outcome
+    return ReturnReason.OVER if report_done(plant_fd, own, plant) else outcome
 
 
 @inlined
@@ -155,7 +155,7 @@ def _is_lockstep(link: np.void) -> bool:
 @inlined
 def _some_need_python(state: np.ndarray) -> bool:
     for i in range(len(state)):
-        if state[i]["outcome"] != Outcome.NONE:
+        if state[i]["outcome"] != ReturnReason.NONE:
             return True
     return False
 
@@ -173,7 +173,7 @@ def _sleep(state: np.ndarray, polled: np.ndarray) -> bool:
     wait_for_any(polled, max(until_s - monotonic_s(), 0.0))
     for i in range(len(state)):
         if polled[2 * i + 1]["found"] != 0 and polled[2 * i]["found"] == 0:
-            state[i]["outcome"] = Outcome.TICK
+            state[i]["outcome"] = ReturnReason.TICK
     return _some_need_python(state)
 
 

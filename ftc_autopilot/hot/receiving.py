@@ -19,7 +19,7 @@ from mavlink_defs.framing.codec import (
     unpack,
 )
 from mavlink_defs.framing.drop_reason import DropReason
-from mavlink_defs.framing.hot_link import DROPPED, NOT_HOT, Outcome, take
+from mavlink_defs.framing.hot_link import DROPPED, NOT_HOT, ReturnReason, take
 from mavlink_defs.framing.hot_signing import LinkSigner
 from mavlink_defs.runtime.jit import inlined
 from mavlink_defs.runtime.memory import bytes_of, copy_record
@@ -29,7 +29,7 @@ from mavlink_defs.runtime.native import monotonic_s, receive_now, waits
 @inlined
 def receive_states(
     length: int, plant_fd: int, own: np.void, history: np.ndarray, signer: LinkSigner
-) -> Outcome:
+) -> ReturnReason:
     """Take a datagram of the plant, which lies in `AUTOPILOT.received`; a state is due then.
 
     In real time the newest state of all datagrams that wait in the socket; of sensors, until the
@@ -46,7 +46,7 @@ def receive_states(
         NONE; SERVICE or RESTARTED if Python is needed.
     """
     outcome = _receive(length, own, history, signer)
-    while outcome == Outcome.NONE and _more_may_wait(own):
+    while outcome == ReturnReason.NONE and _more_may_wait(own):
         length = receive_now(plant_fd, bytes_of(own["received"]))
         if length < 0:
             break
@@ -55,11 +55,11 @@ def receive_states(
 
 
 @inlined
-def is_due(outcome: Outcome, plant_fd: int, own: np.void) -> bool:
+def is_due(outcome: ReturnReason, plant_fd: int, own: np.void) -> bool:
     """Return whether a state is due to be answered after `receive_states`."""
-    if outcome == Outcome.RESTARTED or own["link"]["due"] == 0:
+    if outcome == ReturnReason.RESTARTED or own["link"]["due"] == 0:
         return False  # else there may be a newer state behind what Python is needed for
-    return not (outcome == Outcome.SERVICE and waits(plant_fd, bytes_of(own["sent"])))
+    return not (outcome == ReturnReason.SERVICE and waits(plant_fd, bytes_of(own["sent"])))
 
 
 @inlined
@@ -77,7 +77,7 @@ def _is_real_time(state: np.void) -> bool:
 
 
 @inlined
-def _receive(length: int, own: np.void, history: np.ndarray, signer: LinkSigner) -> Outcome:
+def _receive(length: int, own: np.void, history: np.ndarray, signer: LinkSigner) -> ReturnReason:
     """Take the state that lies in `AUTOPILOT.received`, if it is one; it is due then.
 
     Args:
@@ -92,10 +92,10 @@ def _receive(length: int, own: np.void, history: np.ndarray, signer: LinkSigner)
     state, datagram, drops = own["link"], bytes_of(own["received"]), own["drops"][SIMULATOR]
     message_id = take(signer, datagram, length, drops)
     if message_id == DROPPED:
-        return Outcome.NONE
+        return ReturnReason.NONE
     if message_id == NOT_HOT:
         state["received"] = length
-        return Outcome.SERVICE
+        return ReturnReason.SERVICE
     if is_estimated(own["navigation"]):
         return _receive_sensors(message_id, own, history)
     problem: int = DropReason.UNEXPECTED
@@ -103,15 +103,15 @@ def _receive(length: int, own: np.void, history: np.ndarray, signer: LinkSigner)
         problem = _check_state(own)
     if problem != 0:
         drops[-problem] += 1
-        return Outcome.NONE
+        return ReturnReason.NONE
     before, sim_state = state["run"], own["sim_state"]
     if _is_news(state, own["measured"], sim_state):
         copy_record(own["measured"], sim_state)
-    return Outcome.RESTARTED if before >= 0 and before != state["run"] else Outcome.NONE
+    return ReturnReason.RESTARTED if before >= 0 and before != state["run"] else ReturnReason.NONE
 
 
 @inlined
-def _receive_sensors(message_id: int, own: np.void, history: np.ndarray) -> Outcome:
+def _receive_sensors(message_id: int, own: np.void, history: np.ndarray) -> ReturnReason:
     """Note sensors, and with their step bring the estimate up to it; it is due then.
 
     Args:
@@ -139,21 +139,21 @@ def _receive_sensors(message_id: int, own: np.void, history: np.ndarray) -> Outc
         problem = check_step(navigation, sim_step)
     if problem != 0:
         own["drops"][SIMULATOR][-problem] += 1
-        return Outcome.NONE
+        return ReturnReason.NONE
     before = state["run"]
     if not is_step:
-        return Outcome.NONE
+        return ReturnReason.NONE
     restarted = before >= 0 and before != np.int64(sim_step["run"])
     if not restarted and not is_complete(navigation, sim_step):
         state["heard_s"] = monotonic_s()
-        return Outcome.NONE
+        return ReturnReason.NONE
     if _is_news(state, measured, sim_step):
         if restarted:
             copy_step(sim_step, measured)
-            return Outcome.RESTARTED
+            return ReturnReason.RESTARTED
         navigate(navigation, history, sim_step, measured)
         state["flags"] = int(measured["flags"])
-    return Outcome.NONE
+    return ReturnReason.NONE
 
 
 @inlined

@@ -18,7 +18,7 @@ ESTIMATED_RECORD = np.dtype(
 """What is recorded of a step flown by an estimated state."""
 
 
-class Recorder:
+class AutopilotRecorder:
     """Empties the record of an autopilot into a folder."""
 
     def __init__(self, autopilot: Autopilots, folder: Path, resume: bool) -> None:

@@ -84,7 +84,7 @@ class Interface(Generic[_M]):
             self._of_python(found)
         return found
 
-    @functools.cache  # noqa: B019  # the interfaces are as old as the module
+    @functools.cache  # noqa: B019 - the interfaces are as old as the module
     def functions(self, found: type[_M], *further: np.dtype) -> Functions:
         """Return the addresses of a plug-in's C functions; compiled Python is compiled.
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from ftc_autopilot.common.geography import Origin, Place, place_of
 from ftc_autopilot.config import AutopilotConfig
-from ftc_autopilot.control.controllers import Controllers, Source, begin_path
+from ftc_autopilot.control.controllers import Controllers, ReferenceSource, begin_path
 from ftc_autopilot.guidance.limits import tightest_turn
 from ftc_autopilot.guidance.mission_path import Start
 from ftc_autopilot.guidance.mission_places import Home, home_item
@@ -91,7 +91,7 @@ class FlightPath:
     @property
     def flown(self) -> bool:
         """Whether the references come from a path."""
-        return int(self._guidance["follows"]) == Source.PATH
+        return int(self._guidance["follows"]) == ReferenceSource.PATH
 
     @property
     def record(self) -> np.void:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from ftc_autopilot.config import AutopilotConfig
-from ftc_autopilot.control.controllers import Controllers, Source
+from ftc_autopilot.control.controllers import Controllers, ReferenceSource
 from ftc_autopilot.guidance.members import SILENT, cause_of, policy_of, state_of
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.vehicle.changes import Change
@@ -119,7 +119,7 @@ class FormationMessages:
     @property
     def _path_id(self) -> int:
         """Number of the path that is flown in formation; 0: none."""
-        follows = int(self._controllers.uavs[0]["guidance"]["follows"]) == Source.PATH
+        follows = int(self._controllers.uavs[0]["guidance"]["follows"]) == ReferenceSource.PATH
         return int(self._state["path_id"]) if follows else 0
 
     def _refuse(self, text: str) -> int:

@@ -25,7 +25,7 @@ from mavlink_defs.services.mission import MissionItem
 _ACCEPTED, _DENIED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_DENIED
 
 
-class _Place(NamedTuple):
+class _GivenPlace(NamedTuple):
     """A place as a message has it; None or NaN is the present one."""
 
     latitude: int | None  # degE7
@@ -65,7 +65,7 @@ class Guided:
         """Fly to a place and circle there, in GUIDED; it has no answer."""
         if self._modes.mode != GUIDED or message.type_mask & NO_POSITION:
             return
-        place = _Place(message.lat_int, message.lon_int, message.alt, message.coordinate_frame)
+        place = _GivenPlace(message.lat_int, message.lon_int, message.alt, message.coordinate_frame)
         try:
             self._modes.guide(self._way_to(place))
         except ItemError as error:
@@ -77,7 +77,7 @@ class Guided:
             self._refuse(f"Target: {refusal(item.command)}")
             return dialect.MAV_MISSION_UNSUPPORTED
         try:
-            self._modes.guide(self._way_to(_Place(item.x, item.y, item.z, item.frame)))
+            self._modes.guide(self._way_to(_GivenPlace(item.x, item.y, item.z, item.frame)))
         except ItemError as error:
             self._refuse(f"Target: {error.reason}")
             return error.mav_mission_result
@@ -117,7 +117,7 @@ class Guided:
         here = message.param1 == 1.0
         place = _place_of(message, dialect.MAV_FRAME_GLOBAL)
         if here:
-            place = _Place(None, None, math.nan, dialect.MAV_FRAME_GLOBAL)
+            place = _GivenPlace(None, None, math.nan, dialect.MAV_FRAME_GLOBAL)
         elif place.latitude is None or place.longitude is None or math.isnan(place.altitude):
             return self._refuse("Set home: latitude, longitude and altitude must be given")
         try:
@@ -128,7 +128,9 @@ class Guided:
         self._say(dialect.MAV_SEVERITY_INFO, "home set")
         return _ACCEPTED
 
-    def _way_to(self, place: _Place, radius_m: float = 0.0, airspeed: float | None = None) -> Way:
+    def _way_to(
+        self, place: _GivenPlace, radius_m: float = 0.0, airspeed: float | None = None
+    ) -> Way:
         """Return the way to a place and around it; ItemError if it cannot be flown."""
         path = self._modes.path
         resolved = self._resolve(place)
@@ -136,7 +138,7 @@ class Guided:
             check_height(resolved[2], path.home.at, path.planner.limits)
         return path.way_to(resolved, radius_m, airspeed)
 
-    def _resolve(self, place: _Place) -> tuple[float, float, float]:
+    def _resolve(self, place: _GivenPlace) -> tuple[float, float, float]:
         """Return north, east and height of a place [m]; ItemError if there is none."""
         path = self._modes.path
         north, east, height = path.here()
@@ -151,13 +153,13 @@ class Guided:
         return _DENIED
 
 
-def _place_of(message: CommandMessage, frame: int) -> _Place:
+def _place_of(message: CommandMessage, frame: int) -> _GivenPlace:
     """Return the place of a command: degrees in COMMAND_LONG, in a frame that it does not name."""
     if isinstance(message, dialect.MAVLink_command_int_message):
         x, y = (None if value == INT32_MAX else value for value in (message.x, message.y))
-        return _Place(x, y, message.z, message.frame)
+        return _GivenPlace(x, y, message.z, message.frame)
     x, y = (
         None if math.isnan(value) else whole_within(value * 1e7, -INT32_MAX, INT32_MAX)
         for value in (message.param5, message.param6)
     )
-    return _Place(x, y, message.param7, frame)
+    return _GivenPlace(x, y, message.param7, frame)

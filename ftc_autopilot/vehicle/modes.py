@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controller import restart_law
-from ftc_autopilot.control.controllers import NOT_STARTED, Controllers, Source
+from ftc_autopilot.control.controllers import NOT_STARTED, Controllers, ReferenceSource
 from ftc_autopilot.control.reference import profile_record
 from ftc_autopilot.guidance.mission_items import is_path, refusal
 from ftc_autopilot.guidance.mission_places import Home
@@ -88,7 +88,7 @@ class Modes:
     @property
     def flies_mission(self) -> bool:
         """Whether profile or path of the mission gives the references now."""
-        profile = int(self._guidance["follows"]) == Source.PROFILE
+        profile = int(self._guidance["follows"]) == ReferenceSource.PROFILE
         return (profile or self._on_mission_path) and self.running
 
     @property
@@ -210,7 +210,7 @@ class Modes:
         """Hold an attitude, roll, pitch, yaw [rad], at the airspeed of the circle left for it."""
         if self.path.flown:
             self._guidance["command"][0] = self.path.point().airspeed
-            self._guidance["follows"] = Source.COMMAND
+            self._guidance["follows"] = ReferenceSource.COMMAND
         self._guidance["command"][1:] = attitude
 
     def note_item(self, seq: int) -> None:
@@ -271,7 +271,7 @@ class Modes:
 
     def change_speed(self, params: Sequence[float]) -> int:
         """Execute MAV_CMD_DO_CHANGE_SPEED: param 2 is the airspeed [m/s]."""
-        if self._guidance["follows"] == Source.PROFILE:
+        if self._guidance["follows"] == ReferenceSource.PROFILE:
             return self._refuse("Change speed: not while a profile is flown")
         low, high = self.airspeeds.min_m_s, self.airspeeds.max_m_s
         if not low <= params[1] <= high:
@@ -306,7 +306,7 @@ class Modes:
         if self._path_is_gone:  # wings level until the next state
             airspeed = float(self._guidance["command"][0])
             self._guidance["command"][:2] = self._within_limits(airspeed), 0.0
-            self._guidance["follows"] = Source.COMMAND
+            self._guidance["follows"] = ReferenceSource.COMMAND
 
     def handle_timer(self) -> None:
         """Fly again, from here, what a resumed flight has lost, when its first state is there."""
@@ -365,7 +365,7 @@ class Modes:
         if way is not None:
             self.path.begin(way)
         elif mode == AUTO and self.started and self.has_profile:
-            self._guidance["follows"] = Source.PROFILE
+            self._guidance["follows"] = ReferenceSource.PROFILE
         else:
             self._fly_straight()
         self._note_mode(mode)
@@ -391,7 +391,7 @@ class Modes:
 
     def _fly_straight(self) -> None:
         """Command straight and level flight, as fast as the aircraft is; nothing is armed."""
-        self._guidance["follows"] = Source.COMMAND
+        self._guidance["follows"] = ReferenceSource.COMMAND
         state = self._hot.measured
         speed = math.hypot(*map(float, state["velocity"] - state["wind"]))
         yaw = float(state["attitude"][2])

@@ -65,7 +65,7 @@ _IMPOSSIBLE = (  # commands refused with the reason
 )
 
 
-class Vehicle:
+class VehicleServices:
     """The services of one autopilot, between the steps of its control loop."""
 
     def __init__(

@@ -16,7 +16,7 @@ from ftc_lab.baselines.senders import (
     YARDSTICKS,
     Fly,
     Sender,
-    Verdict,
+    SenderVerdict,
     Yardstick,
     find_slowest,
     senders,
@@ -56,10 +56,10 @@ class Robustness:
     share: float
     largest_ratio: float
     triggered: tuple[int, bool]
-    checked: tuple[Verdict, ...]
+    checked: tuple[SenderVerdict, ...]
 
     @property
-    def slowest(self) -> Verdict | None:
+    def slowest(self) -> SenderVerdict | None:
         """The slowest periodic sender on the list that keeps enough; None if there is none."""
         return find_slowest(self.checked)
 
@@ -113,18 +113,18 @@ class Baseline:
     largest_ratio: float
     transmissions: int
     every_period: int
-    uniform: tuple[Verdict, ...]
-    by_commands: tuple[Verdict, ...] = ()
-    per_channel: Verdict | None = None
+    uniform: tuple[SenderVerdict, ...]
+    by_commands: tuple[SenderVerdict, ...] = ()
+    per_channel: SenderVerdict | None = None
     robustness: Robustness | None = None
 
     @property
-    def slowest_uniform(self) -> Verdict | None:
+    def slowest_uniform(self) -> SenderVerdict | None:
         """The slowest uniform sender on the list that is no worse; None if there is none."""
         return find_slowest(reversed(self.uniform))
 
     @property
-    def slowest_by_commands(self) -> Verdict | None:
+    def slowest_by_commands(self) -> SenderVerdict | None:
         """The same by the errors against the commands."""
         return find_slowest(reversed(self.by_commands))
 
@@ -152,14 +152,14 @@ class Baseline:
         }
 
 
-def _compared(one: Verdict, yardstick: Yardstick = "reference") -> dict[str, object]:
+def _compared(one: SenderVerdict, yardstick: Yardstick = "reference") -> dict[str, object]:
     """Return a sender that was compared; its `worst` is by the yardstick that `equal` is by."""
     by_commands = one.ratios.get("commands")
     worst = one.ratios.get(yardstick)
     return _json(one, worst=worst, worst_against_commands=by_commands, equal=one.good)
 
 
-def _json(verdict: Verdict, **found: object) -> dict[str, object]:
+def _json(verdict: SenderVerdict, **found: object) -> dict[str, object]:
     return {
         "periods": verdict.sender.periods,
         "transmissions": verdict.transmissions,
@@ -204,7 +204,7 @@ class Search:
 
     def verdict(
         self, tried: Iterable[tuple[Sender, FlightSummary]], yardstick: Yardstick
-    ) -> Verdict:
+    ) -> SenderVerdict:
         """Return what flights of a sender showed, of several parameters the best ones."""
 
         def ratio(one: tuple[Sender, FlightSummary]) -> float:
@@ -213,7 +213,7 @@ class Search:
 
         best = min(tried, key=ratio)
         sender, flight = best
-        return Verdict(
+        return SenderVerdict(
             sender,
             sender.transmissions,
             good=ratio(best) <= self.largest_ratio,
@@ -222,7 +222,7 @@ class Search:
 
     def slowest_equal(
         self, candidates: Iterable[tuple[int, ...]], yardsticks: Iterable[Yardstick]
-    ) -> dict[Yardstick, Verdict]:
+    ) -> dict[Yardstick, SenderVerdict]:
         """Return by yardstick the one that transmits least of those that are no worse, if one is.
 
         They are flown from the slowest on, a few at a time, until there is one by each yardstick.
@@ -230,7 +230,7 @@ class Search:
         waiting = sorted(
             candidates, key=lambda periods: (transmissions(self.base, periods), periods)
         )
-        found: dict[Yardstick, Verdict] = {}
+        found: dict[Yardstick, SenderVerdict] = {}
         requested = set(yardsticks)
         for first in range(0, len(waiting), _BATCH):
             flown = list(self.flown(waiting[first : first + _BATCH]))
@@ -243,8 +243,8 @@ class Search:
         return found
 
     def per_channel(
-        self, start: Verdict, longest: int, yardstick: Yardstick = "reference"
-    ) -> Verdict:
+        self, start: SenderVerdict, longest: int, yardstick: Yardstick = "reference"
+    ) -> SenderVerdict:
         """Lengthen the periods of single channels, until no longer one on the list is as good.
 
         In each round the longer periods of every channel are flown, the others unchanged; of those
@@ -256,7 +256,7 @@ class Search:
             longest: Longest period of a channel, in control periods.
             yardstick: What errors are against.
         """
-        best: Verdict | None = start
+        best: SenderVerdict | None = start
         while best is not None:
             start, periods = best, best.sender.periods
             longer = [
@@ -369,13 +369,15 @@ def find_robust(
     drawn = len(triggered)
     may_lose = int((1.0 - uncertain.share) * drawn + 1e-9)
     kept, _ = fly(triggered, may_lose=drawn)
-    checked: list[Verdict] = []
+    checked: list[SenderVerdict] = []
     for n in reversed(some_periods(longest, COARSE)):
         for sender in senders(search.base, (n,) * N_CHANNELS):
             if find_slowest(checked) is None:
                 own, flown = fly(uncertain.drawn(sender.scenario), may_lose)
                 good = drawn - own <= may_lose
-                checked.append(Verdict(sender, sender.transmissions, good, kept=own, flown=flown))
+                checked.append(
+                    SenderVerdict(sender, sender.transmissions, good, kept=own, flown=flown)
+                )
     return Robustness(
         drawn,
         uncertain.share,

@@ -13,7 +13,7 @@ from ftc_lab.baselines.senders import (
     COARSE,
     Fly,
     Sender,
-    Verdict,
+    SenderVerdict,
     find_slowest,
     senders,
     some_periods,
@@ -55,7 +55,7 @@ class Combination:
     scenario: Scenario
     summary: FlightSummary | None = None
     faults_lost: tuple[str, ...] | None = None
-    slowest_equal: Verdict | None = None
+    slowest_equal: SenderVerdict | None = None
 
     def uav(self, uav_id: int) -> UavSummary | None:
         """Return a UAV's part of the flight; None unless all attitudes and headings were kept."""
@@ -152,12 +152,12 @@ def with_slowest_equal(
     verdicts = []
     if one.trigger == "periodic":
         itself = Sender((1,) * N_CHANNELS, one.scenario, {})
-        verdicts.append(Verdict(itself, own.events, good=True))
+        verdicts.append(SenderVerdict(itself, own.events, good=True))
     for aircraft, sender, summary in flown:
         uav, ratio = summary.uav(uav_id), worst_ratio(summary, reference)
         if aircraft == one.aircraft and uav is not None:
             good = ratio is not None and ratio <= TOLERANCE
-            verdicts.append(Verdict(sender, uav.events, good))
+            verdicts.append(SenderVerdict(sender, uav.events, good))
     return replace(one, slowest_equal=find_slowest(verdicts))
 
 

@@ -62,7 +62,7 @@ class Sender:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class SenderVerdict:
     """What flights of a sender showed.
 
     Attributes:
@@ -83,7 +83,7 @@ class Verdict:
     flown: int = 1
 
 
-def find_slowest(verdicts: Iterable[Verdict]) -> Verdict | None:
+def find_slowest(verdicts: Iterable[SenderVerdict]) -> SenderVerdict | None:
     """Return the good one that transmits least, of equal ones the first; None if none is good."""
     good = (verdict for verdict in verdicts if verdict.good)
     return min(good, key=lambda verdict: verdict.transmissions, default=None)

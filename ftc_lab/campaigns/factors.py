@@ -38,7 +38,7 @@ _PARTS = {
 
 
 @dataclass(frozen=True)
-class Factor:
+class DrawnValue:
     """Something that was drawn.
 
     Attributes:

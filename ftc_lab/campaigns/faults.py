@@ -37,7 +37,7 @@ class _WithUavs(Model):
     )
 
 
-class _ActuatorKeys(_WithUavs):
+class _DrawnActuatorKeys(_WithUavs):
     actuators: Annotated[tuple[Actuator, ...], AtMost(len(ACTUATORS))] = Field(
         default=ACTUATORS, min_length=1, description="Actuators that it may hit, as likely each."
     )
@@ -46,7 +46,7 @@ class _ActuatorKeys(_WithUavs):
     )
 
 
-class _SensorKeys(_WithUavs):
+class _DrawnSensorKeys(_WithUavs):
     sensors: Annotated[tuple[SensorName, ...], AtMost(len(SENSOR_NAMES))] = Field(
         min_length=1, description="Sensors that it may hit, as likely each."
     )
@@ -101,7 +101,7 @@ def _outside(
             yield loc, f"draws {value!r}, expected within [{low:g}, {high:g}]{unit}"
 
 
-class DrawnFault(_Drawn, _ActuatorKeys):
+class DrawnFault(_Drawn, _DrawnActuatorKeys):
     """One fault of one actuator, every part of it drawn.
 
     A severity is signed, in shares: of a loss, what the command loses (sign without meaning); of
@@ -139,7 +139,7 @@ class DrawnFault(_Drawn, _ActuatorKeys):
         return keys | {kind.key(actuator): value}
 
 
-class DrawnSensorFault(_Drawn, _SensorKeys):
+class DrawnSensorFault(_Drawn, _DrawnSensorKeys):
     """One fault of one navigation sensor, every part of it drawn.
 
     The value of a kind is in the unit of the sensor, as in a scenario's faults: a bias of a gyro

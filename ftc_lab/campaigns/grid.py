@@ -23,7 +23,7 @@ from mavlink_defs.config.models import ConfigError, Problem, ProblemKind
 
 
 @dataclass(frozen=True)
-class Grid:
+class SweepGrid:
     """The points of a sweep.
 
     Attributes:
@@ -35,7 +35,7 @@ class Grid:
     scenarios: Sequence[Scenario | None]
 
 
-def plan_grid(files: Sequence[Path], axes: Sequence[Axis]) -> Grid:
+def plan_grid(files: Sequence[Path], axes: Sequence[Axis]) -> SweepGrid:
     """Return every combination of the axes' values for every file.
 
     A combination that is not a valid scenario stays in the grid; its flight ends as ``invalid``.
@@ -77,7 +77,7 @@ def plan_grid(files: Sequence[Path], axes: Sequence[Axis]) -> Grid:
     ids = sorted({uav.id for scenario in good for uav in scenario.uavs})
     flights = replace(flights, schema=results_schema(draws.schema, ids))
     plan = Plan(replace(mark, uav_ids=ids), flights, draws, next(iter(good), None))
-    return Grid(plan, scenarios)
+    return SweepGrid(plan, scenarios)
 
 
 def _check_keys(axes: Iterable[Axis]) -> None:

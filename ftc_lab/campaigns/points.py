@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from ftc_lab.campaigns.grid import Grid
+from ftc_lab.campaigns.grid import SweepGrid
 from ftc_lab.campaigns.store import read_results
 from gcs.errors import BadInput
 from gcs.scenario.model import Scenario
@@ -53,7 +53,7 @@ class Point:
         }
 
 
-def read_points(folder: Path, grid: Grid) -> list[Point]:
+def read_points(folder: Path, grid: SweepGrid) -> list[Point]:
     """Read what was flown of a sweep, one file after the other.
 
     Raises:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ftc_lab.campaigns.conditions import happened
-from ftc_lab.campaigns.factors import SEVERITY, Factor, drawn_columns, fault_of
+from ftc_lab.campaigns.factors import SEVERITY, DrawnValue, drawn_columns, fault_of
 from ftc_lab.campaigns.faults import LOSS
 from ftc_lab.campaigns.store import Results
 from gcs.errors import BadInput
@@ -73,22 +73,22 @@ class Sample:
         return self._values(next(each for each in self._factors if each.name == factor))
 
     @cached_property
-    def _factors(self) -> list[Factor]:
+    def _factors(self) -> list[DrawnValue]:
         """The factors of all variants, also those that none of these flights has."""
         whole = Sample("", self.source, np.arange(len(self.source.column("row"))))
         return [
             factor
             for column in drawn_columns(self.source.schema)
             for factor in (
-                whole._severities(column) if column.endswith(SEVERITY) else [Factor(column)]
+                whole._severities(column) if column.endswith(SEVERITY) else [DrawnValue(column)]
             )
         ]
 
-    def _severities(self, column: str) -> list[Factor]:
+    def _severities(self, column: str) -> list[DrawnValue]:
         """Return the severities of a fault that mean the same, each with the kinds that it has."""
         alike = len(np.unique(self._throttle(column))) < 2
         return [
-            Factor(column, kind, actuators)
+            DrawnValue(column, kind, actuators)
             for kind in sorted(set(self.texts(f"{fault_of(column)}.kind")))
             for actuators in ([None] if alike or kind == LOSS else ["surface", "throttle"])
         ]
@@ -158,7 +158,7 @@ class Sample:
         known = np.array([*coded.dictionary.to_pylist(), None], dtype=object)
         return np.asarray(known[coded.indices.fill_null(len(known) - 1).to_numpy()])
 
-    def _values(self, factor: Factor) -> np.ndarray:
+    def _values(self, factor: DrawnValue) -> np.ndarray:
         import pyarrow as pa
 
         name = factor.column

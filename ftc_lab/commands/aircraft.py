@@ -12,7 +12,7 @@ from gcs.scenario.bundled import aircraft_names
 from gcs.terminal import console_of, numbers, print_json, print_line, table_of, texts
 
 if TYPE_CHECKING:
-    from ftc_autopilot.control.airframe_checks import Check
+    from ftc_autopilot.control.airframe_checks import AirframeCheck
     from sitl_plant.airframe.config import Aircraft
     from sitl_plant.airframe.level_flight import LevelFlight
     from sitl_plant.airframe.modes import Mode
@@ -32,14 +32,14 @@ Exit status: 0 listed or shown, 2 bad input.
 
 
 @dataclass(frozen=True)
-class _Shown:
+class _ShownAircraft:
     """An aircraft at an airspeed."""
 
     aircraft: "Aircraft"
     flight: "LevelFlight"
     modes: "list[Mode]"
     authority_rad_s2: dict[str, float]
-    checks: "list[Check]"
+    checks: "list[AirframeCheck]"
     thrust_n: dict[str, float] | None  # largest one by airspeed, if its file says it
     fastest_m_s: float | None  # level flight within its airspeeds
 
@@ -120,7 +120,7 @@ def aircraft(
     _print(name, shown, quiet)
 
 
-def _shown(name: str, aircraft: "Aircraft", airspeed: float | None) -> _Shown:
+def _shown(name: str, aircraft: "Aircraft", airspeed: float | None) -> _ShownAircraft:
     from ftc_autopilot.control.airframe_checks import airframe_checks
     from sitl_plant.airframe.level_flight import (
         authority,
@@ -146,10 +146,10 @@ def _shown(name: str, aircraft: "Aircraft", airspeed: float | None) -> _Shown:
         thrust = {f"{V:g}": largest_thrust(aircraft, V) for V in at}
     fastest = fastest_level_flight(aircraft)
     checks = airframe_checks(aircraft, flight)
-    return _Shown(aircraft, flight, *found, checks, thrust, fastest)
+    return _ShownAircraft(aircraft, flight, *found, checks, thrust, fastest)
 
 
-def _print(name: str, shown: _Shown, quiet: bool) -> None:
+def _print(name: str, shown: _ShownAircraft, quiet: bool) -> None:
     from ftc_autopilot.control.heading import needs_bank
 
     console = console_of(stderr=False, quiet=quiet)

@@ -132,7 +132,7 @@ def _compare_flights(old: Path, new: Path, options: CompareOptions) -> None:
     Raises:
         BadInput: One of them is none, or has not ended; or an option is for campaigns.
     """
-    from gcs.runs.difference import Flight, difference, difference_data, is_flight
+    from gcs.runs.difference import EndedFlight, difference, difference_data, is_flight
 
     for folder, other in ((old, new), (new, old)):
         if not is_flight(other):
@@ -142,10 +142,10 @@ def _compare_flights(old: Path, new: Path, options: CompareOptions) -> None:
         text = "--fail-if, --junit and --markdown test campaigns; a flight is a single draw"
         raise BadInput(text, "leave them out, or fly a campaign")
     if options.as_json:
-        print_json(difference_data(Flight(old), Flight(new)))
+        print_json(difference_data(EndedFlight(old), EndedFlight(new)))
         return
     console = console_of(stderr=False)
-    for part in difference(Flight(old), Flight(new), everything=options.everything):
+    for part in difference(EndedFlight(old), EndedFlight(new), everything=options.everything):
         console.print(part, soft_wrap=isinstance(part, str))
 
 

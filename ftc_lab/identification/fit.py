@@ -19,7 +19,7 @@ _CONSTANT = 1e-6  # of a coefficient: less variation than this is rounding
 _ROUNDING = 1e-9  # singular values below this share of the largest are none
 
 
-class Estimate(NamedTuple):
+class CoefficientEstimate(NamedTuple):
     """A coefficient."""
 
     value: float
@@ -37,7 +37,7 @@ class Residual(NamedTuple):
 class Fit(NamedTuple):
     """All coefficients, and what is left over of each force and moment."""
 
-    estimates: dict[str, Estimate]
+    estimates: dict[str, CoefficientEstimate]
     residuals: dict[str, Residual]
 
 
@@ -49,7 +49,7 @@ def fit(windows: Windows, nominal: dict[str, float] | None = None) -> Fit:
         nominal: Coefficients that stay as they are where the flight does not show them: whose
             interval would be wider than 0.3 of the value. None: all are fitted.
     """
-    estimates: dict[str, Estimate] = {}
+    estimates: dict[str, CoefficientEstimate] = {}
     residuals: dict[str, Residual] = {}
     for axis, regressors in TERMS.items():
         free = dict(regressors)
@@ -63,7 +63,9 @@ def fit(windows: Windows, nominal: dict[str, float] | None = None) -> Fit:
             if _width(found[worst], nominal, worst) <= _WIDE:
                 break
             y = y - nominal[worst] * windows.regressors[free.pop(worst)]
-            estimates[worst] = Estimate(nominal[worst], found[worst].half_width, is_nominal=True)
+            estimates[worst] = CoefficientEstimate(
+                nominal[worst], found[worst].half_width, is_nominal=True
+            )
         estimates |= found
         rms = float(np.sqrt(np.mean(left**2)))
         measured = windows.coefficients[axis]
@@ -73,7 +75,7 @@ def fit(windows: Windows, nominal: dict[str, float] | None = None) -> Fit:
     return Fit(ordered, residuals)
 
 
-def _width(found: Estimate, nominal: dict[str, float] | None, name: str) -> float:
+def _width(found: CoefficientEstimate, nominal: dict[str, float] | None, name: str) -> float:
     if nominal is None:
         return 0.0
     return found.half_width / max(abs(found.value), abs(nominal[name]), 1e-12)
@@ -81,7 +83,7 @@ def _width(found: Estimate, nominal: dict[str, float] | None, name: str) -> floa
 
 def _solved(
     windows: Windows, free: dict[str, str], y: np.ndarray
-) -> tuple[dict[str, Estimate], np.ndarray]:
+) -> tuple[dict[str, CoefficientEstimate], np.ndarray]:
     """Return estimates by name, and the residuals of all windows."""
     from scipy.stats import t as students_t
 
@@ -108,7 +110,7 @@ def _solved(
     widths = students_t.ppf(0.5 + CONFIDENCE / 2.0, freedom) * deviation
     widths[unseen] = np.inf
     found = {
-        name: Estimate(float(value), float(width))
+        name: CoefficientEstimate(float(value), float(width))
         for name, value, width in zip(free, theta / size, widths / size, strict=True)
     }
     return found, left

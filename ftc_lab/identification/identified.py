@@ -8,10 +8,10 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from ftc_autopilot.control.airframe_checks import Check, airframe_checks
+from ftc_autopilot.control.airframe_checks import AirframeCheck, airframe_checks
 from ftc_lab.design.answers import answers_of, laws_of, sentences_of
 from ftc_lab.identification.experiment import experiment, stall_of
-from ftc_lab.identification.fit import Estimate, Fit, fit
+from ftc_lab.identification.fit import CoefficientEstimate, Fit, fit
 from ftc_lab.identification.readings import windows_of
 from ftc_lab.identification.trim import SimulatorTrim, trim
 from gcs.errors import BadInput
@@ -58,7 +58,7 @@ class Identified:
     fit: Fit
     flight: LevelFlight
     level: SimulatorTrim | None
-    checks: list[Check]
+    checks: list[AirframeCheck]
 
     @cached_property
     def answers(self) -> dict[str, str | None]:
@@ -282,7 +282,7 @@ def _coefficients(identified: Identified) -> list[str]:
     ]
 
 
-def _remark(name: str, one: Estimate, is_trimmed: bool) -> str:
+def _remark(name: str, one: CoefficientEstimate, is_trimmed: bool) -> str:
     if is_trimmed and name in SET_BY_TRIM:
         return "so that it trims where the plant does"
     if one.is_nominal:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from ftc_lab.baselines.baseline import Baseline, saved
-from ftc_lab.baselines.senders import COARSE, FINE, YARDSTICKS, Sender, Verdict
+from ftc_lab.baselines.senders import COARSE, FINE, YARDSTICKS, Sender, SenderVerdict
 from ftc_lab.campaigns.statistics import proportion
 from ftc_lab.reports.markdown import bullets, table
 from gcs.results.quantities import milliseconds, percent
@@ -104,7 +104,7 @@ def baseline_sentences(baseline: Baseline) -> Iterator[str]:
             )
 
 
-def _line(name: str, baseline: Baseline, one: Verdict) -> tuple[str, ...]:
+def _line(name: str, baseline: Baseline, one: SenderVerdict) -> tuple[str, ...]:
     return (
         name,
         str(one.transmissions),
@@ -113,7 +113,7 @@ def _line(name: str, baseline: Baseline, one: Verdict) -> tuple[str, ...]:
     )
 
 
-def _ratios(one: Verdict) -> tuple[str, str]:
+def _ratios(one: SenderVerdict) -> tuple[str, str]:
     """Return the largest IAEs, relative to the triggered flight's, by yardstick."""
     known = (one.ratios.get(yardstick) for yardstick in YARDSTICKS)
     reference, commands = ("not completed" if x is None else f"{x:.3f}" for x in known)

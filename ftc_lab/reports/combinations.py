@@ -11,7 +11,7 @@ from ftc_lab.baselines.combinations import (
     message_bytes,
     on_the_front,
 )
-from ftc_lab.baselines.senders import Verdict
+from ftc_lab.baselines.senders import SenderVerdict
 from ftc_lab.reports.markdown import render
 from gcs.results.figures import UAV_FIGURES
 from gcs.results.quantities import IAE_UNITS, QUANTITIES, milliseconds, percent
@@ -115,5 +115,5 @@ def combinations_csv(listed: Iterable[Combination]) -> str:
     return text.getvalue()
 
 
-def _cells(equal: Verdict) -> tuple[str, float, int]:
+def _cells(equal: SenderVerdict) -> tuple[str, float, int]:
     return equal.sender.law, equal.sender.period_s, equal.transmissions

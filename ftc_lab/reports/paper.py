@@ -31,7 +31,7 @@ MODES = {
 
 
 @dataclass(frozen=True)
-class Results:
+class PaperResults:
     """The data of the report.
 
     Attributes:
@@ -65,7 +65,7 @@ class Results:
         return next(u for u in self.summaries[file].uavs if u.id == uav)
 
 
-def paper_report(results: Results) -> str:
+def paper_report(results: PaperResults) -> str:
     """Return the whole report as Markdown; figures are expected in `figures/`."""
     summaries = results.summaries.values()
     modes = {"in_process": "in one process", "lockstep": "over MAVLink, in lockstep"}
@@ -92,7 +92,7 @@ def _cell(paper: float | None, ours: float, shape: str) -> str:
     return shown if paper is None else f"{paper:g} / {shown} / {ours / paper:.2f}"
 
 
-def _table_iv(results: Results) -> dict[str, list[Any]]:
+def _table_iv(results: PaperResults) -> dict[str, list[Any]]:
     rows = []
     for file, label in CONTROLLERS.items():
         ours, paper = results.iae(file), TABLE_IV.get(file, {})
@@ -103,7 +103,7 @@ def _table_iv(results: Results) -> dict[str, list[Any]]:
     return {"head": head, "rows": rows}
 
 
-def _table_v(results: Results) -> dict[str, list[Any]]:
+def _table_v(results: PaperResults) -> dict[str, list[Any]]:
     rows = []
     for file, label in CONTROLLERS.items():
         ours, paper = results.events(file), TABLE_V.get(file, {})
@@ -114,7 +114,7 @@ def _table_v(results: Results) -> dict[str, list[Any]]:
     return {"head": ["transmissions", *PAPER_ORDER, "saved"], "rows": rows}
 
 
-def _fig_9(results: Results) -> dict[str, list[Any]]:
+def _fig_9(results: PaperResults) -> dict[str, list[Any]]:
     rows = []
     for uav, paper in FIG_9.items():
         ours = results.events("scenario1", uav)
@@ -122,7 +122,7 @@ def _fig_9(results: Results) -> dict[str, list[Any]]:
     return {"head": ["events in scenario 1 (Fig. 9)", *PAPER_ORDER], "rows": rows}
 
 
-def _scenario_3(results: Results) -> dict[str, list[Any]]:
+def _scenario_3(results: PaperResults) -> dict[str, list[Any]]:
     rows = []
     for file, label in MODES.items():
         iae, events = results.iae(file), results.events(file)
@@ -132,7 +132,7 @@ def _scenario_3(results: Results) -> dict[str, list[Any]]:
     return {"head": head, "rows": rows}
 
 
-def _on_tracking(results: Results) -> dict[str, Any]:
+def _on_tracking(results: PaperResults) -> dict[str, Any]:
     ours, paper = results.iae("scenario2_proposed"), TABLE_IV["scenario2_proposed"]
     periodic, printed = results.iae("scenario2_periodic"), TABLE_IV["scenario2_periodic"]
     return {
@@ -143,14 +143,14 @@ def _on_tracking(results: Results) -> dict[str, Any]:
     }
 
 
-def _ranked(results: Results, file: str) -> tuple[str, str]:
+def _ranked(results: PaperResults, file: str) -> tuple[str, str]:
     """Return in which quantities a controller tracks better and worse than the proposed one."""
     ours, proposed = results.iae(file), results.iae("scenario2_proposed")
     better = [q for q in QUANTITIES if ours[q] < proposed[q]]
     return _listed(better), _listed([q for q in QUANTITIES if ours[q] >= proposed[q]])
 
 
-def _on_counts(results: Results) -> dict[str, Any]:
+def _on_counts(results: PaperResults) -> dict[str, Any]:
     ours, paper = results.events("scenario2_proposed"), TABLE_V["scenario2_proposed"]
     return {
         "listed": ", ".join(f"{c} {ours[c] / paper[c]:.2f}" for c in PAPER_ORDER),

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from ftc_autopilot.control.triggers import trigger_of
 from ftc_lab.theory.check import Theory
-from ftc_lab.theory.judgement import Hypotheses, Judgement, Rate, Verdict
+from ftc_lab.theory.judgement import Hypotheses, Judgement, Rate, TheoremVerdict
 
 ASSUMPTIONS = (
     "The ideal weights W* are taken as 0: the proofs hold for any W*, so Φ_v = Φ_ω = 0, and all "
@@ -122,7 +122,7 @@ def _proof(theory: Theory, subsystem: str) -> Iterator[str]:
     judged = {uav.id: uav.proofs[subsystem] for uav in theory.uavs}
     verdicts = "; ".join(
         f"{verdict} for UAV {', '.join(str(i) for i in ids)}"
-        for verdict in Verdict
+        for verdict in TheoremVerdict
         if (ids := [i for i, part in judged.items() if part.verdict is verdict])
     )
     yield f"{equation}, V̇_L ≤ -κ V_L + χ of the {subsystem} subsystem: {verdicts}."

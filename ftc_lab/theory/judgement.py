@@ -15,7 +15,7 @@ from mavlink_defs.constants import ACTUATORS
 _END_S = 3.0
 
 
-class Verdict(StrEnum):
+class TheoremVerdict(StrEnum):
     """The outcome of a theorem's premises and conclusion; the first that applies."""
 
     VIOLATED = "equalities violated"  # the flight was not flown by the paper's equations
@@ -141,7 +141,7 @@ class Judgement:
         certificate: None if no step meets the hypotheses.
     """
 
-    verdict: Verdict
+    verdict: TheoremVerdict
     equalities: list[Equality]
     hypotheses: Hypotheses
     contradicted: list[str]
@@ -178,11 +178,11 @@ def judge(
             contradicted.append("V̇_L ≤ -κ V_L + χ by finite differences")
     hypotheses = _hypotheses(known, channels, subsystem)
     if any(equality.violated for equality in equalities):
-        verdict = Verdict.VIOLATED
+        verdict = TheoremVerdict.VIOLATED
     elif contradicted:
-        verdict = Verdict.CONTRADICTED
+        verdict = TheoremVerdict.CONTRADICTED
     else:
-        verdict = Verdict.HELD if hypotheses.met else Verdict.LEFT
+        verdict = TheoremVerdict.HELD if hypotheses.met else TheoremVerdict.LEFT
     return Judgement(verdict, equalities, hypotheses, contradicted, certificate)
 
 

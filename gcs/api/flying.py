@@ -56,7 +56,7 @@ def fly(
     A lost flight is a flight, too: `Flight.loss` says why, and what was recorded is there.
     `Flight.check` raises for it what ends `gcs fly`.
 
-    What should be known of a flight before it begins is a `UserWarning` if it is one of the
+    What should be known of a flight before it begins is a ``UserWarning`` if it is one of the
     warnings of `gcs fly`, as that nothing keeps UAVs apart; all of it is in `Flight.remarks`.
 
     `fly` can be called from any thread, and while an event loop runs, which then waits;

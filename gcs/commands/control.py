@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from gcs.commands.station import EXIT_STATUS, Station, station_command
+from gcs.commands.station import EXIT_STATUS, StationOptions, station_command
 from gcs.station.vehicle import Vehicle
 
 ARM_EPILOG = f"""
@@ -38,14 +38,14 @@ Examples:
 
 
 @station_command
-def arm(station: Station) -> None:
+def arm(station: StationOptions) -> None:
     """Arm vehicles; time begins when the whole fleet is armed."""
     station.do(Vehicle.arm, "armed")
 
 
 @station_command
 def disarm(
-    station: Station,
+    station: StationOptions,
     force: Annotated[
         bool, typer.Option("--force", help="Disarm even in flight: control and thrust end.")
     ] = False,
@@ -55,7 +55,7 @@ def disarm(
 
 
 @station_command
-def start(station: Station) -> None:
+def start(station: StationOptions) -> None:
     """Start flying the mission.
 
     It starts at once in flight, else when simulated time begins.
@@ -65,7 +65,7 @@ def start(station: Station) -> None:
 
 @station_command
 def mode(
-    station: Station,
+    station: StationOptions,
     name: Annotated[
         Literal["auto", "loiter", "rtl", "guided"],
         typer.Argument(metavar="MODE", help="auto, loiter, rtl or guided"),

@@ -7,7 +7,7 @@ import typer
 from gcs.commands import fault_sensor
 from gcs.commands.fault_command import ForOption, number_options, set_fault, time_s
 from gcs.commands.options import with_options
-from gcs.commands.station import EXIT_STATUS, Station, station_command
+from gcs.commands.station import EXIT_STATUS, StationOptions, station_command
 from gcs.errors import BadInput
 from gcs.station.vehicle import Vehicle
 from mavlink_defs.constants import Actuator
@@ -53,7 +53,7 @@ _InstanceOption = Annotated[int, typer.Option(min=0, hidden=True)]
 @with_options("options", number_options(ActuatorFaultSpec), dict)
 @with_options("of_sensor", number_options(SensorFaultSpec, hidden=True), dict)
 def set_(
-    station: Station,
+    station: StationOptions,
     actuator: Annotated[Actuator | None, typer.Argument(metavar="ACTUATOR", help=_NAMES)] = None,
     *,
     options: dict[str, float | None],
@@ -84,7 +84,7 @@ def set_(
 @app.command(epilog=_CLEAR_EPILOG)
 @station_command
 def clear(
-    station: Station,
+    station: StationOptions,
     actuator: Annotated[
         Actuator | None,
         typer.Option(metavar="ACTUATOR", help=f"Clear faults of this actuator only: {_NAMES}."),
@@ -111,7 +111,7 @@ def clear(
 
 @app.command(name="list", epilog=_LIST_EPILOG)
 @station_command
-def list_(station: Station) -> None:
+def list_(station: StationOptions) -> None:
     """List the faults of vehicles, including past and future ones."""
 
     async def action(vehicle: Vehicle) -> str:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 from pydantic import ValidationError
 
-from gcs.commands.station import Station
+from gcs.commands.station import StationOptions
 from gcs.errors import BadInput, NoAnswer
 from gcs.station.vehicle import Vehicle
 from mavlink_defs import dialect
@@ -46,7 +46,7 @@ def number_options(model: type[FaultSpec], *, hidden: bool = False) -> Iterator[
 
 
 def set_fault(
-    station: Station,
+    station: StationOptions,
     model: type[FaultSpec],
     whose: Mapping[str, str],
     options: Mapping[str, Any],

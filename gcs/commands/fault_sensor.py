@@ -6,7 +6,7 @@ import typer
 
 from gcs.commands.fault_command import ForOption, number_options, set_fault
 from gcs.commands.options import with_options
-from gcs.commands.station import EXIT_STATUS, Station, station_command
+from gcs.commands.station import EXIT_STATUS, StationOptions, station_command
 from gcs.errors import BadInput
 from gcs.station.vehicle import Vehicle
 from mavlink_defs.faults.sensors import (
@@ -61,7 +61,7 @@ Examples:
 @station_command
 @with_options("options", number_options(SensorFaultSpec), dict)
 def set_(
-    station: Station,
+    station: StationOptions,
     sensor: SensorArgument,
     failure: FailureOption = None,
     instance: InstanceOption = 0,
@@ -81,12 +81,12 @@ def set_(
 
 @app.command(epilog=_CLEAR_EPILOG)
 @station_command
-def clear(station: Station, sensor: SensorArgument, instance: InstanceOption = 0) -> None:
+def clear(station: StationOptions, sensor: SensorArgument, instance: InstanceOption = 0) -> None:
     """Clear faults of a sensor: active, past and future ones."""
     clear_sensor(station, sensor, instance)
 
 
-def clear_sensor(station: Station, sensor: SensorName | None, instance: int) -> None:
+def clear_sensor(station: StationOptions, sensor: SensorName | None, instance: int) -> None:
     """Clear faults of a sensor; `instance` 0: of all of its kind.
 
     Raises:

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gcs.commands.station import EXIT_STATUS, Station, station_command
+from gcs.commands.station import EXIT_STATUS, StationOptions, station_command
 from gcs.errors import BadInput
 from gcs.station.notifications import enum_name
 from gcs.station.vehicle import Vehicle
@@ -42,7 +42,7 @@ _Up = Annotated[
 
 @app.command(epilog=_SHOW_EPILOG)
 @station_command
-def show(station: Station) -> None:
+def show(station: StationOptions) -> None:
     """Show each member's slot, its errors, its nearest neighbour, and its state."""
     found: dict[int, _Message] = {}
 
@@ -58,7 +58,7 @@ def show(station: Station) -> None:
 )
 @station_command
 def slot(
-    station: Station,
+    station: StationOptions,
     ahead: _Ahead = None,
     right: _Right = None,
     up: _Up = None,

@@ -17,7 +17,7 @@ from gcs.fleet.foxglove_layout import layout_of
 from gcs.fleet.foxglove_scene import FormationScene
 from gcs.fleet.live_channels import LiveChannels, all_channels
 from gcs.fleet.observer import Observer
-from gcs.results.channels import Kind, encoded, nanoseconds
+from gcs.results.channels import ChannelKind, encoded, nanoseconds
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client
 from gcs.station.connection import own_identity
@@ -119,7 +119,7 @@ class FoxgloveServer:
             raise problems[0]
 
     def _publish(
-        self, kind: Kind, system: int, time_s: float, make: Callable[[], Mapping[str, Any]]
+        self, kind: ChannelKind, system: int, time_s: float, make: Callable[[], Mapping[str, Any]]
     ) -> None:
         channel = self._channels[kind.topic(system)]
         if channel.has_sinks():

@@ -5,10 +5,10 @@ from ftc_autopilot.guidance.laws.base import GuidanceParameters
 from ftc_autopilot.guidance.laws.plugin import own_record
 from ftc_autopilot.plugins.loading import GUIDANCE_LAWS as GROUP
 from gcs.commands.plugin_app import plugin_app
-from gcs.commands.plugins import Kind
+from gcs.commands.plugins import PluginKind
 
 app = plugin_app(
-    Kind(
+    PluginKind(
         "guidance law",
         "ftc_guidance.h",
         GROUP,

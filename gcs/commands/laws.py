@@ -4,10 +4,12 @@ from ftc_autopilot.control.laws import LAWS, law_of
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.plugins.loading import LAWS as GROUP
 from gcs.commands.plugin_app import plugin_app
-from gcs.commands.plugins import Kind
+from gcs.commands.plugins import PluginKind
 
 app = plugin_app(
-    Kind("law", "ftc_law.h", GROUP, dict(LAWS), law_of, LawParameters, lambda law: law.record()),
+    PluginKind(
+        "law", "ftc_law.h", GROUP, dict(LAWS), law_of, LawParameters, lambda law: law.record()
+    ),
     "laws",
     "control laws",
     (

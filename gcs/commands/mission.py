@@ -10,7 +10,7 @@ from rich.table import Table
 
 from gcs.commands import transfer
 from gcs.commands.options import JsonOption
-from gcs.commands.station import EXIT_STATUS, Station, station_command
+from gcs.commands.station import EXIT_STATUS, StationOptions, station_command
 from gcs.commands.transfer import Note
 from gcs.errors import BadInput
 from gcs.outputs import check_file
@@ -101,7 +101,7 @@ def show(
 @app.command(epilog=_UPLOAD_EPILOG)
 @partial(station_command, timeout_s=30.0)
 def upload(
-    station: Station,
+    station: StationOptions,
     file: _File,
 ) -> None:
     """Upload a mission. It takes effect at once; if it is refused, the old one stays active."""
@@ -111,7 +111,7 @@ def upload(
 @app.command(epilog=_FLY_EPILOG)
 @partial(station_command, timeout_s=30.0)
 def fly(
-    station: Station,
+    station: StationOptions,
     file: _File,
 ) -> None:
     """Upload a mission, start it, and arm the UAVs that are not armed yet."""
@@ -121,7 +121,7 @@ def fly(
 @app.command(epilog=_DOWNLOAD_EPILOG)
 @partial(station_command, timeout_s=30.0)
 def download(
-    station: Station,
+    station: StationOptions,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -154,7 +154,7 @@ def download(
             transfer.write_held(out, held, "mission", is_same, partial(_text_of, out))
 
 
-def _send(station: Station, file: Path, start: bool) -> None:
+def _send(station: StationOptions, file: Path, start: bool) -> None:
     """Upload a mission, and start it if asked to."""
     items, not_flown = _read(file)
     if start and len(items) < 2:

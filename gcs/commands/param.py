@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gcs.commands.station import EXIT_STATUS, Station, station_command
+from gcs.commands.station import EXIT_STATUS, StationOptions, station_command
 from gcs.errors import BadInput, CommandRefused
 from gcs.station.notifications import enum_name
 from gcs.station.param_file import (
@@ -88,7 +88,7 @@ Examples:
 
 @app.command(name="list", epilog=_LIST_EPILOG)
 @partial(station_command, timeout_s=30.0)
-def list_(station: Station) -> None:
+def list_(station: StationOptions) -> None:
     """List all parameters."""
     found: dict[int, tuple[Param, ...]] = {}
 
@@ -106,7 +106,7 @@ def list_(station: Station) -> None:
 @app.command(epilog=_GET_EPILOG)
 @station_command
 def get(
-    station: Station,
+    station: StationOptions,
     name: _Name,
 ) -> None:
     """Read one parameter."""
@@ -125,7 +125,7 @@ def get(
 )
 @station_command
 def set_(
-    station: Station,
+    station: StationOptions,
     name: _Name,
     value: Annotated[
         float, typer.Argument(metavar="VALUE", help="New value, in the unit of the parameter.")
@@ -159,7 +159,7 @@ def _known_quantities() -> Callable[[str], "Quantity | None"]:
 
 @app.command(epilog=_SAVE_EPILOG)
 @partial(station_command, timeout_s=30.0)
-def save(station: Station, file: _File) -> None:
+def save(station: StationOptions, file: _File) -> None:
     """Save the parameters of one vehicle in a new file."""
     if file.exists():
         raise BadInput(f"{file} already exists", "choose another file, or remove it")
@@ -184,7 +184,7 @@ def save(station: Station, file: _File) -> None:
 @app.command(epilog=_LOAD_EPILOG)
 @partial(station_command, timeout_s=30.0)
 def load(
-    station: Station,
+    station: StationOptions,
     file: _File,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask for confirmation.")] = False,
 ) -> None:
@@ -207,7 +207,7 @@ def load(
 @app.command(epilog=_DIFF_EPILOG)
 @partial(station_command, timeout_s=30.0)
 def diff(
-    station: Station,
+    station: StationOptions,
     file: Annotated[
         Path | None,
         typer.Argument(
@@ -240,12 +240,14 @@ def diff(
             print_line(f"UAV {system}: all {len(values)} parameters as in {file}")
 
 
-def _differences(station: Station, values: dict[str, float]) -> dict[int, dict[str, float | None]]:
+def _differences(
+    station: StationOptions, values: dict[str, float]
+) -> dict[int, dict[str, float | None]]:
     """Return for each vehicle the values held that differ from a file."""
     return {system: differing(params, values) for system, params in _held(station).items()}
 
 
-def _held(station: Station) -> dict[int, tuple[Param, ...]]:
+def _held(station: StationOptions) -> dict[int, tuple[Param, ...]]:
     """Return the parameters of each vehicle."""
 
     async def work(_: "Client", vehicles: list[Vehicle]) -> dict[int, tuple[Param, ...]]:
@@ -255,7 +257,7 @@ def _held(station: Station) -> dict[int, tuple[Param, ...]]:
     return station.run(work)
 
 
-def _diff_defaults(station: Station) -> None:
+def _diff_defaults(station: StationOptions) -> None:
     """List the parameters that differ from their defaults."""
     found = _held(station)
     from gcs.station.param_metadata import defaults_of, differs

@@ -6,10 +6,12 @@ from typing import Annotated
 import typer
 
 from gcs.commands.options import JsonOption
-from gcs.commands.plugins import Kind, show, show_header, show_list
+from gcs.commands.plugins import PluginKind, show, show_header, show_list
 
 
-def plugin_app(kind: Kind, command: str, several: str, examples: Sequence[str]) -> typer.Typer:
+def plugin_app(
+    kind: PluginKind, command: str, several: str, examples: Sequence[str]
+) -> typer.Typer:
     """Return the command that lists what is of a kind, and shows one.
 
     Args:

@@ -34,7 +34,7 @@ from mavlink_defs.runtime.foreign import PluginError
 _OURS = "ftc-sitl"
 
 
-class Kind(NamedTuple):
+class PluginKind(NamedTuple):
     """Laws, triggers or guidance laws."""
 
     noun: str
@@ -53,7 +53,7 @@ class _Listed(NamedTuple):
     summary: str
 
 
-def show_list(kind: Kind, *, as_json: bool) -> None:
+def show_list(kind: PluginKind, *, as_json: bool) -> None:
     """Print the names of ours and of those that packages register."""
     listed = list(_listed(kind))
     if as_json:
@@ -71,7 +71,7 @@ def show_list(kind: Kind, *, as_json: bool) -> None:
     print_line(f"and any other by its file: {_key(kind)}: FILE.py:CLASS")
 
 
-def _listed(kind: Kind) -> Iterator[_Listed]:
+def _listed(kind: PluginKind) -> Iterator[_Listed]:
     ours = f"{_OURS} {version(_OURS)}"
     for name, model in kind.own.items():
         yield _Listed(name, ours, "compiled Python", _summary(model))
@@ -92,11 +92,11 @@ def _summary(model: type[Model]) -> str:
     return " ".join(" ".join(paragraphs[:2]).split())
 
 
-def _key(kind: Kind) -> str:
+def _key(kind: PluginKind) -> str:
     return "kind" if "kind" in kind.base.model_fields else "mode"
 
 
-def found(kind: Kind, name: str) -> type[Model]:
+def found(kind: PluginKind, name: str) -> type[Model]:
     """Return the model of a name: one of ours, an entry point's, or FILE.py:CLASS.
 
     Raises:
@@ -119,7 +119,7 @@ def found(kind: Kind, name: str) -> type[Model]:
         raise BadInput(str(problem)) from problem
 
 
-def show(kind: Kind, name: str) -> None:
+def show(kind: PluginKind, name: str) -> None:
     """Print where one comes from, its text, and its keys."""
     model = found(kind, name)
     plugin = plugin_of(model)
@@ -166,7 +166,7 @@ def _default(field: FieldInfo) -> str:
     return "mapping" if isinstance(value, Model) else str(value)
 
 
-def _class_of(kind: Kind, name: str) -> type[Model]:
+def _class_of(kind: PluginKind, name: str) -> type[Model]:
     """Return the model of a name, whose library may not be built yet."""
     if name in kind.own or not is_by_file(name):
         return found(kind, name)
@@ -177,7 +177,7 @@ def _class_of(kind: Kind, name: str) -> type[Model]:
         raise BadInput(str(problem)) from problem
 
 
-def show_header(kind: Kind, name: str | None, *, folder: bool) -> None:
+def show_header(kind: PluginKind, name: str | None, *, folder: bool) -> None:
     """Print parameters and state of one as C structs, or the folder of our headers.
 
     Raises:

@@ -9,7 +9,7 @@ import typer
 from rich.table import Table
 
 from gcs.commands import transfer
-from gcs.commands.station import EXIT_STATUS, Station, station_command
+from gcs.commands.station import EXIT_STATUS, StationOptions, station_command
 from gcs.commands.transfer import Note
 from gcs.errors import CommandRefused
 from gcs.outputs import check_file
@@ -57,7 +57,7 @@ refused to answer, 4 no answer from one.
 @app.command(epilog=_UPLOAD_EPILOG)
 @partial(station_command, timeout_s=30.0)
 def upload(
-    station: Station,
+    station: StationOptions,
     file: _File,
 ) -> None:
     """Upload a profile. It takes effect at once; if it is refused, the old one stays active."""
@@ -73,7 +73,7 @@ def upload(
 @app.command(epilog=_DOWNLOAD_EPILOG)
 @partial(station_command, timeout_s=30.0)
 def download(
-    station: Station,
+    station: StationOptions,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -105,7 +105,7 @@ def download(
 @app.command(epilog=_CHECK_EPILOG)
 @partial(station_command, timeout_s=30.0)
 def check(
-    station: Station,
+    station: StationOptions,
     file: _File,
     held: Annotated[
         bool, typer.Option("--held", help="Also compare with the profiles of the vehicles.")

@@ -55,7 +55,7 @@ class _Outcome:
 
 
 @dataclass(frozen=True)
-class Station:
+class StationOptions:
     """The options of all commands that talk to vehicles, and their access to vehicles."""
 
     uav: UavOption = None
@@ -198,7 +198,7 @@ def station_command(command: Callable[..., None], timeout_s: float = 10.0) -> Ca
     """
     options = [
         option.replace(default=timeout_s) if option.name == "timeout" else option
-        for option in options_of(Station)
+        for option in options_of(StationOptions)
     ]
     signature = inspect.signature(command)
     own = [each for each in signature.parameters.values() if each.name != "station"]
@@ -206,7 +206,7 @@ def station_command(command: Callable[..., None], timeout_s: float = 10.0) -> Ca
     command.__dict__["__signature__"] = signature.replace(
         parameters=[*(each.replace(kind=last.kind) for each in own), last]
     )
-    return with_options("station", options, Station)(command)
+    return with_options("station", options, StationOptions)(command)
 
 
 def run_interruptible(work: Coroutine[Any, Any, T]) -> T:

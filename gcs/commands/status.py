@@ -8,7 +8,7 @@ import typer
 from rich.console import Group
 from rich.live import Live
 
-from gcs.commands.station import Station, station_command
+from gcs.commands.station import StationOptions, station_command
 from gcs.errors import CommandRefused, Interrupted, NoAnswer
 from gcs.station.client import Client
 from gcs.station.status import drop_lines, fleet_table, not_heard, silence_lines, vehicle_status
@@ -39,7 +39,7 @@ _REFRESH_S = 1.0
 
 @station_command
 def status(
-    station: Station,
+    station: StationOptions,
     watch: Annotated[
         bool, typer.Option("--watch", help="Refresh once a second until Ctrl-C.")
     ] = False,
@@ -79,20 +79,20 @@ def status(
     raise typer.Exit(exit_status)
 
 
-def _chosen(client: Client, station: Station) -> list[VehicleState]:
+def _chosen(client: Client, station: StationOptions) -> list[VehicleState]:
     """Return the vehicles to show: those chosen, or all that have been heard by now."""
     states = [vehicle.state for vehicle in client.vehicles.values()]
     return [s for s in states if station.systems is None or s.system in station.systems]
 
 
-def _missing(client: Client, station: Station) -> list[int]:
+def _missing(client: Client, station: StationOptions) -> list[int]:
     """Return the members of the fleet that have never been heard, if the fleet is to be shown."""
     if station.systems is not None:
         return []
     return [system for system in client.fleet.missing if system not in client.vehicles]
 
 
-async def _ask(client: Client, vehicles: list[Vehicle], station: Station) -> None:
+async def _ask(client: Client, vehicles: list[Vehicle], station: StationOptions) -> None:
     """Request fleet, faults, profile and drop counts, and await them and telemetry.
 
     What a vehicle has not reported by then is shown as unknown.
@@ -113,14 +113,14 @@ async def _ask(client: Client, vehicles: list[Vehicle], station: Station) -> Non
             await client.until(complete, _ANSWERS_S)
 
 
-def _fleet(client: Client, station: Station) -> Group:
+def _fleet(client: Client, station: StationOptions) -> Group:
     """Return the table and the lines below it."""
     states = _chosen(client, station)
     lines = [*silence_lines(_missing(client, station), states), *drop_lines(client.drops, states)]
     return Group(fleet_table(states, client.now()), *lines)
 
 
-def _status(client: Client, station: Station) -> dict[str, Any]:
+def _status(client: Client, station: StationOptions) -> dict[str, Any]:
     """Return the same and more as JSON data."""
     now = client.now()
     return {

@@ -4,7 +4,7 @@ from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
-from gcs.commands.station import Station
+from gcs.commands.station import StationOptions
 from gcs.errors import BadInput
 from gcs.outputs import write_file
 from gcs.progress import working
@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 
 def upload(
-    station: Station, send: Callable[[Vehicle, Note], Awaitable[str]], data: dict[str, Any]
+    station: StationOptions, send: Callable[[Vehicle, Note], Awaitable[str]], data: dict[str, Any]
 ) -> None:
     """Send something to every chosen vehicle, with a bar for each; exit with the status.
 

@@ -5,10 +5,10 @@ from ftc_autopilot.control.triggers.base import TriggerParameters
 from ftc_autopilot.control.triggers.plugin import own_record
 from ftc_autopilot.plugins.loading import TRIGGERS as GROUP
 from gcs.commands.plugin_app import plugin_app
-from gcs.commands.plugins import Kind
+from gcs.commands.plugins import PluginKind
 
 app = plugin_app(
-    Kind(
+    PluginKind(
         "trigger", "ftc_trigger.h", GROUP, dict(TRIGGERS), trigger_of, TriggerParameters, own_record
     ),
     "triggers",

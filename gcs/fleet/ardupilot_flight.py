@@ -19,7 +19,7 @@ from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.framing.codec import ACTUATORS
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.memory import copy_values
-from sitl_plant.ardupilot.launch import Launch, new_launch, out_of_body
+from sitl_plant.ardupilot.launch import AircraftLaunch, new_launch, out_of_body
 from sitl_plant.ardupilot.outputs import Outputs
 from sitl_plant.ardupilot.peer import Address, Frame, Peer
 from sitl_plant.ardupilot.protocol import LONGEST_STEP_US, Measured, answer
@@ -107,7 +107,7 @@ class ArduPilotFlight:
         self._changed = np.zeros(n, np.uint8)  # actuators whose command is new, a mask of each
         self._launches = self._prepared()
 
-    def _prepared(self) -> list[Launch]:
+    def _prepared(self) -> list[AircraftLaunch]:
         """Return the launches of all aircraft, which take the same time."""
         fleet, config = self.fleet, self._scenario.ardupilot
         fastest = max(norm(vec3(x[3:6])) for x in fleet.uavs["state"])

@@ -10,7 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ftc_autopilot.control.controllers import Controllers, Source, begin_path, new_controllers
+from ftc_autopilot.control.controllers import (
+    Controllers,
+    ReferenceSource,
+    begin_path,
+    new_controllers,
+)
 from ftc_autopilot.control.plugin_failures import failure_of
 from ftc_autopilot.control.reference import profile_record
 from ftc_autopilot.control.stepping import (
@@ -111,7 +116,7 @@ class Estimates(NamedTuple):
     measured: np.ndarray  # (n,), dtype SIM_STATE
 
 
-class Flight(NamedTuple):
+class InProcessFlight(NamedTuple):
     """What changes in a flight, all of it arrays but the simulators."""
 
     ids: tuple[int, ...]
@@ -123,7 +128,7 @@ class Flight(NamedTuple):
     """Index of each neighbour of each controller, shape (n, n); -1 for none."""
 
 
-def begin(scenario: Scenario) -> Flight:
+def begin(scenario: Scenario) -> InProcessFlight:
     """Return a flight before its first step, with its faults.
 
     Raises:
@@ -152,7 +157,7 @@ def begin(scenario: Scenario) -> Flight:
         np.stack([estimator.history for estimator in estimators]),
         np.zeros(len(ids), SIM_STATE),
     )
-    flight = Flight(ids, fleet, estimates, controllers, outside, sources)
+    flight = InProcessFlight(ids, fleet, estimates, controllers, outside, sources)
     _brief(scenario, controllers)
     add_faults(scenario, fleet)
     exchange_initial_states(fleet, estimates, controllers, sources, scenario.step_us)
@@ -161,7 +166,7 @@ def begin(scenario: Scenario) -> Flight:
 
 def fly_on(
     scenario: Scenario,
-    flight: Flight,
+    flight: InProcessFlight,
     room: Callable[[int, int], Steps],
     *,
     first: int = 0,
@@ -226,7 +231,7 @@ def _brief(scenario: Scenario, controllers: Controllers) -> None:
         for i, uav in enumerate(scenario.uavs):
             limits = scenario.aircraft_of(uav.id).airspeed_limits
             controllers.uavs[i]["profile"] = profile_record(items_to_segments(items, limits))
-        controllers.uavs["guidance"]["follows"] = Source.PROFILE
+        controllers.uavs["guidance"]["follows"] = ReferenceSource.PROFILE
     else:
         controllers.paths[:] = paths_of(scenario)
         for guidance in controllers.uavs["guidance"]:

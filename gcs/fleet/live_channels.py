@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeAlias
 
-from gcs.results.channels import EVENT, FAULTS, LOCATION, TEXTS, Kind, state_kind
+from gcs.results.channels import EVENT, FAULTS, LOCATION, TEXTS, ChannelKind, state_kind
 from gcs.results.quantities import QUANTITIES
 from gcs.station.fleet_state import FleetState
 from gcs.station.notifications import Notification
@@ -30,12 +30,12 @@ STATE = state_kind((*_MOTION, *_TRACKED, *_HELD, *_SLOT))
 _OF_UAV = (STATE, LOCATION, EVENT, FAULTS)
 
 
-def all_channels(systems: Iterable[int]) -> list[tuple[Kind, int]]:
+def all_channels(systems: Iterable[int]) -> list[tuple[ChannelKind, int]]:
     """Return the kind and the system of each channel of a fleet with these system ids."""
     return [*((kind, system) for system in systems for kind in _OF_UAV), (TEXTS, 0)]
 
 
-Publish: TypeAlias = Callable[[Kind, int, float, Callable[[], Mapping[str, Any]]], None]
+Publish: TypeAlias = Callable[[ChannelKind, int, float, Callable[[], Mapping[str, Any]]], None]
 """Called with the kind, the system (0: the fleet), the simulated time [s], and what makes the
 message, which need not be called if nobody reads the channel."""
 

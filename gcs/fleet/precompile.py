@@ -16,7 +16,7 @@ import numpy as np
 
 from ftc_autopilot.warm_up import call_controller, call_loop, call_messages, endless_path
 from gcs.fleet.in_process import fly_in_process
-from gcs.results.path_following import PathFollowing
+from gcs.results.path_following import PathFigures
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario
 from mavlink_defs.capture import relay_loop
@@ -132,7 +132,7 @@ def _call_rest(scenario: Scenario) -> None:
     flight = fly_in_process(scenario)
     summarise(flight, scenario)
     paths = np.stack([endless_path()] * len(scenario.uavs))
-    PathFollowing(paths, (0,), scenario.step_us).add(flight.steps)  # without a mission, too
+    PathFigures(paths, (0,), scenario.step_us).add(flight.steps)  # without a mission, too
 
 
 def _call_relay() -> None:

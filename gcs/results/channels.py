@@ -20,7 +20,7 @@ _INTEGER: Mapping[str, Any] = {"type": "integer"}
 
 
 @dataclass(frozen=True)
-class Kind:
+class ChannelKind:
     """What a channel carries.
 
     Attributes:
@@ -44,33 +44,35 @@ class Kind:
         return json.dumps({"type": "object", "properties": fields}).encode()
 
 
-def state_kind(names: Iterable[str]) -> Kind:
+def state_kind(names: Iterable[str]) -> ChannelKind:
     """Return the kind of states with columns of a recording; KeyError if it has no such column."""
     known = {column.name for column in COLUMNS}
     for name in names:
         if name not in known:
             raise KeyError(name)
-    return Kind("state", "ftc_sitl.state", dict.fromkeys(names, _NUMBER))
+    return ChannelKind("state", "ftc_sitl.state", dict.fromkeys(names, _NUMBER))
 
 
-LOCATION = Kind(
+LOCATION = ChannelKind(
     "location",
     "foxglove.LocationFix",
     dict.fromkeys(("latitude", "longitude", "altitude"), _NUMBER),
 )
 """Place: latitude and longitude [deg], altitude above the sea [m]."""
 
-EVENT = Kind("event", "ftc_sitl.event", {"actuator": _TEXT, "value": _NUMBER, "count": _INTEGER})
+EVENT = ChannelKind(
+    "event", "ftc_sitl.event", {"actuator": _TEXT, "value": _NUMBER, "count": _INTEGER}
+)
 """A transmission: its actuator, the command sent [rad, N], and its number on that channel."""
 
-FAULTS = Kind("faults", "ftc_sitl.faults", dict.fromkeys(ACTUATORS, _TEXT))
+FAULTS = ChannelKind("faults", "ftc_sitl.faults", dict.fromkeys(ACTUATORS, _TEXT))
 """What the plant does to each actuator: "none", or the description of the fault."""
 
 _SECONDS: Mapping[str, Any] = {
     "type": "object",
     "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}},
 }
-TEXTS = Kind(
+TEXTS = ChannelKind(
     "texts",
     "foxglove.Log",
     MappingProxyType(

@@ -18,7 +18,7 @@ import numpy as np
 from ftc_autopilot.common.geography import Origin, place_of
 from ftc_autopilot.control.controller import SIGNALS
 from gcs.errors import BadInput
-from gcs.results.channels import EVENT, LOCATION, Kind, encoded, nanoseconds, state_kind
+from gcs.results.channels import EVENT, LOCATION, ChannelKind, encoded, nanoseconds, state_kind
 from gcs.results.choices import Format
 from gcs.results.columns import COLUMNS, ESTIMATES
 from gcs.results.recording import Recording, event_table
@@ -275,7 +275,7 @@ def _to_mcap(run: Path, path: Path) -> Path:
         channels: dict[str, int] = {}
         schemas: dict[str, int] = {}
 
-        def write(kind: Kind, system: int, t: float, values: Mapping[str, Any]) -> None:
+        def write(kind: ChannelKind, system: int, t: float, values: Mapping[str, Any]) -> None:
             if kind.name not in schemas:
                 schemas[kind.name] = writer.register_schema(
                     kind.schema_name, "jsonschema", kind.schema

@@ -117,7 +117,7 @@ class PathErrors:
         return errors
 
 
-class PathFollowing:
+class PathFigures:
     """The figures of all UAVs that follow a path, taken while a flight is flown."""
 
     def __init__(self, paths: np.ndarray, leaders: tuple[int, ...], step_us: int) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.control.diagnosis import LOST
-from gcs.results.path_following import PathFollowing, leaders_of, paths_of
+from gcs.results.path_following import PathFigures, leaders_of, paths_of
 from gcs.results.recording import Steps
 from gcs.results.separation import Separation
 from gcs.results.synchronisation import Synchronisation
@@ -85,7 +85,7 @@ class Tally:
         self.separation = Separation(tuple(uav.id for uav in scenario.uavs), step_us)
         paths = paths_of(scenario)
         self.following = (
-            None if paths is None else PathFollowing(paths, leaders_of(scenario), step_us)
+            None if paths is None else PathFigures(paths, leaders_of(scenario), step_us)
         )
         self.uavs = np.zeros(n, TALLY)
         for name in ("last_event", "attitude_lost", "heading_lost", "control_failed"):

@@ -36,7 +36,7 @@ def is_flight(folder: Path) -> bool:
     return any((folder / name).exists() for name in (SUMMARY, FLIGHT))
 
 
-class Flight:
+class EndedFlight:
     """A flight that ended.
 
     Attributes:
@@ -74,7 +74,9 @@ class Flight:
         return f"{text}: {reason}" if reason else text
 
 
-def difference(old: Flight, new: Flight, *, everything: bool = False) -> Iterator[Table | str]:
+def difference(
+    old: EndedFlight, new: EndedFlight, *, everything: bool = False
+) -> Iterator[Table | str]:
     """Yield what two flights have not in common, as tables and lines for the terminal.
 
     Args:
@@ -94,7 +96,7 @@ def difference(old: Flight, new: Flight, *, everything: bool = False) -> Iterato
         yield "both were flown by the same code" if same else "they were flown by different codes"
 
 
-def difference_data(old: Flight, new: Flight) -> dict[str, Any]:
+def difference_data(old: EndedFlight, new: EndedFlight) -> dict[str, Any]:
     """Return the same as data for JSON: figures by name, in the units of summaries.
 
     `scenario` is null if one of them has stored none, `same_code` if it is unknown.
@@ -115,7 +117,7 @@ def difference_data(old: Flight, new: Flight) -> dict[str, Any]:
     }
 
 
-def _ending_data(flight: Flight) -> dict[str, Any]:
+def _ending_data(flight: EndedFlight) -> dict[str, Any]:
     outcome, reason = outcome_of(flight.summary)
     return {
         "folder": str(flight.folder),
@@ -125,7 +127,7 @@ def _ending_data(flight: Flight) -> dict[str, Any]:
     }
 
 
-def _uav_data(system: int, flights: Mapping[str, Flight]) -> dict[str, Any]:
+def _uav_data(system: int, flights: Mapping[str, EndedFlight]) -> dict[str, Any]:
     uavs = {name: flight.summary.uav(system) for name, flight in flights.items()}
     by_name = {figure.name: figure for figure in UAV_FIGURES}
     figures = {}
@@ -188,7 +190,7 @@ def _title(figure: Figure[UavSummary]) -> str:
     return f"{name} [{figure.unit}]" if figure.unit else name.replace("saving", "saved")
 
 
-def _diagnoses(old: Flight, new: Flight) -> Iterator[str]:
+def _diagnoses(old: EndedFlight, new: EndedFlight) -> Iterator[str]:
     """Yield the decisions of every UAV's diagnosis, where the flights differ."""
     ids = sorted({uav.id for flight in (old, new) for uav in flight.summary.uavs})
     for system in ids:
@@ -209,7 +211,7 @@ def _decisions(uav: UavSummary | None) -> str:
     return "; ".join(parts) or "nothing declared"
 
 
-def _set(old: Flight, new: Flight) -> Iterator[str]:
+def _set(old: EndedFlight, new: EndedFlight) -> Iterator[str]:
     """Yield what was set differently: scenario, law, trigger, and changes on the command line."""
     if old.mark is None or new.mark is None:
         return
@@ -222,7 +224,7 @@ def _set(old: Flight, new: Flight) -> Iterator[str]:
             yield f"{what}: {shown[0]} → {shown[1]}"
 
 
-def _keys(old: Flight, new: Flight, everything: bool) -> Iterator[str]:
+def _keys(old: EndedFlight, new: EndedFlight, everything: bool) -> Iterator[str]:
     """Yield the keys of the scenarios that differ, each in a line."""
     without = [str(flight.folder) for flight in (old, new) if not flight.keys]
     if without:
@@ -249,7 +251,7 @@ def _keys(old: Flight, new: Flight, everything: bool) -> Iterator[str]:
         yield f"  {owner} only, at their defaults: {number} keys (--all lists them)"
 
 
-def _defaults_of_one(flight: Flight, other: Flight) -> dict[str, str]:
+def _defaults_of_one(flight: EndedFlight, other: EndedFlight) -> dict[str, str]:
     """Return which keys only one flight has, as defaults of its law or trigger, and whose."""
     own = {}
     sections: tuple[tuple[str, str, Mapping[str, Any]], ...] = (
@@ -265,11 +267,11 @@ def _defaults_of_one(flight: Flight, other: Flight) -> dict[str, str]:
     return own
 
 
-def _compared_keys(old: Flight, new: Flight) -> list[str]:
+def _compared_keys(old: EndedFlight, new: EndedFlight) -> list[str]:
     """Return the keys of both scenarios, but for their names."""
     return [name for name in dict.fromkeys((*old.keys, *new.keys)) if name != "name"]
 
 
-def _differing(old: Flight, new: Flight) -> list[str]:
+def _differing(old: EndedFlight, new: EndedFlight) -> list[str]:
     """Return the keys of the scenarios that differ."""
     return [name for name in _compared_keys(old, new) if old.keys.get(name) != new.keys.get(name)]

@@ -34,7 +34,7 @@ _EXAMPLE = "as in --where law=surviving, --where 'saving<0.9' or --where changes
 
 
 @dataclass(frozen=True)
-class Condition:
+class RunCondition:
     """A condition on one attribute of a run.
 
     Attributes:
@@ -59,7 +59,7 @@ class Condition:
         return _COMPARED[self.sign](own, self.value)
 
 
-def conditions_of(texts: Sequence[str]) -> list[Condition]:
+def conditions_of(texts: Sequence[str]) -> list[RunCondition]:
     """Read conditions written as ``KEY=VALUE``.
 
     Raises:
@@ -68,7 +68,7 @@ def conditions_of(texts: Sequence[str]) -> list[Condition]:
     return [_condition(text) for text in texts]
 
 
-def _condition(text: str) -> Condition:
+def _condition(text: str) -> RunCondition:
     found = _CONDITION.fullmatch(text)
     if found is None:
         raise BadInput(f"--where is {text!r}, expected KEY=VALUE or KEY<VALUE", _EXAMPLE)
@@ -79,9 +79,9 @@ def _condition(text: str) -> Condition:
         if value not in choices:
             raise BadInput(f"--where {key}: expected one of {', '.join(choices)}, got {value!r}")
     if key not in NUMBERS or sign == "~":
-        return Condition(key, sign, value)
+        return RunCondition(key, sign, value)
     try:
-        return Condition(key, sign, float(value))
+        return RunCondition(key, sign, float(value))
     except ValueError:
         raise BadInput(f"--where {key}: expected a number, got {value!r}", _EXAMPLE) from None
 
@@ -95,7 +95,9 @@ def order_of(text: str) -> tuple[str, bool]:
     return _known(text.removeprefix("-"), "--sort"), text.startswith("-")
 
 
-def chosen(runs: Sequence[Run], conditions: Sequence[Condition], order: str = "-time") -> list[Run]:
+def chosen(
+    runs: Sequence[Run], conditions: Sequence[RunCondition], order: str = "-time"
+) -> list[Run]:
     """Return the runs that fulfil all conditions, in an order; what lacks its key comes last.
 
     Raises:

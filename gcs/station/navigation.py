@@ -24,7 +24,7 @@ _LOCAL_POSITION = dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED
 
 
 @dataclass(frozen=True)
-class Home:
+class KnownHome:
     """A vehicle's home.
 
     Attributes:
@@ -66,7 +66,7 @@ class Home:
         return height_m + (0.0 if item.frame in RELATIVE_FRAMES else self.origin.altitude_m)
 
 
-def home_of(state: VehicleState) -> Home | None:
+def home_of(state: VehicleState) -> KnownHome | None:
     """Return a vehicle's home, from HOME_POSITION; None, too, if that is no place on Earth."""
     message = state.latest.get(dialect.MAVLINK_MSG_ID_HOME_POSITION)
     if message is None:
@@ -79,7 +79,7 @@ def home_of(state: VehicleState) -> Home | None:
         )
     except ValidationError:
         return None
-    return Home(origin, message.x, message.y)
+    return KnownHome(origin, message.x, message.y)
 
 
 def wind_of(state: VehicleState) -> tuple[float, float] | None:

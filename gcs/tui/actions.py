@@ -2,7 +2,7 @@
 
 from gcs.station.vehicle import Vehicle
 from gcs.tui.formatting import ids
-from gcs.tui.requests import Choice, VehicleAction
+from gcs.tui.requests import Answer, VehicleAction
 from mavlink_defs.constants import MODE_NAMES
 
 
@@ -28,7 +28,7 @@ def disarm(systems: tuple[int, ...]) -> VehicleAction:
         f"Disarm {ids(systems)}?\nVehicles in flight refuse, unless forced: then the "
         "controller stops and the thrust goes to zero for good."
     )
-    choices = (Choice("Disarm", "", "warning"), Choice("Force: no thrust", "force", "error"))
+    choices = (Answer("Disarm", "", "warning"), Answer("Force: no thrust", "force", "error"))
     return VehicleAction("disarm", systems, act, question=question, choices=choices)
 
 
@@ -39,5 +39,5 @@ def change_mode(systems: tuple[int, ...]) -> VehicleAction:
         await vehicle.set_mode(choice)
         return f"mode {choice}"
 
-    choices = tuple(Choice(mode, mode) for mode in MODE_NAMES.values())
+    choices = tuple(Answer(mode, mode) for mode in MODE_NAMES.values())
     return VehicleAction("mode", systems, act, question=f"Mode of {ids(systems)}?", choices=choices)

@@ -32,10 +32,10 @@ from gcs.tui.plots import PlotsPanel
 from gcs.tui.profile_views import ProfileFiles
 from gcs.tui.profiles import ProfilesPanel
 from gcs.tui.replay_bar import ReplayBar
-from gcs.tui.requests import Choice, Refresh, VehicleAction
+from gcs.tui.requests import Answer, Refresh, VehicleAction
 from gcs.tui.status_bar import StatusBar
 from gcs.tui.themes import DARK, LIGHT
-from gcs.tui.view import FleetView, Panel, Source
+from gcs.tui.view import DataSource, FleetView, Panel
 from mavlink_defs.visible import visible_lines
 
 REFRESH_S = 0.2
@@ -57,7 +57,7 @@ class Dashboard(App[None]):
     VERTICAL_BREAKPOINTS = [(0, "-short"), (34, "-tall")]  # noqa: RUF012 - as in Textual
     BINDINGS: ClassVar[list[BindingType]] = list(KEYS)
 
-    def __init__(self, source: Source, theme: str = "dark") -> None:
+    def __init__(self, source: DataSource, theme: str = "dark") -> None:
         """Prepare the dashboard.
 
         Args:
@@ -245,7 +245,7 @@ class Dashboard(App[None]):
         elif not action.systems:
             self._announce(f"{action.what}: no vehicle has been heard", "warning")
         elif action.question:
-            choices = action.choices or (Choice(action.what[:1].upper() + action.what[1:], "yes"),)
+            choices = action.choices or (Answer(action.what[:1].upper() + action.what[1:], "yes"),)
 
             def answered(choice: str | None) -> None:
                 if choice is None:

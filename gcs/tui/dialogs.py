@@ -13,7 +13,7 @@ from textual.screen import ModalScreen
 from textual.widgets import Button, Static
 
 from gcs.tui.guard import on
-from gcs.tui.requests import Choice
+from gcs.tui.requests import Answer
 from mavlink_defs.visible import visible, visible_lines
 
 _NAMES = {
@@ -45,7 +45,7 @@ class Question(ModalScreen[str | None]):
         Binding("right,down", "app.focus_next", show=False),
     ]
 
-    def __init__(self, question: str, choices: Sequence[Choice]) -> None:
+    def __init__(self, question: str, choices: Sequence[Answer]) -> None:
         super().__init__()
         self._question, self._choices = question, tuple(choices)
 

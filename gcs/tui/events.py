@@ -10,19 +10,19 @@ from textual.widgets import Input, Select, Static
 from gcs.station.notifications import severity_name
 from gcs.tui.event_log import KINDS, Entry
 from gcs.tui.formatting import clock, role_of, seconds
-from gcs.tui.grid import Column, Grid, Row
+from gcs.tui.grid import Grid, GridColumn, Row
 from gcs.tui.guard import on
 from gcs.tui.requests import Refresh
 from gcs.tui.view import FleetView, Panel
 from mavlink_defs import dialect
 
 _COLUMNS = (
-    Column("time", 8, "left"),
-    Column("t s", 6),
-    Column("UAV", 3),
-    Column("kind", 7, "left"),
-    Column("severity", 8, "left"),
-    Column("what", 0, "left"),
+    GridColumn("time", 8, "left"),
+    GridColumn("t s", 6),
+    GridColumn("UAV", 3),
+    GridColumn("kind", 7, "left"),
+    GridColumn("severity", 8, "left"),
+    GridColumn("what", 0, "left"),
 )
 _SHORT = (*_COLUMNS[:3], *_COLUMNS[5:])
 _SEVERITIES = tuple(
@@ -37,7 +37,7 @@ _SEVERITIES = tuple(
 )
 
 
-class EventLog(Grid):
+class EventTable(Grid):
     """The events that pass the filter, newest last."""
 
     def __init__(self, short: bool = False, **kwargs: Any) -> None:
@@ -102,7 +102,7 @@ class EventsPanel(Panel, Vertical):
             kinds = [("all", ""), *((kind, kind) for kind in KINDS)]
             yield Select(kinds, value="", id="event-kind", compact=True, allow_blank=False)
             yield Input(placeholder="/ search", id="event-text", compact=True)
-        yield EventLog(id="log", classes="panel")
+        yield EventTable(id="log", classes="panel")
 
     def show_view(self, view: FleetView) -> None:
         """Take in what is new."""
@@ -112,7 +112,7 @@ class EventsPanel(Panel, Vertical):
             chosen = of.value if of.value in view.systems else 0
             of.set_options([("all", 0), *((str(i), i) for i in view.systems)])
             of.value = chosen
-        log = self.query_one(EventLog)
+        log = self.query_one(EventTable)
         log.attempt(log.show_view, view)
 
     def action_search(self) -> None:
@@ -121,7 +121,7 @@ class EventsPanel(Panel, Vertical):
 
     def action_leave(self) -> None:
         """Go back to the log."""
-        self.query_one(EventLog).focus()
+        self.query_one(EventTable).focus()
 
     @on(Select.Changed)
     @on(Input.Changed)
@@ -129,7 +129,7 @@ class EventsPanel(Panel, Vertical):
         names = ("severity", "of", "event-kind")
         chosen: list[Any] = [self.query_one(f"#{name}", Select).value for name in names]
         text = self.query_one("#event-text", Input).value
-        self.query_one(EventLog).set_filter(chosen[0], chosen[1], chosen[2], text)
+        self.query_one(EventTable).set_filter(chosen[0], chosen[1], chosen[2], text)
         self.post_message(Refresh())
 
     @on(Input.Submitted)

@@ -13,9 +13,9 @@ from gcs.station.vehicle import Vehicle
 from gcs.tui.fault_form import ALL, MARKED, FaultForm
 from gcs.tui.fault_history import FaultRecord
 from gcs.tui.formatting import Cell, clock, ids
-from gcs.tui.grid import Column, Grid, Row
+from gcs.tui.grid import Grid, GridColumn, Row
 from gcs.tui.guard import CachedStatic, on
-from gcs.tui.requests import Outcome, VehicleAction
+from gcs.tui.requests import ActionOutcome, VehicleAction
 from gcs.tui.view import FleetView, Panel
 from mavlink_defs.faults.actuators import ACTUATOR_FAULTS
 from mavlink_defs.faults.fault import Fault
@@ -28,12 +28,12 @@ _ROLES = {
     "replaced": "muted",
     "restarted": "muted",
 }
-_COLUMNS = (Column("UAV", 3), Column("state", 9, "left"), Column("fault", 0, "left"))
+_COLUMNS = (GridColumn("UAV", 3), GridColumn("state", 9, "left"), GridColumn("fault", 0, "left"))
 _WIDE_FROM = 92
 _LEAST_FAULT, _LEAST_HISTORY = 42, 30
 
 
-class FaultList(Grid):
+class FaultTimeline(Grid):
     """Active, waiting and past faults, the latest first."""
 
     def __init__(self, **kwargs: Any) -> None:
@@ -73,12 +73,12 @@ class FaultList(Grid):
         return self.records[self.cursor] if self.cursor < len(self.records) else None
 
 
-def _wide(rows: list[Row], room: int) -> tuple[Column, ...]:
+def _wide(rows: list[Row], room: int) -> tuple[GridColumn, ...]:
     """Return columns, of which the faults' is as wide as its texts, if there is room."""
     longest = max((len(row.cells[2][0]) for row in rows), default=0)
     left = room - sum(column.width + 1 for column in _COLUMNS[:2]) - 1 - _LEAST_HISTORY
     width = max(min(longest, left), _LEAST_FAULT)
-    return (*_COLUMNS[:2], Column("fault", width, "left"), Column("history", 0, "left"))
+    return (*_COLUMNS[:2], GridColumn("fault", width, "left"), GridColumn("history", 0, "left"))
 
 
 class FaultsPanel(Panel, Horizontal):
@@ -98,7 +98,7 @@ class FaultsPanel(Panel, Horizontal):
         """Lay out form, list and details."""
         yield FaultForm(id="fault-form", classes="panel")
         with Vertical():
-            yield FaultList(id="fault-list", classes="panel")
+            yield FaultTimeline(id="fault-list", classes="panel")
             yield CachedStatic(id="fault-details", classes="panel")
 
     def show_view(self, view: FleetView) -> None:
@@ -106,7 +106,7 @@ class FaultsPanel(Panel, Horizontal):
         form = self.query_one(FaultForm)
         form.attempt(form.set_systems, view.systems, view.selected, view.marked)
         form.disabled = bool(view.source.read_only)
-        faults = self.query_one(FaultList)
+        faults = self.query_one(FaultTimeline)
         self._systems, self._marked = view.systems, tuple(sorted(view.marked))
         faults.attempt(faults.show_view, view)
         self._show_details()
@@ -117,9 +117,9 @@ class FaultsPanel(Panel, Horizontal):
 
     @on(FaultForm.Left)
     def _to_list(self) -> None:
-        self.query_one(FaultList).focus()
+        self.query_one(FaultTimeline).focus()
 
-    def _done(self, outcome: Outcome) -> None:
+    def _done(self, outcome: ActionOutcome) -> None:
         """Leave the form after an accepted fault, so that keys are no text any more."""
         form = self.query_one(FaultForm)
         if outcome.accepted and form.has_focus_within:
@@ -127,7 +127,7 @@ class FaultsPanel(Panel, Horizontal):
 
     def action_clear(self) -> None:
         """Clear the chosen fault."""
-        record = self.query_one(FaultList).chosen
+        record = self.query_one(FaultTimeline).chosen
         if record is None or record.gone_at is not None:
             self.app.notify("choose a fault that a vehicle still has", severity="warning")
             return
@@ -151,14 +151,14 @@ class FaultsPanel(Panel, Horizontal):
 
     @on(Grid.Moved)
     def _show_details(self) -> None:
-        record = self.query_one(FaultList).chosen
+        record = self.query_one(FaultTimeline).chosen
         details = self.query_one("#fault-details", CachedStatic)
         details.border_title = "Details"
         details.attempt(lambda: details.say(_details(record) if record else ""))
 
 
 def set_fault(
-    systems: tuple[int, ...], fault: Fault, on_done: Callable[[Outcome], None] | None = None
+    systems: tuple[int, ...], fault: Fault, on_done: Callable[[ActionOutcome], None] | None = None
 ) -> VehicleAction:
     """The action to set a fault."""
 

@@ -9,7 +9,7 @@ from textual.binding import Binding, BindingType
 from gcs.station.navigation import current_item, is_on_path, nearest_of, slot_error_of
 from gcs.station.vehicle_state import VehicleState
 from gcs.tui.formatting import Cell, number, seconds
-from gcs.tui.grid import Column, Grid, Row
+from gcs.tui.grid import Grid, GridColumn, Row
 from gcs.tui.requests import Refresh
 from gcs.tui.view import FleetView
 from mavlink_defs.config.models import counted
@@ -20,15 +20,15 @@ _PATH = 4
 _QUANTITIES = (("V m/s", 6, 2), ("roll°", 6, 1), ("pitch°", 6, 1), ("yaw°", 6, 1))
 _ON_PATH = (("slot m", 6, 1), ("up m", 6, 1), ("sep m", 6, 1), ("item", 6, 0))
 _STATE = (
-    Column("", 2, "left"),
-    Column("UAV", 3),
-    Column("link", 9, "left"),
-    Column("armed", 5, "left"),
-    Column("mode", 6, "left"),
-    Column("time s", 8),
+    GridColumn("", 2, "left"),
+    GridColumn("UAV", 3),
+    GridColumn("link", 9, "left"),
+    GridColumn("armed", 5, "left"),
+    GridColumn("mode", 6, "left"),
+    GridColumn("time s", 8),
 )
-_REST = (Column("faults", 6), Column("msg/s", 5))
-_DIAGNOSIS = Column("diagnosis", 16, "left")
+_REST = (GridColumn("faults", 6), GridColumn("msg/s", 5))
+_DIAGNOSIS = GridColumn("diagnosis", 16, "left")
 _LEAST_FAULTS = 16
 _PHASE_ROLES = ("muted", "warn", "bad")  # by FTC_PHASE
 _GROUP_WIDTH = sum(width + 1 for _, width, _ in _QUANTITIES)
@@ -67,7 +67,7 @@ class FleetTable(Grid):
             left -= diagnosis
         wide = left >= _LEAST_FAULTS
         if wide:
-            columns.append(Column("active faults", 0, "left"))
+            columns.append(GridColumn("active faults", 0, "left"))
         rows = [
             _row(view, state, groups, has_diagnosis, texts[state.system] if wide else None)
             for state in view.states
@@ -102,9 +102,9 @@ class FleetTable(Grid):
         return [order[(self._first_group + i) % n] for i in range(min(fit, n))]
 
 
-def _quantity_columns(groups: list[int]) -> list[Column]:
+def _quantity_columns(groups: list[int]) -> list[GridColumn]:
     return [
-        Column(title, width, "right", _GROUPS[group])
+        GridColumn(title, width, "right", _GROUPS[group])
         for group in groups
         for title, width, _ in (_ON_PATH if group == _PATH else _QUANTITIES)
     ]

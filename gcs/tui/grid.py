@@ -31,7 +31,7 @@ _GOES_ON = re.compile(r"[.,]?[0-9]|e?[+-]?[0-9]")  # what is cut off there is of
 
 
 @dataclass(frozen=True)
-class Column:
+class GridColumn:
     """A column; one of width 0 takes what is left of the widget's width, at least 8.
 
     A text that is too long ends with "…", never within a number; a number that is too long loses
@@ -107,7 +107,7 @@ class Grid(Guarded, ScrollView, can_focus=True):
         """
         super().__init__(**kwargs)
         self.empty = empty
-        self.columns: tuple[Column, ...] = ()
+        self.columns: tuple[GridColumn, ...] = ()
         self.rows: tuple[Row, ...] = ()
         self._follow = follow
         self._looks: dict[str, Style] = {}
@@ -116,7 +116,7 @@ class Grid(Guarded, ScrollView, can_focus=True):
 
     # data in
 
-    def show(self, columns: Sequence[Column], rows: Sequence[Row]) -> None:
+    def show(self, columns: Sequence[GridColumn], rows: Sequence[Row]) -> None:
         """Show these rows; the cursor stays on the row with the same key if there is one."""
         columns, rows = tuple(columns), tuple(rows)
         before, at_end = self.rows, self.cursor >= len(self.rows) - 1
@@ -320,7 +320,9 @@ def _rounded(text: str, width: int) -> str:
     return next((rounded for rounded in texts if len(rounded) <= width), "…"[:width])
 
 
-def _joined(cells: Sequence[Cell], columns: Sequence[Column], widths: Sequence[int]) -> list[Cell]:
+def _joined(
+    cells: Sequence[Cell], columns: Sequence[GridColumn], widths: Sequence[int]
+) -> list[Cell]:
     """The text of a line, in runs of the same role."""
     runs: list[Cell] = []
     for (text, role), column, width in zip(cells, columns, widths, strict=True):

@@ -16,7 +16,7 @@ _TICK_LINES = 1
 
 
 @dataclass(frozen=True)
-class Mark:
+class MapMark:
     """A vehicle to be drawn: its id, the arrow of its heading, its place, whether selected."""
 
     system: int
@@ -108,11 +108,11 @@ def sheet_of(plt: Any, size: tuple[int, int], middle: Place, reach: Place) -> Sh
     return Sheet(plt, inside, (north - up, east - across), (2.0 * up, 2.0 * across))
 
 
-def draw_marks(sheet: Sheet, marks: Iterable[Mark], palette: Palette) -> None:
+def draw_marks(sheet: Sheet, marks: Iterable[MapMark], palette: Palette) -> None:
     """Draw vehicles: those too close to be distinguished are one label with their number."""
     shown = [(mark, cell) for mark in marks if (cell := sheet.cell_of(mark.place)) is not None]
     shown.sort(key=lambda pair: (not pair[0].chosen, pair[0].system))
-    together: dict[Cell, list[Mark]] = {}
+    together: dict[Cell, list[MapMark]] = {}
     for mark, cell in shown:
         together.setdefault(cell, []).append(mark)
     groups = list(together.items())
@@ -128,7 +128,7 @@ def draw_marks(sheet: Sheet, marks: Iterable[Mark], palette: Palette) -> None:
                 break
 
 
-def _crowded(sheet: Sheet, groups: Sequence[tuple[Cell, list[Mark]]]) -> tuple[int, int] | None:
+def _crowded(sheet: Sheet, groups: Sequence[tuple[Cell, list[MapMark]]]) -> tuple[int, int] | None:
     """Return a group without room and the nearest one before it that it can join."""
     trial = Sheet(None, sheet.size, sheet.low, sheet.span, set(sheet.taken))
     for i, (cell, group) in enumerate(groups):
@@ -144,7 +144,7 @@ def _crowded(sheet: Sheet, groups: Sequence[tuple[Cell, list[Mark]]]) -> tuple[i
     return None
 
 
-def _ways(group: Sequence[Mark], cell: Cell, columns: int) -> Iterator[tuple[str, Cell]]:
+def _ways(group: Sequence[MapMark], cell: Cell, columns: int) -> Iterator[tuple[str, Cell]]:
     """Yield labels of vehicles and where they would begin: the arrow stays in its cell."""
     first, (column, line) = group[0], cell
     if len(group) == 1:

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from gcs.station.mission import HAS_PLACE, Mission
-from gcs.station.navigation import Home, home_of, slot_place_of, wind_of
+from gcs.station.navigation import KnownHome, home_of, slot_place_of, wind_of
 from gcs.station.vehicle_state import VehicleState
 from gcs.tui.curves import DRAWABLE, Colour, Palette, arrow, arrow_to, latest
-from gcs.tui.labels import Mark, Place, draw_marks, sheet_of
+from gcs.tui.labels import MapMark, Place, draw_marks, sheet_of
 from mavlink_defs import dialect
 
 _MARGIN = 1.15  # of what is shown by what is there
@@ -53,7 +53,7 @@ class Scene:
 
 
 @dataclass
-class Window:
+class MapWindow:
     """What the operator sees.
 
     Attributes:
@@ -117,7 +117,7 @@ def scene_of(
 
 
 def _route(
-    mission: Mission, home: Home
+    mission: Mission, home: KnownHome
 ) -> tuple[list[tuple[int, Place]], list[tuple[Place, float]]]:
     """Return the places of a mission's items, and its circles."""
     route: list[tuple[int, Place]] = []
@@ -152,7 +152,7 @@ def wind_text(state: VehicleState | None) -> str:
 
 
 def draw_map(
-    plt: Any, scene: Scene, window: Window, size: tuple[int, int], palette: Palette
+    plt: Any, scene: Scene, window: MapWindow, size: tuple[int, int], palette: Palette
 ) -> None:
     """Draw a scene.
 
@@ -175,7 +175,9 @@ def draw_map(
         for run in _visible(_dense(track, reach[0] / steps), middle, reach):
             _line(plt, run, colour)
     sheet = sheet_of(plt, size, middle, reach)
-    marks = (Mark(system, arrow, place, here) for system, arrow, place, here, _ in scene.vehicles)
+    marks = (
+        MapMark(system, arrow, place, here) for system, arrow, place, here, _ in scene.vehicles
+    )
     draw_marks(sheet, marks, palette)
     if scene.home is not None:
         sheet.write_sign("H", scene.home, palette.text)
@@ -220,7 +222,7 @@ def draw_formation(
         _line(plt, np.column_stack([north, east])[inside], colour)
     sheet = sheet_of(plt, size, (0.0, 0.0), (up, across))
     marks = [
-        Mark(s.system, arrow(s), _end_of(trail[:, :2] - middle), s.system == selected)
+        MapMark(s.system, arrow(s), _end_of(trail[:, :2] - middle), s.system == selected)
         for s, trail in there
     ]
     draw_marks(sheet, marks, palette)

@@ -5,21 +5,21 @@ from typing import Any
 
 from ftc_autopilot.guidance.mission_places import ANYWHERE_M
 from gcs.station.mission import Mission, item_text
-from gcs.station.navigation import Home, current_item, distance_to_item
+from gcs.station.navigation import KnownHome, current_item, distance_to_item
 from gcs.station.vehicle_state import VehicleState
 from gcs.tui.formatting import Cell, number
-from gcs.tui.grid import Column, Grid, Row
+from gcs.tui.grid import Grid, GridColumn, Row
 
 _COLUMNS = (
-    Column("", 1, "left"),
-    Column("#", 3),
-    Column("item", 0, "left"),
-    Column("m up", 5),
+    GridColumn("", 1, "left"),
+    GridColumn("#", 3),
+    GridColumn("item", 0, "left"),
+    GridColumn("m up", 5),
 )
 _NEW_WAYPOINT_M = 500.0  # ahead of an aircraft without a mission
 
 
-class PlaceError(ValueError):
+class WrittenPlaceError(ValueError):
     """What was typed is no place."""
 
 
@@ -31,7 +31,7 @@ class MissionList(Grid):
         self.border_title = "Mission"
 
     def show_mission(
-        self, mission: Mission, state: VehicleState | None, home: Home | None, edited: bool
+        self, mission: Mission, state: VehicleState | None, home: KnownHome | None, edited: bool
     ) -> None:
         """Show a mission.
 
@@ -58,7 +58,7 @@ class MissionList(Grid):
         self.border_title = of + progress
 
 
-def _row(item: Any, home: Home | None, current: int | None) -> Row:
+def _row(item: Any, home: KnownHome | None, current: int | None) -> Row:
     is_current = item.seq == current
     place = None if home is None else home.place_of(item)
     height = None if home is None or place is None else home.height_of(item)
@@ -75,7 +75,7 @@ def _row(item: Any, home: Home | None, current: int | None) -> Row:
 
 
 def insertion_place(
-    mission: Mission, at: int | None, home: Home, state: VehicleState
+    mission: Mission, at: int | None, home: KnownHome, state: VehicleState
 ) -> tuple[float, float, float]:
     """Return where a new waypoint is offered: between an item and the next, or beyond the last.
 
@@ -117,9 +117,9 @@ def read_place(text: str) -> tuple[float, float, float]:
         north, east, height = map(float, numbers)
     except ValueError:
         text = f"expected north, east and height above home in metres, got {text!r}"
-        raise PlaceError(f"{text}; such as 800 -200 500") from None
+        raise WrittenPlaceError(f"{text}; such as 800 -200 500") from None
     if not all(map(math.isfinite, (north, east, height))):
-        raise PlaceError(f"expected finite numbers, got {text!r}")
+        raise WrittenPlaceError(f"expected finite numbers, got {text!r}")
     if not max(abs(north), abs(east), abs(height)) <= ANYWHERE_M:
-        raise PlaceError(f"expected at most {ANYWHERE_M:g} m, got {text!r}")
+        raise WrittenPlaceError(f"expected at most {ANYWHERE_M:g} m, got {text!r}")
     return north, east, height

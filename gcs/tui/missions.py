@@ -15,9 +15,9 @@ from gcs.station.vehicle_state import VehicleState
 from gcs.tui.curves import palette_of
 from gcs.tui.formatting import ids
 from gcs.tui.guard import Guarded, on
-from gcs.tui.map_drawing import Window, draw_map, scene_of, wind_text
-from gcs.tui.mission_list import MissionList, PlaceError, insertion_place, read_place
-from gcs.tui.requests import Outcome, Refresh, VehicleAction
+from gcs.tui.map_drawing import MapWindow, draw_map, scene_of, wind_text
+from gcs.tui.mission_list import MissionList, WrittenPlaceError, insertion_place, read_place
+from gcs.tui.requests import ActionOutcome, Refresh, VehicleAction
 from gcs.tui.view import FleetView, Panel
 
 _DRAW_S = 0.5
@@ -43,7 +43,7 @@ class MapView(Guarded, PlotextPlot):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
-        self.window = Window()
+        self.window = MapWindow()
         self._drawn: object = None
 
     def show_map(self, view: FleetView, mission: Mission) -> None:
@@ -85,7 +85,7 @@ class MapView(Guarded, PlotextPlot):
 
     def fit(self) -> None:
         """Show everything."""
-        self.window = Window()
+        self.window = MapWindow()
         self.post_message(Refresh())
 
 
@@ -237,7 +237,7 @@ class MissionsPanel(Panel, Horizontal):
             return
         try:
             north, east, height = read_place(event.value)
-        except PlaceError as problem:
+        except WrittenPlaceError as problem:
             self.app.notify(str(problem), severity="error")
             return
         x, y = home.degrees_of(north, east)
@@ -279,7 +279,7 @@ class MissionsPanel(Panel, Horizontal):
             )
         )
 
-    def _uploaded(self, outcome: Outcome) -> None:
+    def _uploaded(self, outcome: ActionOutcome) -> None:
         if outcome.accepted:
             self.draft = None
         self.post_message(Refresh())
@@ -297,5 +297,5 @@ class MissionsPanel(Panel, Horizontal):
         done = self._got
         self.post_message(VehicleAction("get mission", systems, act, on_done=done))
 
-    def _got(self, _: Outcome) -> None:
+    def _got(self, _: ActionOutcome) -> None:
         self.post_message(Refresh())

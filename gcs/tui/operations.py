@@ -7,7 +7,7 @@ from gcs.errors import CommandRefused, GcsError
 from gcs.station.notifications import ERROR, NOTICE, WARNING
 from gcs.tui.formatting import ids
 from gcs.tui.guard import one_line
-from gcs.tui.requests import Outcome, VehicleAction
+from gcs.tui.requests import ActionOutcome, VehicleAction
 from gcs.tui.view import FleetView
 
 _NOTICE_LINES = 5
@@ -50,21 +50,21 @@ class Operations:
             if not outcome.accepted:
                 self._notify(_beginning(outcome.text), "error")
 
-    async def _one(self, action: VehicleAction, system: int, choice: str) -> Outcome:
+    async def _one(self, action: VehicleAction, system: int, choice: str) -> ActionOutcome:
         severity = NOTICE
         try:
             text = await action.act(self._view.source.vehicle(system), choice)
-            outcome = Outcome(system, True, text or f"{action.what}: accepted")
+            outcome = ActionOutcome(system, True, text or f"{action.what}: accepted")
         except GcsError as problem:
             severity = WARNING if isinstance(problem, CommandRefused) else ERROR
-            outcome = Outcome(system, False, str(problem))
+            outcome = ActionOutcome(system, False, str(problem))
         except KeyError:
             severity = ERROR
-            outcome = Outcome(system, False, f"UAV {system} has not been heard of")
+            outcome = ActionOutcome(system, False, f"UAV {system} has not been heard of")
         except Exception as problem:
             severity = ERROR
             text = f"{action.what}, UAV {system}: {one_line(problem)}"
-            outcome = Outcome(system, False, text)
+            outcome = ActionOutcome(system, False, text)
         for line in outcome.text.split("\n"):
             self._note(system, severity, line)
         if action.on_done is not None:

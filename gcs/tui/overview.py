@@ -4,7 +4,7 @@ from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
 from textual.geometry import Size
 
-from gcs.tui.events import EventLog
+from gcs.tui.events import EventTable
 from gcs.tui.fleet_table import FleetTable
 from gcs.tui.plots import Chart
 from gcs.tui.view import FleetView, Panel
@@ -28,11 +28,11 @@ class Overview(Panel, Vertical):
         with Horizontal(id="overview-middle"):
             yield WirePanel(id="wire", classes="panel")
             yield Chart("formation", id="overview-formation", classes="panel chart")
-        yield EventLog(short=True, id="overview-events", classes="panel")
+        yield EventTable(short=True, id="overview-events", classes="panel")
 
     def show_view(self, view: FleetView) -> None:
         """Show the present state; formation and transmissions less often."""
-        fleet, events = self.query_one(FleetTable), self.query_one(EventLog)
+        fleet, events = self.query_one(FleetTable), self.query_one(EventTable)
         fleet.attempt(fleet.show_view, view)
         events.attempt(events.show_view, view)
         wire, formation = self.query_one(WirePanel), self.query_one(Chart)

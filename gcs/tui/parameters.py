@@ -22,22 +22,22 @@ from gcs.station.param_metadata import (
 )
 from gcs.station.vehicle import Vehicle
 from gcs.tui.formatting import Cell, ids
-from gcs.tui.grid import Column, Grid, Row
+from gcs.tui.grid import Grid, GridColumn, Row
 from gcs.tui.guard import CachedStatic, on
-from gcs.tui.requests import Choice, Outcome, Refresh, VehicleAction
+from gcs.tui.requests import ActionOutcome, Answer, Refresh, VehicleAction
 from gcs.tui.view import FleetView, Panel
 from mavlink_defs.config.models import ConfigError, counted
 from mavlink_defs.config.output_files import write_text
 from mavlink_defs.services.param import Param
 
 _COLUMNS = (
-    Column("", 1),
-    Column("name", 16, "left"),
-    Column("value", 12),
-    Column("default", 12),
-    Column("unit", 7, "left"),
-    Column("range", 14, "left"),
-    Column("meaning", 0, "left"),
+    GridColumn("", 1),
+    GridColumn("name", 16, "left"),
+    GridColumn("value", 12),
+    GridColumn("default", 12),
+    GridColumn("unit", 7, "left"),
+    GridColumn("range", 14, "left"),
+    GridColumn("meaning", 0, "left"),
 )
 _LISTED = 8  # most lines below a question
 _HINT = "enter on a line, then the new value"
@@ -148,7 +148,7 @@ class ParametersPanel(Panel, Vertical):
         self._asked.add(vehicle.system)
         return held
 
-    def _done(self, outcome: Outcome) -> None:
+    def _done(self, outcome: ActionOutcome) -> None:
         if not outcome.accepted:
             self._said[outcome.system] = outcome.text + " (g asks again)"
         self.post_message(Refresh())
@@ -233,7 +233,7 @@ class ParametersPanel(Panel, Vertical):
             )
         )
 
-    def _changed(self, outcome: Outcome) -> None:
+    def _changed(self, outcome: ActionOutcome) -> None:
         self.post_message(Refresh())
 
     # files
@@ -285,7 +285,7 @@ class ParametersPanel(Panel, Vertical):
             found = different[vehicle.system] = differing(await self._list(vehicle), values)
             return f"{counted(len(found), 'parameter')} not as in {file.name}"
 
-        def compared(outcome: Outcome) -> None:
+        def compared(outcome: ActionOutcome) -> None:
             waiting.discard(outcome.system)
             if not waiting:
                 self._ask_to_load(file, values, different)
@@ -317,7 +317,7 @@ class ParametersPanel(Panel, Vertical):
                 systems,
                 act,
                 question=_with_list(head, lines),
-                choices=(Choice("Set", "set"),),
+                choices=(Answer("Set", "set"),),
                 on_done=self._changed,
             )
         )

@@ -12,19 +12,19 @@ from textual_plotext import PlotextPlot
 from gcs.scenario.bundled import SCENARIOS
 from gcs.tui.curves import palette_of, ticks
 from gcs.tui.formatting import Cell
-from gcs.tui.grid import Column, Grid, Row
+from gcs.tui.grid import Grid, GridColumn, Row
 from gcs.tui.guard import Guarded
 from mavlink_defs.profile import Segment
 from mavlink_defs.visible import visible
 
 _COLUMNS = (
-    Column("#", 2),
-    Column("start s", 7),
-    Column("V m/s", 6),
-    Column("roll°", 6),
-    Column("pitch°", 6),
-    Column("yaw°", 6),
-    Column("shape", 0, "left"),
+    GridColumn("#", 2),
+    GridColumn("start s", 7),
+    GridColumn("V m/s", 6),
+    GridColumn("roll°", 6),
+    GridColumn("pitch°", 6),
+    GridColumn("yaw°", 6),
+    GridColumn("shape", 0, "left"),
 )
 _VALUES = ("airspeed_m_s", "roll_deg", "pitch_deg", "yaw_deg")
 _TITLE = "[$primary]V m/s[/] [$accent]roll°[/] [$success]pitch°[/] [$error]yaw°[/] over s"

@@ -13,16 +13,16 @@ from gcs.station.vehicle import Vehicle
 from gcs.station.vehicle_link import Progress
 from gcs.station.vehicle_state import VehicleState
 from gcs.tui.formatting import Cell, ids
-from gcs.tui.grid import Column, Grid, Row
+from gcs.tui.grid import Grid, GridColumn, Row
 from gcs.tui.guard import CachedStatic, on
 from gcs.tui.profile_views import ProfileFiles, ProfilePlot, ProfileTable, differences
-from gcs.tui.requests import Outcome, Refresh, VehicleAction
+from gcs.tui.requests import ActionOutcome, Refresh, VehicleAction
 from gcs.tui.view import FleetView, Panel
 from mavlink_defs.config.models import ConfigError, counted
 from mavlink_defs.profile import Segment
 from mavlink_defs.visible import visible
 
-_COLUMNS = (Column("", 1, "left"), Column("UAV", 3), Column("holds", 0, "left"))
+_COLUMNS = (GridColumn("", 1, "left"), GridColumn("UAV", 3), GridColumn("holds", 0, "left"))
 _BAR = 10
 
 
@@ -211,7 +211,7 @@ class ProfilesPanel(Panel, Horizontal):
 
         return note
 
-    def _done(self, outcome: Outcome) -> None:
+    def _done(self, outcome: ActionOutcome) -> None:
         self.query_one(Holdings).progress.pop(outcome.system, None)
         self.post_message(Refresh())
 

@@ -13,7 +13,7 @@ class Refresh(Message):
 
 
 @dataclass(frozen=True)
-class Choice:
+class Answer:
     """An answer to a question before something is done.
 
     Attributes:
@@ -28,7 +28,7 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ActionOutcome:
     """The outcome of an action on one vehicle."""
 
     system: int
@@ -56,8 +56,8 @@ class VehicleAction(Message):
         act: Callable[[Vehicle, str], Awaitable[str | None]],
         *,
         question: str = "",
-        choices: tuple[Choice, ...] = (),
-        on_done: Callable[[Outcome], None] | None = None,
+        choices: tuple[Answer, ...] = (),
+        on_done: Callable[[ActionOutcome], None] | None = None,
     ) -> None:
         super().__init__()
         self.what, self.systems, self.act = what, tuple(systems), act

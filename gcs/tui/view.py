@@ -1,6 +1,6 @@
 """The data that widgets read: vehicles, events and faults, as of the last refresh.
 
-`Source` is where it all comes from: a running fleet (`LiveSource`), or a telemetry log
+`DataSource` is where it all comes from: a running fleet (`LiveSource`), or a telemetry log
 (`gcs.tui.playback`). `FleetView` adds what the operator has chosen.
 """
 
@@ -38,7 +38,7 @@ class FleetClient(Protocol):
         ...
 
 
-class Source(Protocol):
+class DataSource(Protocol):
     """A source of the dashboard's data: a running fleet or a log."""
 
     title: str
@@ -153,7 +153,7 @@ class FleetView:
         marked: System ids that actions are for; none means the selected one.
     """
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: DataSource) -> None:
         self.source = source
         self.now = self.paced_by_s = 0.0
         self.states: tuple[VehicleState, ...] = ()

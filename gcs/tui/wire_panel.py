@@ -4,19 +4,19 @@ from typing import Any
 
 from gcs.station.event_counts import EventCounts
 from gcs.tui.formatting import Cell, count, number, percent, sparkline
-from gcs.tui.grid import Column, Grid, Row
+from gcs.tui.grid import Grid, GridColumn, Row
 from gcs.tui.view import FleetView
 from mavlink_defs.constants import ACTUATORS
 
 _FIXED = (
-    Column("UAV", 3),
-    Column("channel", 8, "left"),
-    Column("events", 8),
-    Column("10 s", 6),
-    Column("saved", 7),
-    Column("shortest", 8),
-    Column("repeats", 7),
-    Column("now/s", 6),
+    GridColumn("UAV", 3),
+    GridColumn("channel", 8, "left"),
+    GridColumn("events", 8),
+    GridColumn("10 s", 6),
+    GridColumn("saved", 7),
+    GridColumn("shortest", 8),
+    GridColumn("repeats", 7),
+    GridColumn("now/s", 6),
 )
 _SPARK_MAX = 60
 _SPARK_BIN_S = 1.0
@@ -39,7 +39,7 @@ class WirePanel(Grid):
         rest = self.room - sum(column.width + 1 for column in _FIXED)
         bins = min(max(rest, 8), _SPARK_MAX)
         title = f"events/s, last {bins} s"
-        columns = (*_FIXED, Column(title if len(title) <= rest else "events/s", 0, "left"))
+        columns = (*_FIXED, GridColumn(title if len(title) <= rest else "events/s", 0, "left"))
         rows = [row for state in view.states for row in self._rows(state.system, state.counts)]
         self.show(columns, rows)
         self.border_title = _totals(view, self.size.width)

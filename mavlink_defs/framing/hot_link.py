@@ -9,7 +9,7 @@ from mavlink_defs.framing.hot_signing import LinkSigner, verify_frame
 from mavlink_defs.runtime.jit import compiled
 
 
-class Outcome(IntEnum):
+class ReturnReason(IntEnum):
     """Why a compiled loop returns to Python."""
 
     NONE = 0  # there is no reason yet

@@ -30,7 +30,7 @@ from mavlink_defs.services.mission import (
     MissionItem,
     item_as_int,
 )
-from mavlink_defs.services.mission_upload import Client, Upload
+from mavlink_defs.services.mission_upload import Upload, UploadClient
 
 _MISSION = dialect.MAV_MISSION_TYPE_MISSION
 _TYPES = (_MISSION, dialect.MAV_MISSION_TYPE_FENCE, dialect.MAV_MISSION_TYPE_RALLY)
@@ -111,7 +111,9 @@ class MissionServer(Machine[MissionEvent]):
         self._current = 0
         self._upload: Upload | None = None
         self._revision = 0
-        self._readers: dict[Client, int] = {}  # downloads in progress: revision that they read
+        self._readers: dict[
+            UploadClient, int
+        ] = {}  # downloads in progress: revision that they read
         self.mission_state = 0
         self.mission_mode = 0
         self.asking = 0
@@ -177,7 +179,7 @@ class MissionServer(Machine[MissionEvent]):
         """
         if not is_for(message, self._own):
             return
-        sender = Client(sender_of(message), station)
+        sender = UploadClient(sender_of(message), station)
         upload = self._going_on()
         if upload is not None and upload.sender == sender:
             upload.heard_s = now
@@ -230,7 +232,7 @@ class MissionServer(Machine[MissionEvent]):
         upload = self._upload
         return upload if upload is not None and upload.result is None else None
 
-    def _busy_for(self, sender: Client) -> bool:
+    def _busy_for(self, sender: UploadClient) -> bool:
         """Return whether another client uploads; one that is stuck must make way."""
         upload = self._going_on()
         if upload is None or upload.sender == sender:
@@ -244,7 +246,9 @@ class MissionServer(Machine[MissionEvent]):
         text = f"Mission upload: item {len(upload.items)} did not come"
         self._end_upload(upload, dialect.MAV_MISSION_OPERATION_CANCELLED, text)
 
-    def _on_count(self, message: MAVLink_mission_count_message, sender: Client, now: float) -> None:
+    def _on_count(
+        self, message: MAVLink_mission_count_message, sender: UploadClient, now: float
+    ) -> None:
         mission_type, count = message.mission_type, message.count
         if self._busy_for(sender):
             self._ack(sender, mission_type, dialect.MAV_MISSION_DENIED)
@@ -269,7 +273,7 @@ class MissionServer(Machine[MissionEvent]):
             self._request_item(upload, now)
 
     def _on_item(
-        self, item: MissionItem | MAVLink_mission_item_message, sender: Client, now: float
+        self, item: MissionItem | MAVLink_mission_item_message, sender: UploadClient, now: float
     ) -> None:
         upload = self._upload
         if item.current in ON_ITS_OWN:
@@ -311,7 +315,7 @@ class MissionServer(Machine[MissionEvent]):
             self._end_upload(upload, dialect.MAV_MISSION_ACCEPTED)
 
     def _on_request_list(
-        self, message: MAVLink_mission_request_list_message, sender: Client
+        self, message: MAVLink_mission_request_list_message, sender: UploadClient
     ) -> None:
         mission_type = message.mission_type
         if mission_type not in _TYPES:
@@ -326,7 +330,7 @@ class MissionServer(Machine[MissionEvent]):
                 del self._readers[next(iter(self._readers))]
         self._outbox.append(MAVLink_mission_count_message(*sender.address, count, mission_type))
 
-    def _on_request(self, seq: int, mission_type: int, sender: Client) -> None:
+    def _on_request(self, seq: int, mission_type: int, sender: UploadClient) -> None:
         if mission_type != _MISSION or seq >= len(self._items):
             self._ack(sender, mission_type, dialect.MAV_MISSION_INVALID_SEQUENCE)
         elif self._readers.get(sender, self._revision) != self._revision:
@@ -338,7 +342,7 @@ class MissionServer(Machine[MissionEvent]):
             item.current = int(seq == self._current)
             self._outbox.append(item)
 
-    def _on_clear(self, message: MAVLink_mission_clear_all_message, sender: Client) -> None:
+    def _on_clear(self, message: MAVLink_mission_clear_all_message, sender: UploadClient) -> None:
         mission_type = message.mission_type
         if mission_type not in {*_TYPES, dialect.MAV_MISSION_TYPE_ALL}:
             self._ack(sender, mission_type, dialect.MAV_MISSION_UNSUPPORTED)
@@ -349,7 +353,7 @@ class MissionServer(Machine[MissionEvent]):
             self._replace(mission_type, ())
             self._ack(sender, mission_type, dialect.MAV_MISSION_ACCEPTED)
 
-    def _on_ack(self, message: MAVLink_mission_ack_message, sender: Client) -> None:
+    def _on_ack(self, message: MAVLink_mission_ack_message, sender: UploadClient) -> None:
         self._readers.pop(sender, None)
         upload = self._going_on()
         if upload is None or message.type == dialect.MAV_MISSION_ACCEPTED:
@@ -378,5 +382,5 @@ class MissionServer(Machine[MissionEvent]):
         if result != dialect.MAV_MISSION_ACCEPTED:
             self._happened.append(MissionRefused(result, text))
 
-    def _ack(self, sender: Client, mission_type: int, result: int) -> None:
+    def _ack(self, sender: UploadClient, mission_type: int, result: int) -> None:
         self._outbox.append(MAVLink_mission_ack_message(*sender.address, result, mission_type))

@@ -9,7 +9,7 @@ from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.mission import MissionItem, item_as_int
 
 
-class Client(NamedTuple):
+class UploadClient(NamedTuple):
     """A client: its address, and the station over which its messages arrive."""
 
     address: SystemId
@@ -20,7 +20,7 @@ class Client(NamedTuple):
 class Upload:
     """An upload, in progress (`result` None) or over: then only its last item is stored."""
 
-    sender: Client
+    sender: UploadClient
     mission_type: int
     count: int
     sequence: int = -1  # number of the frame of its MISSION_COUNT

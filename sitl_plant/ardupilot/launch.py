@@ -14,7 +14,7 @@ from sitl_plant.ardupilot.protocol import Measured
 from sitl_plant.vec3 import Vec3, norm, scale, sub, vec3
 
 
-class Launch(NamedTuple):
+class AircraftLaunch(NamedTuple):
     """One aircraft's launch; vectors are north, east, down."""
 
     duration_s: float
@@ -48,7 +48,7 @@ class Launch(NamedTuple):
         )
 
 
-def new_launch(x: np.ndarray, air: np.ndarray, gravity: float, duration_s: float) -> Launch:
+def new_launch(x: np.ndarray, air: np.ndarray, gravity: float, duration_s: float) -> AircraftLaunch:
     """Return the launch into an initial state.
 
     Args:
@@ -59,7 +59,7 @@ def new_launch(x: np.ndarray, air: np.ndarray, gravity: float, duration_s: float
     """
     attitude = vec3(x[6:9])
     velocity, wind = out_of_body(vec3(x[3:6]), attitude), out_of_body(vec3(air), attitude)
-    return Launch(duration_s, vec3(x[0:3]), velocity, attitude, wind, gravity)
+    return AircraftLaunch(duration_s, vec3(x[0:3]), velocity, attitude, wind, gravity)
 
 
 def out_of_body(v: Vec3, attitude: Vec3) -> Vec3:

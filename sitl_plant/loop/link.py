@@ -25,7 +25,7 @@ from mavlink_defs.dialect import (
 )
 from mavlink_defs.framing import codec
 from mavlink_defs.framing.drop_reason import DropReason
-from mavlink_defs.framing.hot_link import DROPPED, NOT_HOT, Outcome, take
+from mavlink_defs.framing.hot_link import DROPPED, NOT_HOT, ReturnReason, take
 from mavlink_defs.framing.hot_signing import LinkSigner, new_link_signer, sign_frame
 from mavlink_defs.framing.signing import PLANT_LINK
 from mavlink_defs.runtime import native
@@ -81,7 +81,7 @@ PEER = np.dtype(
 """The autopilot of an aircraft."""
 
 
-class Record(NamedTuple):
+class StepRecord(NamedTuple):
     """Room for the record of some steps, none if nothing is recorded; Python empties it."""
 
     states: np.ndarray  # (rows, n, 12)
@@ -94,7 +94,7 @@ class PlantLink(NamedTuple):
 
     state: np.ndarray  # (1,), dtype LINK_STATE
     peers: np.ndarray  # (n,), dtype PEER
-    record: Record
+    record: StepRecord
     signer: LinkSigner
 
     @property
@@ -134,7 +134,7 @@ def new_link(
     return PlantLink(
         state=state,
         peers=peers,
-        record=Record(
+        record=StepRecord(
             states=np.zeros((record_rows, n, 12)),
             wind=np.zeros((record_rows, n, 3)),
             applied=np.zeros((record_rows, n, N_CHANNELS)),
@@ -197,7 +197,7 @@ def _send(fd: int, link: PlantLink, i: int, payload: np.ndarray, message_id: int
 
 
 @compiled
-def run(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> Outcome:
+def run(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> ReturnReason:
     """Advance simulated time, if it runs, until something needs Python.
 
     Args:
@@ -221,7 +221,7 @@ def run(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> Outcome:
                 send_states(fd, link, fleet, False)
                 state["waiting"] = 1
             outcome = _wait(fd, link, fleet, until_s)
-            if outcome != Outcome.NONE:
+            if outcome != ReturnReason.NONE:
                 return outcome
             if recording:
                 for i in range(len(fleet.uavs)):
@@ -229,7 +229,7 @@ def run(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> Outcome:
                     copy_values(record.wind[row, i], fleet.uavs[i]["air"])
         lost = fly(fleet, step, state["step_us"])
         if lost == ADVANCE:
-            return Outcome.ADVANCE
+            return ReturnReason.ADVANCE
         if recording:
             for i in range(len(fleet.uavs)):
                 copy_values(record.applied[row, i], fleet.uavs[i]["applied"])
@@ -238,15 +238,15 @@ def run(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> Outcome:
         state["waiting"] = 0
         if lost >= 0:
             state["lost"] = lost
-            return Outcome.LOST
+            return ReturnReason.LOST
         if state["step"] >= state["last_step"]:
-            return Outcome.OVER
+            return ReturnReason.OVER
         if recording and state["recorded"] == len(record.states):
-            return Outcome.TICK
+            return ReturnReason.TICK
 
 
 @inlined
-def _wait(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> Outcome:
+def _wait(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> ReturnReason:
     """Receive until the step is ready (NONE), or Python is needed (SERVICE, TICK)."""
     state = link.state[0]
     datagram, sender = bytes_of(state["datagram"]), state["sender"]
@@ -258,24 +258,24 @@ def _wait(fd: int, link: PlantLink, fleet: PlantState, until_s: float) -> Outcom
             native.sleep_until(min(due_s, until_s))
             length = native.receive_from_now(fd, datagram, sender)
             if length < 0 and native.monotonic_s() >= due_s:
-                return Outcome.NONE
+                return ReturnReason.NONE
         else:
             if running and _all_done(link):
-                return Outcome.NONE
+                return ReturnReason.NONE
             if running:
                 length = native.receive_from_soon(fd, datagram, sender)
             else:
                 length = native.receive_from(fd, datagram, sender)
         if length >= 0 and _receive(link, fleet, length) == NOT_HOT:
             state["received"] = length
-            return Outcome.SERVICE
+            return ReturnReason.SERVICE
         now_s = native.monotonic_s()
         if running and not real_time and now_s - state["sent_s"] > _RESEND_S:
             send_states(fd, link, fleet, True)
         if now_s >= until_s:
             if running and not real_time and _all_done(link):
-                return Outcome.NONE
-            return Outcome.TICK
+                return ReturnReason.NONE
+            return ReturnReason.TICK
 
 
 @compiled

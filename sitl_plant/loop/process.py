@@ -23,7 +23,7 @@ from mavlink_defs.constants import SIMULATOR_COMPONENT
 from mavlink_defs.framing.codec import drop_counts
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
-from mavlink_defs.framing.hot_link import Outcome
+from mavlink_defs.framing.hot_link import ReturnReason
 from mavlink_defs.framing.hot_signing import load_link_signer, refresh, sign_bytes
 from mavlink_defs.framing.key_file import KeyFile
 from mavlink_defs.framing.signing import PLANT_LINK, SigningError, counts_text
@@ -102,21 +102,21 @@ class Plant:
 
     def fly(self) -> str | None:
         """Serve the link until the flight is over; return the reason if it ended early."""
-        loss, outcome, turn_s = None, Outcome.NONE, 0.0
+        loss, outcome, turn_s = None, ReturnReason.NONE, 0.0
         while not self.stopping:
             outcome = run(self._fd, self._link, self._fleet, turn_s)
-            if outcome == Outcome.ADVANCE:
+            if outcome == ReturnReason.ADVANCE:
                 self._outside.advance()
                 continue
             now = time.monotonic()
             self._registration.note_turn(now)
             if (loss := self._keep_record()) is not None:
                 break
-            if outcome == Outcome.SERVICE:
+            if outcome == ReturnReason.SERVICE:
                 self._serve()
-            elif outcome == Outcome.OVER:
+            elif outcome == ReturnReason.OVER:
                 break
-            elif outcome == Outcome.LOST:
+            elif outcome == ReturnReason.LOST:
                 i = int(self._state["lost"])
                 why = self._outside.failures.get(i) or loss_of(self._fleet, i)
                 loss = f"UAV {self._link.peers[i]['system']} was lost at {self.time_s:.3f} s: {why}"
@@ -130,7 +130,7 @@ class Plant:
             self._report_drops()
         if self._running:
             self.wall_s = time.monotonic() - self._begin_s
-        self._end_simulation(lost=outcome == Outcome.LOST)
+        self._end_simulation(lost=outcome == ReturnReason.LOST)
         return loss
 
     @property

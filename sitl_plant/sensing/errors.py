@@ -53,7 +53,7 @@ _PEAK_OF_ALLAN = 0.437 * math.sqrt(2.0)
 """Peak of the Allan deviation of a Gauss-Markov process in units of its standard deviation."""
 
 
-class Errors(NamedTuple):
+class SensorErrors(NamedTuple):
     """Standard deviations of one sensor's errors, in the units of its samples, by value."""
 
     noise: Sequence[float]
@@ -85,7 +85,7 @@ def gauss_markov(bias_instability: float) -> float:
     return bias_instability / _PEAK_OF_ALLAN
 
 
-def turn_on(sensor: np.void, errors: Errors, period_s: float) -> None:
+def turn_on(sensor: np.void, errors: SensorErrors, period_s: float) -> None:
     """Write a sensor's errors to its record, and draw the errors of turn-on.
 
     Args:

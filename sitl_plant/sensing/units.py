@@ -23,7 +23,7 @@ from sitl_plant.sensing.config import (
     NavigationSensors,
     Pitot,
 )
-from sitl_plant.sensing.errors import Errors, gauss_markov, white_noise
+from sitl_plant.sensing.errors import SensorErrors, gauss_markov, white_noise
 
 FAULT_NAMES = ("", *SENSOR_NAMES)
 """Names of the kinds in faults of sensors."""
@@ -68,7 +68,7 @@ class Unit(NamedTuple):
     imu: int
     every: int
     late: int
-    errors: Errors
+    errors: SensorErrors
 
 
 @compiled
@@ -112,14 +112,14 @@ def _fitted(sensors: NavigationSensors) -> Iterator[tuple[int, int, AnySensor]]:
         yield PITOT, 0, sensors.pitot
 
 
-def _errors(sensor: AnySensor, period_s: float) -> Errors:
+def _errors(sensor: AnySensor, period_s: float) -> SensorErrors:
     """Return the errors of a sensor with a sample each period [s]."""
     if isinstance(sensor, Gyro):
         return _of_gyro(sensor, period_s)
     if isinstance(sensor, Accelerometer):
         return _of_accelerometer(sensor, period_s)
     if isinstance(sensor, Magnetometer):
-        return Errors(
+        return SensorErrors(
             noise=(sensor.noise_gauss,) * 3,
             drift=(sensor.bias_instability_gauss,) * 3,
             correlation_s=sensor.correlation_s,
@@ -133,7 +133,7 @@ def _errors(sensor: AnySensor, period_s: float) -> Errors:
     if isinstance(sensor, Gnss):
         return _of_gnss(sensor)
     is_pitot = isinstance(sensor, Pitot)
-    return Errors(
+    return SensorErrors(
         noise=(sensor.noise_pa * _HPA,),
         drift=(sensor.bias_instability_pa * _HPA,),
         correlation_s=sensor.correlation_s,
@@ -145,8 +145,8 @@ def _errors(sensor: AnySensor, period_s: float) -> Errors:
     )
 
 
-def _of_gyro(gyro: Gyro, period_s: float) -> Errors:
-    return Errors(
+def _of_gyro(gyro: Gyro, period_s: float) -> SensorErrors:
+    return SensorErrors(
         noise=(white_noise(math.radians(gyro.noise_density_deg_s_sqrt_hz), period_s),) * 3,
         drift=(gauss_markov(math.radians(gyro.bias_instability_deg_h) / 3600.0),) * 3,
         correlation_s=gyro.correlation_s,
@@ -159,8 +159,8 @@ def _of_gyro(gyro: Gyro, period_s: float) -> Errors:
     )
 
 
-def _of_accelerometer(accelerometer: Accelerometer, period_s: float) -> Errors:
-    return Errors(
+def _of_accelerometer(accelerometer: Accelerometer, period_s: float) -> SensorErrors:
+    return SensorErrors(
         noise=(white_noise(accelerometer.noise_density_m_s2_sqrt_hz, period_s),) * 3,
         drift=(gauss_markov(accelerometer.bias_instability_m_s2),) * 3,
         correlation_s=accelerometer.correlation_s,
@@ -173,10 +173,10 @@ def _of_accelerometer(accelerometer: Accelerometer, period_s: float) -> Errors:
     )
 
 
-def _of_gnss(gnss: Gnss) -> Errors:
+def _of_gnss(gnss: Gnss) -> SensorErrors:
     farthest = (_FARTHEST_M,) * 3 + (_FASTEST_M_S,) * 3
     flat, level = gnss.horizontal_noise_m, gnss.horizontal_velocity_noise_m_s
-    return Errors(
+    return SensorErrors(
         noise=(flat, flat, gnss.vertical_noise_m, level, level, gnss.vertical_velocity_noise_m_s),
         drift=(gnss.horizontal_error_m,) * 2 + (gnss.vertical_error_m,) + (0.0,) * 3,
         correlation_s=gnss.correlation_s,

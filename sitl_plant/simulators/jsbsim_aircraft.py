@@ -21,7 +21,7 @@ _ENGINE = re.compile(r"^\s*-?\s*propulsion/engine\b")
 _READ_BY_FUNCTIONS = ("property", "p", "independentVar")
 
 
-class Source(NamedTuple):
+class AircraftSource(NamedTuple):
     """Where an aircraft is read from."""
 
     name: str
@@ -30,7 +30,7 @@ class Source(NamedTuple):
     systems: Path
 
 
-def find(aircraft: str, bundled: Path) -> Source:
+def find(aircraft: str, bundled: Path) -> AircraftSource:
     """Return where an aircraft is.
 
     Args:
@@ -43,7 +43,7 @@ def find(aircraft: str, bundled: Path) -> Source:
     if not is_own(aircraft):
         folder = bundled / "aircraft" / aircraft
         if (folder / f"{aircraft}.xml").is_file():
-            return Source(aircraft, folder, bundled / "engine", bundled / "systems")
+            return AircraftSource(aircraft, folder, bundled / "engine", bundled / "systems")
         raise SimulatorError(
             f"plant.aircraft: expected one that comes with JSBSim, got {aircraft!r}",
             f"a folder of your own is ./{aircraft}; JSBSim has its own in {folder.parent}",
@@ -62,10 +62,10 @@ def find(aircraft: str, bundled: Path) -> Source:
         there = own.parent.parent / folder  # root/aircraft/NAME and root/engine, as JSBSim has it
         return there if there.is_dir() else bundled / folder
 
-    return Source(file.stem, own, beside("engine"), beside("systems"))
+    return AircraftSource(file.stem, own, beside("engine"), beside("systems"))
 
 
-def write_copy(source: Source, section: JsbSimPlant, target: Path) -> None:
+def write_copy(source: AircraftSource, section: JsbSimPlant, target: Path) -> None:
     """Write an aircraft's files to `target`/NAME, as they are flown.
 
     Nothing is written to other files in flight, and no port is opened: outputs and inputs are

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from edges import edges_of
 
-from ftc_autopilot.common.motion import Motion, fill_neighbour_state, motion_of
+from ftc_autopilot.common.motion import MeasuredMotion, fill_neighbour_state, motion_of
 from ftc_autopilot.control.controller import (
     SIGNALS,
     Inputs,
@@ -54,7 +54,7 @@ class Pilot:
 
     def step(
         self,
-        motion: Motion,
+        motion: MeasuredMotion,
         command: tuple[float, ...],
         seen: tuple[int, int, bool] = (0, 0, False),
     ) -> np.void:
@@ -79,7 +79,7 @@ class Pilot:
 
 @compiled
 def _step(
-    motion: Motion,
+    motion: MeasuredMotion,
     ahead: int,
     links: int,
     after_gap: bool,
@@ -99,7 +99,7 @@ def _step(
     control_step(inputs, records, True)
 
 
-def motion_at(t: float, nominal: np.void, swing: float = 1.0) -> Motion:
+def motion_at(t: float, nominal: np.void, swing: float = 1.0) -> MeasuredMotion:
     """A motion that turns about all axes, as no aircraft would fly it."""
     message = np.zeros(1, SIM_STATE)[0]
     s = np.sin(np.array([3.1, 4.3, 5.7, 7.1, 8.3, 9.7, 11.3, 12.1]) * t + np.arange(8))

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ftc_autopilot.control.controllers import Source
+from ftc_autopilot.control.controllers import ReferenceSource
 from ftc_autopilot.control.reference import profile_record
 from ftc_autopilot.hot.loop import new_loops, run
 from ftc_autopilot.hot.state import Autopilots, new_autopilots
@@ -15,7 +15,7 @@ from gcs.scenario.model import Scenario
 from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP, FTC_SIM_FLAGS_RUNNING
 from mavlink_defs.endpoint import set_receive_timeout
 from mavlink_defs.framing import codec
-from mavlink_defs.framing.hot_link import Outcome
+from mavlink_defs.framing.hot_link import ReturnReason
 
 UAV, NEIGHBOUR = 2, 1  # follower 1 has one neighbour, the leader
 LOCKSTEP = FTC_SIM_FLAGS_RUNNING | FTC_SIM_FLAGS_LOCKSTEP
@@ -49,14 +49,14 @@ class Rig:
         self.autopilots, self.controllers = autopilots, autopilots.controllers
         self.together = autopilots
         self.controllers.uavs[0]["profile"] = profile_record(self.scenario.segments())
-        for key, value in (("active", 1), ("follows", Source.PROFILE), ("start_step", 0)):
+        for key, value in (("active", 1), ("follows", ReferenceSource.PROFILE), ("start_step", 0)):
             self.controllers.uavs[0]["guidance"][key] = value
 
     def close(self) -> None:
         for sock in (self.plant, self.neighbour, self.own, self.formation, self.gcs):
             sock.close()
 
-    def state(self, *arguments: Any, **named: Any) -> Outcome:
+    def state(self, *arguments: Any, **named: Any) -> ReturnReason:
         """Send a state as `send_state` does, and let the autopilot answer it."""
         self.send_state(*arguments, **named)
         return self.run()
@@ -84,13 +84,13 @@ class Rig:
         length = codec.pack(datagram, state, codec.MessageId.SIM_STATE, UAV, 25, step)
         self.plant.sendto(datagram[:length].tobytes(), self.own.getsockname())
 
-    def run(self, until_s: float | None = None) -> Outcome:
+    def run(self, until_s: float | None = None) -> ReturnReason:
         fds = self.own.fileno(), self.formation.fileno(), self.gcs.fileno()
         until_s = time.monotonic() if until_s is None else until_s
         loops = new_loops(self.autopilots, [fds])
         loops.state["until_s"], loops.state["until_step"] = until_s, 2**62
         run(loops)
-        return Outcome(loops.state[0]["outcome"])
+        return ReturnReason(loops.state[0]["outcome"])
 
     def no_more_events(self) -> None:
         thresholds = self.controllers.uavs["parameters"]["trigger"]

@@ -2,7 +2,7 @@
 
 from copy import deepcopy
 
-from gcs.fleet.in_process import Flight, add_faults, begin, fly_in_process, fly_on, room_of
+from gcs.fleet.in_process import InProcessFlight, add_faults, begin, fly_in_process, fly_on, room_of
 from gcs.results.recording import Recording, Steps
 from gcs.scenario.model import Scenario
 
@@ -26,7 +26,7 @@ def fly_sharing_the_start(scenario: Scenario) -> Recording:
     return Recording.of(steps.part(0, ending.steps), ending, flight.ids, scenario.step_us)
 
 
-def _flown(scenario: Scenario, steps: int) -> tuple[Flight, Steps]:
+def _flown(scenario: Scenario, steps: int) -> tuple[InProcessFlight, Steps]:
     """Fly a scenario up to a step, once."""
     key = scenario.model_dump_json()
     if key not in _FLOWN:
@@ -37,4 +37,4 @@ def _flown(scenario: Scenario, steps: int) -> tuple[Flight, Steps]:
     return _FLOWN[key]
 
 
-_FLOWN: dict[str, tuple[Flight, Steps]] = {}
+_FLOWN: dict[str, tuple[InProcessFlight, Steps]] = {}

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ftc_autopilot.common.motion import Motion
+from ftc_autopilot.common.motion import MeasuredMotion
 from ftc_autopilot.common.tuples import four
 from ftc_autopilot.control.controller import SIGNALS, Inputs, Records, control_step
 from ftc_autopilot.control.controllers import GUIDANCE
@@ -98,7 +98,7 @@ def step_alone(
 
 @compiled
 def _step_alone(
-    motion: Motion,
+    motion: MeasuredMotion,
     guidance: np.void,
     edges: np.ndarray,
     aircraft: np.void,

@@ -7,7 +7,7 @@ from typing import Any
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.hot.restart import with_checkpoint
 from ftc_autopilot.hot.state import new_autopilots
-from ftc_autopilot.vehicle.vehicle import Vehicle
+from ftc_autopilot.vehicle.vehicle import VehicleServices
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.framing.frames import FramePacker, parse
@@ -40,7 +40,7 @@ class Bench:
         self.hot = HotState(self.autopilots)
         self.hot.measured["velocity"] = (40.0, 0.0, 0.0)
         self.hot.heard_s = float(heard)
-        self.vehicle = Vehicle(config, self.hot, self.controllers)
+        self.vehicle = VehicleServices(config, self.hot, self.controllers)
         self.now = 0.0
 
     def run(self, flags: int = dialect.FTC_SIM_FLAGS_RUNNING) -> None:

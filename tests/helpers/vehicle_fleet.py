@@ -10,7 +10,7 @@ from vehicle_bench import GCS, of_type
 from ftc_autopilot.control.controllers import NOT_STARTED, Controllers
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.hot.state import new_autopilots
-from ftc_autopilot.vehicle.vehicle import Vehicle
+from ftc_autopilot.vehicle.vehicle import VehicleServices
 from gcs.fleet.in_process import begin, fly_on, room_of
 from gcs.results.recording import Steps
 from gcs.scenario.model import Scenario
@@ -31,7 +31,7 @@ class Member:
         self.uav, self.controllers = uav, controllers
         self.hot = HotState(new_autopilots([config]))
         self.hot.heard_s, self._now = 1.0, 0.0
-        self.vehicle = Vehicle(config, self.hot, controllers)
+        self.vehicle = VehicleServices(config, self.hot, controllers)
 
     def see(self, state: np.void, step: int) -> None:
         """Take in the state that the vehicle is in after so many steps; its timers run."""

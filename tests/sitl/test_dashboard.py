@@ -14,8 +14,8 @@ from station import Up, up
 from textual.widgets import TabbedContent
 from waiting import until_focused
 
-from gcs.tui.events import EventLog, EventsPanel
-from gcs.tui.faults import FaultList
+from gcs.tui.events import EventsPanel, EventTable
+from gcs.tui.faults import FaultTimeline
 from gcs.tui.grid import Grid
 from gcs.tui.guard import CachedStatic
 from gcs.tui.plots import Chart
@@ -78,7 +78,7 @@ def test_a_fault_goes_from_the_form_to_the_plant_and_is_cleared(fleet: Up) -> No
             await someone.write("value", "3")
             await someone.press("ctrl+s")
             await someone.sees_event("2 action", "set: elevator stuck at 3 deg")
-            faults = someone.app.query_one(FaultList)
+            faults = someone.app.query_one(FaultTimeline)
             await someone.sees(lambda: "active" in faults.text, "an active fault")
             vehicles = await asyncio.to_thread(fleet.gcs_json, "fault", "list", "--uav", "2")
             ((fault,),) = [vehicle["faults"] for vehicle in vehicles]
@@ -177,7 +177,7 @@ def test_a_restarted_dashboard_finds_everything_again(fleet: Up) -> None:
             assert all(someone.state(i).profile for i in (1, 2, 3))
             await someone.sees(lambda: someone.state(1).counts.total > 0, "the events")
             await someone.press("3")
-            faults = someone.app.query_one(FaultList)
+            faults = someone.app.query_one(FaultTimeline)
             await someone.sees(lambda: "waiting rudder at 90 %" in faults.text, "the fault")
         fleet.gcs("fault", "clear")
 
@@ -214,7 +214,7 @@ def test_the_event_log_is_filtered(fleet: Up) -> None:
     async def work() -> None:
         async with operator(fleet) as someone:
             await someone.press("6")
-            log = someone.app.query_one(EventsPanel).query_one(EventLog)
+            log = someone.app.query_one(EventsPanel).query_one(EventTable)
             await someone.sees(lambda: log.text.count("vehicle found") == 3, "all events")
             await someone.choose("of", 2)
             await someone.sees(lambda: log.text.count("vehicle found") == 1, "of UAV 2")

@@ -5,7 +5,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from pydantic import Field, model_validator
 
-from ftc_autopilot.common.motion import Motion
+from ftc_autopilot.common.motion import MeasuredMotion
 from ftc_autopilot.common.tuples import Four, Rows
 from ftc_autopilot.guidance.coordination import Coordination
 from ftc_autopilot.guidance.path import PathPoint
@@ -137,7 +137,7 @@ class Situation(NamedTuple):
     reference: Rows  # filtered reference and its two derivatives [m/s, rad]
     coordination: Coordination  # slot and corrections of the formation
     here: PathPoint  # the path at s
-    motion: Motion  # own motion
+    motion: MeasuredMotion  # own motion
     off: float  # how far the UAV is to the right of the path [m]
 
 

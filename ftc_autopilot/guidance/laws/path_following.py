@@ -110,7 +110,7 @@ class PathFollowing(GuidanceParameters):
     )
 
 
-class _Place(NamedTuple):
+class _PathPlace(NamedTuple):
     """How the UAV moves along the path, and where it will be after the filter's delay."""
 
     s_dot: float  # [m/s]
@@ -177,7 +177,7 @@ def path_pace(now: Situation, path: np.void, ahead: float, state: np.void) -> Pa
 
 
 @compiled
-def _pace(now: Situation, path: np.void, place: _Place, ahead: float, state: np.void) -> Pace:
+def _pace(now: Situation, path: np.void, place: _PathPlace, ahead: float, state: np.void) -> Pace:
     wind = state["wind"][0], state["wind"][1]
     if state["started"] == 0:
         wind = now.velocity[0] - now.air_velocity[0], now.velocity[1] - now.air_velocity[1]
@@ -211,7 +211,7 @@ def _estimate_wind(now: Situation, gains: np.void, state: np.void) -> None:
 
 
 @compiled
-def _place(now: Situation, path: np.void) -> _Place:
+def _place(now: Situation, path: np.void) -> _PathPlace:
     """Return how the UAV moves along its path."""
     ground_speed = math.hypot(now.velocity[0], now.velocity[1])
     course = math.atan2(now.velocity[1], now.velocity[0])
@@ -220,7 +220,7 @@ def _place(now: Situation, path: np.void) -> _Place:
     )  # beyond it, the centre of the arc is too near
     s_dot = ground_speed * math.cos(course - now.here.course) / room
     ahead = point_at(path, now.s + 3.0 / now.bandwidth * s_dot)
-    return _Place(s_dot, now.off - now.coordination.slot[1], ground_speed, course, ahead)
+    return _PathPlace(s_dot, now.off - now.coordination.slot[1], ground_speed, course, ahead)
 
 
 @compiled
@@ -241,7 +241,7 @@ def _ground_speed(course: float, V: float, wind: tuple[float, float]) -> float:
 def _airspeed(
     now: Situation,
     path: np.void,
-    place: _Place,
+    place: _PathPlace,
     wind: tuple[float, float],
     aircraft: np.void,
     limits: np.void,
@@ -268,7 +268,7 @@ def _airspeed(
 
 
 @compiled
-def _sideways(now: Situation, place: _Place, gains: np.void, state: np.void) -> float:
+def _sideways(now: Situation, place: _PathPlace, gains: np.void, state: np.void) -> float:
     """Return the velocity to the left that brings the UAV to its slot [m/s]."""
     moving = now.coordination.slot_rate[1]
     e_dot = place.ground_speed * math.sin(place.course - now.here.course) - moving
@@ -280,7 +280,7 @@ def _sideways(now: Situation, place: _Place, gains: np.void, state: np.void) -> 
 @compiled
 def _turn(
     now: Situation,
-    place: _Place,
+    place: _PathPlace,
     V: float,
     wind: tuple[float, float],
     bank_max: float,
@@ -332,7 +332,7 @@ def _upwards(error: float, coordination: Coordination, gains: np.void, state: np
 def _climb(
     now: Situation,
     path: np.void,
-    place: _Place,
+    place: _PathPlace,
     aircraft: np.void,
     limits: np.void,
     gains: np.void,

@@ -10,7 +10,7 @@ from benchmarks.trigger_or_clock import (
     scenarios_of,
     sentences_of,
 )
-from ftc_lab.baselines.senders import Sender, Verdict, Yardstick, worst_ratio
+from ftc_lab.baselines.senders import Sender, SenderVerdict, Yardstick, worst_ratio
 from gcs.scenario.bundled import bundled_names
 
 
@@ -18,7 +18,7 @@ def compared(sent: int, **clocks: int) -> Compared:
     """A flight beside one clock by each yardstick, of so many transmissions."""
     sender = Sender((300,) * 4, scenario_with("tube", "consequence", "ideal", "none"), {})
     names: dict[str, Yardstick] = {"reference": "reference", "commands": "commands"}
-    found = {names[name]: Verdict(sender, count, good=True) for name, count in clocks.items()}
+    found = {names[name]: SenderVerdict(sender, count, good=True) for name, count in clocks.items()}
     return Compared(sent, sent, False, found, {})
 
 

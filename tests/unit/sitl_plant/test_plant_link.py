@@ -11,7 +11,7 @@ from gcs.scenario.model import Scenario
 from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP, FTC_SIM_FLAGS_RUNNING
 from mavlink_defs.endpoint import UdpAddress, bind_udp, set_receive_timeout
 from mavlink_defs.framing import codec
-from mavlink_defs.framing.hot_link import Outcome
+from mavlink_defs.framing.hot_link import ReturnReason
 from mavlink_defs.runtime.sockaddr import sockaddr
 from sitl_plant.loop.fleet import PlantState, new_plant_state
 from sitl_plant.loop.link import PlantLink, due_time_s, new_link, run
@@ -42,7 +42,7 @@ def test_a_plant_that_fell_behind_shifts_its_schedule_once(
 ) -> None:
     origin_s = time.monotonic() - 1e4
     link = running(speed=1.0, origin_s=origin_s)
-    assert run(sock.fileno(), link, fleet, time.monotonic() + 1e3) == Outcome.OVER
+    assert run(sock.fileno(), link, fleet, time.monotonic() + 1e3) == ReturnReason.OVER
     clock = link.state[0]
     assert clock["step"] == STEPS
     assert clock["lag_s"] >= 1e4 - STEPS / 1e3

@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 
-from ftc_autopilot.common.motion import Motion
+from ftc_autopilot.common.motion import MeasuredMotion
 from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
@@ -85,7 +85,7 @@ def adapt(now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void) -
 
 @inlined
 def _explain(
-    motion: Motion, aircraft: AircraftRecord, diagnosis: np.void, signals: np.ndarray
+    motion: MeasuredMotion, aircraft: AircraftRecord, diagnosis: np.void, signals: np.ndarray
 ) -> None:
     """Write nominal angular accelerations by damping and by the own surface, and what is left.
 

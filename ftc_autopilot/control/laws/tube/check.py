@@ -13,8 +13,8 @@ from ftc_autopilot.control.laws.tube.parameters import (
     ROLL,
     YAW,
 )
-from ftc_autopilot.control.laws.tube.plan import Plan, best_change, first_exit
-from ftc_autopilot.control.laws.tube.prediction import Servo, Start, predict
+from ftc_autopilot.control.laws.tube.plan import CommandChange, best_change, first_exit
+from ftc_autopilot.control.laws.tube.prediction import PredictionStart, ServoModel, predict
 from ftc_autopilot.control.laws.tube.tube import build_tube, to_errors
 from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import AILERON, N_CHANNELS, RUDDER, THROTTLE
@@ -154,15 +154,15 @@ def _have_rested(now: Step, channels: int, gains: np.void, state: np.void) -> bo
 
 
 @inlined
-def _start(now: Step, positions: np.ndarray, gains: np.void, state: np.void) -> Start:
+def _start(now: Step, positions: np.ndarray, gains: np.void, state: np.void) -> PredictionStart:
     """Return what the predictions of a step start from."""
     diagnosis = gains["fallback"]["diagnosis"]
-    servo = Servo(
+    servo = ServoModel(
         diagnosis["servo_lag_s"], diagnosis["servo_rate_limit_rad_s"], diagnosis["throttle_lag_s"]
     )
     if now.first:
-        servo = Servo(0.0, math.inf, 0.0)
-    return Start(
+        servo = ServoModel(0.0, math.inf, 0.0)
+    return PredictionStart(
         ((0.0, 0.0, 0.0), now.motion.v, now.motion.phi, vec3(state["omega"])),
         positions,
         servo,
@@ -175,7 +175,7 @@ def _start(now: Step, positions: np.ndarray, gains: np.void, state: np.void) -> 
 
 @compiled
 def _predict_errors(
-    start: Start,
+    start: PredictionStart,
     commands: np.ndarray,
     h: float,
     rows: int,
@@ -193,12 +193,12 @@ def _plan(
     now: Step,
     o: int,
     together: bool,
-    start: Start,
+    start: PredictionStart,
     commands: np.ndarray,
     aircraft: AircraftRecord,
     gains: np.void,
     tables: np.ndarray,
-) -> Plan:
+) -> CommandChange:
     """Plan the change of the commands by which output o is planned.
 
     Args:

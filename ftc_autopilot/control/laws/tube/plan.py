@@ -10,7 +10,7 @@ from sitl_plant.vec3 import clamp
 _NO_INFLUENCE = 1e-9  # of a command on an output
 
 
-class Plan(NamedTuple):
+class CommandChange(NamedTuple):
     """A change of one command."""
 
     change: float
@@ -36,7 +36,7 @@ def best_change(
     share: float,
     low: float,
     high: float,
-) -> Plan:
+) -> CommandChange:
     """Plan the change Δu that keeps |E + S Δu| within a share of the tube for longest.
 
     The intervals of changes that do so in each row from `first` on are cut with each other until
@@ -70,4 +70,4 @@ def best_change(
         along -= weight * influence[k] * error[k]
         squared += weight * influence[k] * influence[k]
     change = along / squared if squared > 0.0 else 0.0
-    return Plan(clamp(change, low, high), first, leaves)
+    return CommandChange(clamp(change, low, high), first, leaves)

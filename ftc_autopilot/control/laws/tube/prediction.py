@@ -13,7 +13,7 @@ from sitl_plant.airframe.rigid_body import STILL_AIR, State, advance, state_deri
 from sitl_plant.vec3 import Vec3, clamp, norm
 
 
-class Servo(NamedTuple):
+class ServoModel(NamedTuple):
     """The servos' model; without lag and limit they follow at once."""
 
     lag: float  # of the surfaces [s]
@@ -21,12 +21,12 @@ class Servo(NamedTuple):
     throttle_lag: float  # s
 
 
-class Start(NamedTuple):
+class PredictionStart(NamedTuple):
     """What a prediction starts from."""
 
     state: State  # the velocity is that through the air, the position does not matter
     positions: np.ndarray  # of the servos [rad, N], shape (4,)
-    servo: Servo
+    servo: ServoModel
     disturbance: np.ndarray  # of v̇ and ω̇ [m/s², rad/s²], shape (6,)
     slope: np.ndarray  # its derivative, shape (6,)
     persistence: float  # of the slope [s]
@@ -35,7 +35,7 @@ class Start(NamedTuple):
 
 @compiled
 def predict(
-    start: Start,
+    start: PredictionStart,
     commands: np.ndarray,
     h: float,
     rows: int,
@@ -84,7 +84,7 @@ def predict(
 
 
 @compiled
-def _disturbance(start: Start, left: float) -> tuple[Vec3, Vec3]:
+def _disturbance(start: PredictionStart, left: float) -> tuple[Vec3, Vec3]:
     """Return the disturbances of v̇ and ω̇ when e^{-s/τ} of their slope is left."""
     d, slope = start.disturbance, start.slope
     share = start.persistence * (1.0 - left)

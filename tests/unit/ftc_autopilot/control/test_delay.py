@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from steps import NOTHING
 
-from ftc_autopilot.control.controllers import Controllers, Source, new_controllers
+from ftc_autopilot.control.controllers import Controllers, ReferenceSource, new_controllers
 from ftc_autopilot.control.reference import profile_record
 from ftc_autopilot.control.state_predictor import (
     DELAY,
@@ -252,7 +252,7 @@ def test_a_servo_with_a_lag_comes_later() -> None:
 def new_controller_of(scenario: Scenario) -> Controllers:
     controllers = new_controllers([scenario.autopilot_config(2)])
     controllers.uavs[0]["profile"] = profile_record(scenario.segments())
-    for key, value in (("active", 1), ("follows", Source.PROFILE), ("start_step", 0)):
+    for key, value in (("active", 1), ("follows", ReferenceSource.PROFILE), ("start_step", 0)):
         controllers.uavs[0]["guidance"][key] = value
     return controllers
 

@@ -9,7 +9,7 @@ from edges import edges_of
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ftc_autopilot.common.motion import Motion
+from ftc_autopilot.common.motion import MeasuredMotion
 from ftc_autopilot.control.controller import parameter_record
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.reference import Reference
@@ -33,7 +33,7 @@ turns = st.tuples(st.integers(-3, 3), st.just(0), st.integers(-3, 3))
 def errors(nominal: np.void, own: Vec3, neighbours: list[Vec3]) -> FormationErrors:
     """Errors of a UAV with these attitudes [rad], the reference being level flight due north."""
     v = (45.0, 0.0, 0.0)
-    motion = Motion(v, own, ZERO, 45.0, 0.0, ZERO, ZERO, aerodynamics(v, ZERO, nominal))
+    motion = MeasuredMotion(v, own, ZERO, 45.0, 0.0, ZERO, ZERO, aerodynamics(v, ZERO, nominal))
     reports = np.zeros(len(neighbours), NEIGHBOUR)
     for row, attitude in zip(reports, neighbours, strict=True):
         row["airspeed"], row["attitude"] = 45.0, attitude
@@ -44,7 +44,7 @@ def errors(nominal: np.void, own: Vec3, neighbours: list[Vec3]) -> FormationErro
 def test_a_neighbour_on_its_own_reference_is_no_disagreement(nominal: np.void) -> None:
     """The one flies level to the North at 45 m/s, the other climbs to the East at 50 m/s."""
     v = (45.0, 0.0, 0.0)
-    motion = Motion(v, ZERO, ZERO, 45.0, 0.0, ZERO, ZERO, aerodynamics(v, ZERO, nominal))
+    motion = MeasuredMotion(v, ZERO, ZERO, 45.0, 0.0, ZERO, ZERO, aerodynamics(v, ZERO, nominal))
     reports = np.zeros(1, NEIGHBOUR)
     reports["airspeed"], reports["attitude"] = 50.0, (0.3, 0.1, math.pi / 2)
     reference = Reference(45.0, 0.0, ZERO, ZERO)

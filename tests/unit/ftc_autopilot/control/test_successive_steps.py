@@ -11,7 +11,7 @@ import pytest
 from courses import Pilot, motion_at
 from steps import COMMANDS, step_of
 
-from ftc_autopilot.common.motion import Motion
+from ftc_autopilot.common.motion import MeasuredMotion
 from ftc_autopilot.control.controller import new_controller, parameter_record
 from ftc_autopilot.control.diagnosis.regression import learn, restart
 from ftc_autopilot.control.diagnosis.state import ACTUATOR
@@ -42,7 +42,7 @@ def flying(law: Any, scenario: Scenario) -> Pilot:
     return Pilot(law.with_servos(ActuatorServos()), PerChannel(), scenario.aircraft, DT)
 
 
-def alone(pilot: Pilot) -> tuple[Motion, Motion]:
+def alone(pilot: Pilot) -> tuple[MeasuredMotion, MeasuredMotion]:
     """Let a pilot have no neighbours; gives two motions, one after the other."""
     pilot.edges["weight"] = 0.0
     return motion_at(0.2, pilot.nominal), motion_at(0.25, pilot.nominal)

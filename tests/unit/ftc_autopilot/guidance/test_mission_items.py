@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from ftc_autopilot.common.geography import Origin, place_of, position_of
 from ftc_autopilot.guidance.limits import FlightLimits
-from ftc_autopilot.guidance.mission_items import Target, decode_items
+from ftc_autopilot.guidance.mission_items import MissionTarget, decode_items
 from ftc_autopilot.guidance.mission_places import Home
 from mavlink_defs import dialect
 from mavlink_defs.constants import INT32_MAX
@@ -29,7 +29,7 @@ RELATIVE, ABSOLUTE = (
 )
 
 
-def decoded(*items: MissionItem) -> tuple[Target, ...]:
+def decoded(*items: MissionItem) -> tuple[MissionTarget, ...]:
     return decode_items((mission_item(0, 16), *items), ORIGIN, HOME, LIMITS)
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from ftc_autopilot.guidance.legs import Leg, Pose
 from ftc_autopilot.guidance.limits import FlightLimits, tightest_turn
-from ftc_autopilot.guidance.mission_items import Target
+from ftc_autopilot.guidance.mission_items import MissionTarget
 from ftc_autopilot.guidance.mission_path import MissionPath, Start, mission_path
 from ftc_autopilot.guidance.mission_places import Home
 from ftc_autopilot.guidance.path import NO_LOOP, path_record, point_at
@@ -23,8 +23,8 @@ metres = st.floats(-4000.0, 4000.0)
 
 def waypoint(
     seq: int, north: float, east: float, height: float = 100.0, within: float = 0.0
-) -> Target:
-    return Target(mission_item(seq, 16), (north, east), height, within)
+) -> MissionTarget:
+    return MissionTarget(mission_item(seq, 16), (north, east), height, within)
 
 
 def loiter(
@@ -34,41 +34,41 @@ def loiter(
     radius: float = 0.0,
     turns: float | None = None,
     seconds: float | None = None,
-) -> Target:
+) -> MissionTarget:
     command, first = 17, 0.0
     if turns is not None:
         command, first = 18, turns
     elif seconds is not None:
         command, first = 19, seconds
-    return Target(mission_item(seq, command, (first,)), centre, height, radius=radius)
+    return MissionTarget(mission_item(seq, command, (first,)), centre, height, radius=radius)
 
 
-def returns(seq: int) -> Target:
-    return Target(mission_item(seq, 20))
+def returns(seq: int) -> MissionTarget:
+    return MissionTarget(mission_item(seq, 20))
 
 
-def speed(seq: int, airspeed: float) -> Target:
-    return Target(mission_item(seq, 178, (0.0, airspeed)))
+def speed(seq: int, airspeed: float) -> MissionTarget:
+    return MissionTarget(mission_item(seq, 178, (0.0, airspeed)))
 
 
-def delay(seq: int, seconds: float) -> Target:
-    return Target(mission_item(seq, 112, (seconds,)))
+def delay(seq: int, seconds: float) -> MissionTarget:
+    return MissionTarget(mission_item(seq, 112, (seconds,)))
 
 
-def jump(seq: int, to: int, times: int) -> Target:
-    return Target(mission_item(seq, 177, (to, times)))
+def jump(seq: int, to: int, times: int) -> MissionTarget:
+    return MissionTarget(mission_item(seq, 177, (to, times)))
 
 
-def square(within: float = 0.0, side: float = 2000.0) -> list[Target]:
+def square(within: float = 0.0, side: float = 2000.0) -> list[MissionTarget]:
     places = [(side, 0.0), (side, side), (0.0, side), (0.0, 0.0)]
     return [waypoint(k, *place, 100.0, within) for k, place in enumerate(places, start=1)]
 
 
-def numbered(target: Target, seq: int) -> Target:
+def numbered(target: MissionTarget, seq: int) -> MissionTarget:
     return target._replace(item=mission_item(seq, target.item.command))
 
 
-def miss(path: MissionPath, target: Target) -> float:
+def miss(path: MissionPath, target: MissionTarget) -> float:
     """Least distance of a waypoint from the legs of its item [m]."""
     assert target.place is not None
     places = places_of(path, target.item.seq)
@@ -113,10 +113,10 @@ def places_of(path: MissionPath, item: int) -> np.ndarray:
 
 
 @st.composite
-def missions(draw: st.DrawFn) -> list[Target]:
+def missions(draw: st.DrawFn) -> list[MissionTarget]:
     """Level missions of every kind of item but jumps."""
     places = draw(st.lists(st.tuples(metres, metres), min_size=1, max_size=8))
-    mission: list[Target] = []
+    mission: list[MissionTarget] = []
     for north, east in places:
         if draw(st.booleans()):
             mission.append(speed(len(mission) + 1, draw(st.floats(35.0, 50.0))))
@@ -139,7 +139,9 @@ def missions(draw: st.DrawFn) -> list[Target]:
 
 
 @given(missions(), st.sampled_from([None, START]))
-def test_legs_join_and_turns_can_be_flown(mission: list[Target], start: Start | None) -> None:
+def test_legs_join_and_turns_can_be_flown(
+    mission: list[MissionTarget], start: Start | None
+) -> None:
     path = mission_path(mission, LIMITS, Home(), start)
     assert_joined(path)
     for leg in path.legs:
@@ -149,7 +151,7 @@ def test_legs_join_and_turns_can_be_flown(mission: list[Target], start: Start | 
 
 @given(missions(), st.sampled_from([None, START]))
 def test_every_waypoint_is_passed_as_near_as_asked(
-    mission: list[Target], start: Start | None
+    mission: list[MissionTarget], start: Start | None
 ) -> None:
     path = mission_path(mission, LIMITS, Home(), start)
     for target in mission:
@@ -236,8 +238,8 @@ def test_speed_changes_where_the_delay_ends() -> None:
 
 def test_home_is_where_it_was_set_last() -> None:
     a, b, *_ = square()
-    here = Target(mission_item(2, 179, (1.0,)))
-    elsewhere = Target(mission_item(2, 179), (5000.0, 5000.0))
+    here = MissionTarget(mission_item(2, 179, (1.0,)))
+    elsewhere = MissionTarget(mission_item(2, 179), (5000.0, 5000.0))
     for set_home, place in ((elsewhere, elsewhere.place), (here, a.place)):
         mission = [a, set_home, numbered(b, 3), returns(4)]
         last = mission_path(mission, LIMITS, Home(), START).legs[-1]
@@ -278,7 +280,7 @@ def test_a_climb_is_even_and_one_too_steep_for_its_way_is_refused() -> None:
     ],
 )
 def test_what_cannot_be_flown_is_refused_with_its_item(
-    mission: list[Target], item: int, reason: str
+    mission: list[MissionTarget], item: int, reason: str
 ) -> None:
     with pytest.raises(ItemError, match=reason) as refusal:
         mission_path(mission, LIMITS, Home(), START)

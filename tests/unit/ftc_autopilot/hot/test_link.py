@@ -25,12 +25,12 @@ from mavlink_defs.dialect import (
 from mavlink_defs.framing import codec
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker
-from mavlink_defs.framing.hot_link import Outcome
+from mavlink_defs.framing.hot_link import ReturnReason
 
 
 def test_a_lockstep_step_is_answered_with_actuators_then_step_done(rig: Rig) -> None:
     rig.send_neighbour_state(0)
-    assert rig.state(0) == Outcome.TICK
+    assert rig.state(0) == ReturnReason.TICK
     assert rig.heard(rig.plant) == [codec.MessageId.ACTUATORS, codec.MessageId.STEP_DONE]
     assert set(rig.heard(rig.neighbour)) == {codec.MessageId.NEIGHBOUR}
 
@@ -249,7 +249,7 @@ def test_a_state_of_another_run_is_not_worked_on(rig: Rig, flags: int) -> None:
     rig.heard(rig.plant)
     rig.heard(rig.neighbour)
     for step in (0, 3):
-        assert rig.state(step, flags, run=8 + step) == Outcome.RESTARTED
+        assert rig.state(step, flags, run=8 + step) == ReturnReason.RESTARTED
     assert rig.heard(rig.plant) == rig.heard(rig.neighbour) == []
     assert rig.controllers.uavs[0]["controller"]["steps"] == 3
 
@@ -297,7 +297,7 @@ _FALSE_CRC = b"\xfd" + bytes(6) + codec.MessageId.STEP_DONE.to_bytes(3, "little"
 )
 def test_noise_changes_nothing_and_is_counted(rig: Rig, noise: bytes, reason: DropReason) -> None:
     rig.plant.sendto(noise, rig.own.getsockname())
-    assert rig.run() == Outcome.TICK
+    assert rig.run() == ReturnReason.TICK
     assert rig.autopilots.own[0]["link"]["step"] == -1
     expected = np.zeros_like(rig.autopilots.own[0]["drops"])
     expected[SIMULATOR, -reason] = 1
@@ -307,7 +307,7 @@ def test_noise_changes_nothing_and_is_counted(rig: Rig, noise: bytes, reason: Dr
 def test_a_frame_that_only_python_parses_asks_for_service(rig: Rig) -> None:
     heartbeat = dialect.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3)
     rig.plant.sendto(FramePacker(UAV, 1).pack(heartbeat), rig.own.getsockname())
-    assert rig.run() == Outcome.SERVICE
+    assert rig.run() == ReturnReason.SERVICE
     assert rig.autopilots.own[0]["link"]["step"] == -1
     assert not rig.autopilots.own["drops"].any()
 
@@ -316,7 +316,7 @@ def test_in_lockstep_a_message_of_a_ground_station_is_not_kept_waiting(rig: Rig)
     rig.state(1)
     rig.plant.sendto(b"request", rig.gcs.getsockname())
     until_s = time.monotonic() + 3600.0
-    assert rig.run(until_s) == Outcome.TICK
+    assert rig.run(until_s) == ReturnReason.TICK
     assert time.monotonic() < until_s
     assert rig.gcs.recv(100) == b"request"
 
@@ -325,19 +325,19 @@ def test_before_the_start_a_message_of_a_ground_station_is_not_kept_waiting(rig:
     rig.state(0, FTC_SIM_FLAGS_LOCKSTEP)
     rig.plant.sendto(b"request", rig.gcs.getsockname())
     until_s = time.monotonic() + 3600.0
-    assert rig.run(until_s) == Outcome.TICK
+    assert rig.run(until_s) == ReturnReason.TICK
     assert time.monotonic() < until_s
 
 
 def test_before_the_start_a_busy_ground_station_does_not_keep_the_plant_waiting(rig: Rig) -> None:
     for _ in range(10):
         rig.plant.sendto(b"request", rig.gcs.getsockname())
-    assert rig.state(0, FTC_SIM_FLAGS_LOCKSTEP) == Outcome.TICK
+    assert rig.state(0, FTC_SIM_FLAGS_LOCKSTEP) == ReturnReason.TICK
     assert rig.autopilots.own[0]["link"]["heard_s"] > 0.0
 
 
 def test_the_end_of_the_simulation_is_acknowledged(rig: Rig) -> None:
-    assert rig.state(0, FTC_SIM_FLAGS_LOCKSTEP | FTC_SIM_FLAGS_ENDED) == Outcome.OVER
+    assert rig.state(0, FTC_SIM_FLAGS_LOCKSTEP | FTC_SIM_FLAGS_ENDED) == ReturnReason.OVER
     assert rig.heard(rig.plant) == [codec.MessageId.STEP_DONE]
 
 

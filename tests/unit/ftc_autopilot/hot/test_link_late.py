@@ -20,7 +20,7 @@ from mavlink_defs.constants import OLD_STATE_S
 from mavlink_defs.dialect import FTC_SIM_FLAGS_ENDED, FTC_SIM_FLAGS_RUNNING
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker
-from mavlink_defs.framing.hot_link import Outcome
+from mavlink_defs.framing.hot_link import ReturnReason
 
 REAL_TIME = FTC_SIM_FLAGS_RUNNING
 ABSURD_STEP = 2**32 - 1
@@ -45,9 +45,9 @@ def flying(scenario: Scenario) -> Iterator[Rig]:
         rig.close()
 
 
-def run_until_nothing_waits(rig: Rig) -> list[Outcome]:
+def run_until_nothing_waits(rig: Rig) -> list[ReturnReason]:
     outcomes = [rig.run()]
-    while outcomes[-1] == Outcome.SERVICE:
+    while outcomes[-1] == ReturnReason.SERVICE:
         outcomes.append(rig.run())
     return outcomes
 
@@ -99,8 +99,8 @@ def test_the_end_is_not_passed_over(scenario1: Scenario) -> None:
     with flying(scenario1) as rig:
         rig.send_state(7, FTC_SIM_FLAGS_ENDED)
         rig.send_state(0, REAL_TIME, run=8)
-        assert rig.run() == Outcome.OVER
-        assert rig.run() == Outcome.RESTARTED
+        assert rig.run() == ReturnReason.OVER
+        assert rig.run() == ReturnReason.RESTARTED
 
 
 @given(st.integers(1, 400))

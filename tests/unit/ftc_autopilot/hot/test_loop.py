@@ -13,7 +13,7 @@ from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.framing.codec import MessageId
 from mavlink_defs.framing.frames import FramePacker
-from mavlink_defs.framing.hot_link import Outcome
+from mavlink_defs.framing.hot_link import ReturnReason
 
 ANSWERS = [MessageId.ACTUATORS, MessageId.STEP_DONE]
 
@@ -45,7 +45,7 @@ def test_each_answers_its_own_states(pair: tuple[Rig, Rig]) -> None:
         rig.send_state(0)
     both = loops_of(*pair)
     run(both)
-    assert both.state["outcome"].tolist() == [Outcome.TICK] * 2
+    assert both.state["outcome"].tolist() == [ReturnReason.TICK] * 2
     assert [rig.heard(rig.plant) for rig in pair] == [ANSWERS, ANSWERS]
     pair[1].send_neighbour_state(1)
     pair[1].send_state(1)
@@ -64,12 +64,12 @@ def test_only_those_that_need_python_say_so(pair: tuple[Rig, Rig]) -> None:
     pair[1].plant.sendto(FramePacker(2, 25).pack(heartbeat), pair[1].own.getsockname())
     both = loops_of(*pair, until_s=later)
     run(both)
-    assert both.state["outcome"].tolist() == [Outcome.NONE, Outcome.SERVICE]
+    assert both.state["outcome"].tolist() == [ReturnReason.NONE, ReturnReason.SERVICE]
     pair[0].send_neighbour_state(1)
     pair[0].send_state(1)
     both = loops_of(*pair, until_s=later, until_step=1)
     run(both)
-    assert both.state["outcome"].tolist() == [Outcome.TICK, Outcome.NONE]
+    assert both.state["outcome"].tolist() == [ReturnReason.TICK, ReturnReason.NONE]
 
 
 @pytest.mark.parametrize("i", [0, 1])
@@ -83,8 +83,8 @@ def test_a_datagram_of_a_ground_station_ends_the_wait_for_its_vehicle(
     both = loops_of(*pair, until_s=time.monotonic() + 60.0)
     pair[i].neighbour.sendto(b"anything", pair[i].gcs.getsockname())
     run(both)
-    expected = [Outcome.NONE, Outcome.NONE]
-    expected[i] = Outcome.TICK
+    expected = [ReturnReason.NONE, ReturnReason.NONE]
+    expected[i] = ReturnReason.TICK
     assert both.state["outcome"].tolist() == expected
 
 
@@ -92,4 +92,4 @@ def test_the_first_time_that_comes_ends_the_sleep(pair: tuple[Rig, Rig]) -> None
     both = loops_of(*pair)  # neither has heard the plant
     both.state["until_s"] += np.array([60.0, 0.01])
     run(both)
-    assert both.state["outcome"].tolist() == [Outcome.NONE, Outcome.TICK]
+    assert both.state["outcome"].tolist() == [ReturnReason.NONE, ReturnReason.TICK]

@@ -18,7 +18,7 @@ from mavlink_defs import dialect
 from mavlink_defs.dialect import FTC_SIM_FLAGS_GPS, FTC_SIM_FLAGS_RUNNING
 from mavlink_defs.framing import codec
 from mavlink_defs.framing.drop_reason import DropReason
-from mavlink_defs.framing.hot_link import Outcome
+from mavlink_defs.framing.hot_link import ReturnReason
 
 ALL_OF_IMU_0 = 0b1_1111_1111_1111
 GYRO_AND_ACCELEROMETER = 0b11_1111
@@ -281,7 +281,7 @@ def test_another_plant_process_restarts_the_flight(rig: SensorRig) -> None:
     rig.answers()
     rig.send_all(0, run=8)
     outcomes = [rig.run() for _ in range(3)]
-    assert Outcome.RESTARTED in outcomes
+    assert ReturnReason.RESTARTED in outcomes
     reset_links(rig.autopilots)
     rig.send_all(0, run=8)
     assert is_answered(rig)

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from vehicle_bench import ACCEPTED, ARM, DENIED, Bench, of_type
 
-from ftc_autopilot.control.controllers import Source, begin_path
+from ftc_autopilot.control.controllers import ReferenceSource, begin_path
 from ftc_autopilot.guidance.members import LEAVE, LOST, SILENT, STAY, enter
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs import dialect
@@ -137,5 +137,5 @@ def test_slots_are_of_the_mission_only(bench: Bench) -> None:
     assert guidance["in_slot"] == 1
     assert bench.command(ARM, 1.0) == ACCEPTED
     assert bench.command(dialect.MAV_CMD_DO_SET_MODE, 1.0, RTL) == ACCEPTED
-    assert guidance["follows"] == Source.PATH
+    assert guidance["follows"] == ReferenceSource.PATH
     assert guidance["in_slot"] == 0

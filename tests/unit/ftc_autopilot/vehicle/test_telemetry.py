@@ -15,7 +15,7 @@ from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.hot.state import new_autopilots
 from ftc_autopilot.vehicle.status_messages import VERSION
 from ftc_autopilot.vehicle.telemetry import DEFAULT_INTERVALS_US
-from ftc_autopilot.vehicle.vehicle import Vehicle
+from ftc_autopilot.vehicle.vehicle import VehicleServices
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.framing.drop_reason import DropReason
@@ -39,7 +39,7 @@ class Bench:
         state["attitude"] = (0.0, math.radians(10.0), math.radians(45.0))
         state["time_usec"] = 5_000_000
         self.controllers.uavs[0]["actuators"]["controls"][:4] = (0.5, -1.0, 1.0, 0.25)
-        self.vehicle = Vehicle(config, self.hot, self.controllers, UNIX_S)
+        self.vehicle = VehicleServices(config, self.hot, self.controllers, UNIX_S)
         (self.telemetry,) = self.vehicle.telemetry
         self.speaker = FramePacker(3, 1)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from vehicle_bench import ACCEPTED, ARM, DENIED, START, UAV, Bench, of_type
 
-from ftc_autopilot.control.controllers import Source
+from ftc_autopilot.control.controllers import ReferenceSource
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.constants import AUTO, GUIDED, LOITER, SIMULATOR_COMPONENT
@@ -40,7 +40,7 @@ def test_a_started_mission_flies_the_uploaded_profile(scenario1: Scenario) -> No
     assert bench.command(START) == ACCEPTED
     guidance = bench.controllers.uavs[0]["guidance"]
     assert bench.vehicle.modes.mode == AUTO
-    assert (guidance["follows"], guidance["start_step"]) == (Source.PROFILE, 0)
+    assert (guidance["follows"], guidance["start_step"]) == (ReferenceSource.PROFILE, 0)
     assert bench.controllers.uavs[0]["profile"]["count"] == 3
 
 

@@ -7,7 +7,7 @@ import pytest
 from vehicle_bench import ACCEPTED, ARM, DENIED, START, UAV, Bench, of_type
 
 from ftc_autopilot.common.geography import Origin, place_of
-from ftc_autopilot.control.controllers import Source
+from ftc_autopilot.control.controllers import ReferenceSource
 from ftc_autopilot.guidance.path import point_at
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
@@ -83,7 +83,7 @@ def test_a_mission_is_flown_from_where_the_aircraft_is(bench: PathBench) -> None
     assert bench.upload_items((HOME, *TRIANGLE)) == dialect.MAV_MISSION_ACCEPTED
     bench.fly()
     assert bench.command(START) == ACCEPTED
-    assert (bench.vehicle.modes.mode, bench.guidance["follows"]) == (AUTO, Source.PATH)
+    assert (bench.vehicle.modes.mode, bench.guidance["follows"]) == (AUTO, ReferenceSource.PATH)
     begin = point_at(bench.path.record, 0.0)
     assert (begin.north, begin.east) == (200.0, 100.0)
     assert bench.path.item() == 1
@@ -155,7 +155,7 @@ def test_another_mission_in_flight_is_flown_from_here(bench: PathBench) -> None:
     assert point_at(bench.path.record, 0.0).north == 1000.0
     bench.say(dialect.MAVLink_mission_clear_all_message(UAV, 1, 0))
     assert bench.vehicle.modes.mode == LOITER
-    assert bench.guidance["follows"] == Source.PATH
+    assert bench.guidance["follows"] == ReferenceSource.PATH
 
 
 def test_loiter_circles_to_the_right_of_where_the_aircraft_is(bench: PathBench) -> None:

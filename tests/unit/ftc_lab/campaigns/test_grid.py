@@ -7,7 +7,7 @@ from sweeping import swept
 
 from ftc_lab.campaigns.again import check_same, scenario_of_row
 from ftc_lab.campaigns.folder import default_folder
-from ftc_lab.campaigns.grid import Grid, plan_grid
+from ftc_lab.campaigns.grid import SweepGrid, plan_grid
 from ftc_lab.campaigns.plan import row_of, rows_of
 from gcs.errors import BadInput
 from gcs.fleet.in_process import fly_in_process
@@ -21,7 +21,7 @@ PAPER = Path(__file__).parents[4] / "scenarios" / "paper"
 SCENARIO_1 = PAPER / "scenario1.yaml"
 
 
-def grid_of(files: list[Path], *settings: str) -> Grid:
+def grid_of(files: list[Path], *settings: str) -> SweepGrid:
     return plan_grid(files, parse_axes(settings))
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from ftc_lab.reports.paper import CONTROLLERS, MODES, Results, paper_report
+from ftc_lab.reports.paper import CONTROLLERS, MODES, PaperResults, paper_report
 from ftc_lab.reports.published_values import FIG_9, TABLE_IV, TABLE_V
 from gcs.results.figures import ChannelSummary, FlightSummary, UavSummary
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES
@@ -27,7 +27,7 @@ def summary(
     )
 
 
-def results(**changed: Any) -> Results:
+def results(**changed: Any) -> PaperResults:
     """Flights that give what the paper prints, but for some."""
     files = ("scenario1", *CONTROLLERS, *MODES)
     proposed = TABLE_IV["scenario2_proposed"], TABLE_V["scenario2_proposed"]
@@ -35,7 +35,7 @@ def results(**changed: Any) -> Results:
     for file in ("scenario2_periodic", "scenario2_backstepping"):
         summaries[file] = summary(TABLE_IV[file], TABLE_V[file])
     lag = dict.fromkeys(QUANTITIES, 12.0)
-    return Results(summaries | changed, lag, "The theory.\n", {"fig5": "Fig. 5: paths."})
+    return PaperResults(summaries | changed, lag, "The theory.\n", {"fig5": "Fig. 5: paths."})
 
 
 def test_what_equals_the_paper_has_ratio_one() -> None:

@@ -9,7 +9,7 @@ from theory_flights import SHORT, python_loop, scenario_with, synthetic
 
 from ftc_autopilot.control.controller import SIGNALS
 from ftc_lab.theory import Theory, check_theory, theory_sentences
-from ftc_lab.theory.judgement import Verdict
+from ftc_lab.theory.judgement import TheoremVerdict
 from gcs.fleet import in_process
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.recording import Recording
@@ -52,7 +52,7 @@ def test_steps_that_an_autopilot_did_not_make_are_left_out_and_counted(
     steps = []
     for uav in theory.uavs:
         for part in uav.proofs.values():
-            assert part.verdict is Verdict.HELD
+            assert part.verdict is TheoremVerdict.HELD
         speed = uav.proofs["speed"].equalities
         steps.append({f"{e.equation} {e.quantity}": e.steps for e in speed})
     assert steps[2]["(33) T̂"] == 390
@@ -73,7 +73,7 @@ def test_a_flight_that_ends_in_no_numbers_is_no_problem(
         signals[name][-2:] = np.nan
     broken = replace(flown, states=states, signals=signals, loss="lost")
     theory = checked(check_theory(broken, scenario))
-    assert theory.uavs[2].proofs["attitude"].verdict is Verdict.HELD
+    assert theory.uavs[2].proofs["attitude"].verdict is TheoremVerdict.HELD
     assert theory.uavs[2].missing_steps == 2
 
 
@@ -81,7 +81,7 @@ def test_a_flight_without_any_number_is_no_problem(scenario1: Scenario) -> None:
     recording = synthetic(50, 3)
     recording.signals["V"][:] = np.nan
     theory = checked(check_theory(recording, scenario1))
-    assert theory.uavs[0].proofs["speed"].verdict is Verdict.LEFT
+    assert theory.uavs[0].proofs["speed"].verdict is TheoremVerdict.LEFT
     assert theory.uavs[0].proofs["speed"].certificate is None
 
 
@@ -93,7 +93,7 @@ def test_in_real_time_what_needs_the_age_of_data_is_not_compared(
     part = theory.uavs[0].proofs["attitude"]
     skipped = {e.equation for e in part.equalities if e.steps == 0}
     assert skipped == {"(32)", "(57)", "(58)", "(19)"}
-    assert part.verdict is Verdict.HELD
+    assert part.verdict is TheoremVerdict.HELD
     assert any("Not compared: (19)" in sentence for sentence in theory_sentences(theory))
 
 

@@ -11,7 +11,7 @@ from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_lab.theory import check_theory, theory_sentences
 from ftc_lab.theory.equality import ROUNDING
 from ftc_lab.theory.ground_truth import Known, known_quantities, solve
-from ftc_lab.theory.judgement import Verdict
+from ftc_lab.theory.judgement import TheoremVerdict
 from ftc_lab.theory.lyapunov import attitude_subsystem, speed_subsystem
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.recording import Recording
@@ -165,11 +165,11 @@ def test_jumps_are_left_out_and_counted(rough: tuple[Recording, Scenario]) -> No
 
 def test_a_stuck_actuator_leaves_the_hypotheses(rough: tuple[Recording, Scenario]) -> None:
     leader, follower, _ = (uav.proofs for uav in check_theory(*rough).uavs)
-    assert follower["attitude"].verdict is Verdict.LEFT
+    assert follower["attitude"].verdict is TheoremVerdict.LEFT
     assert follower["attitude"].hypotheses.no_effectiveness == {"rudder": 100}
     assert follower["attitude"].hypotheses.assumption_2 == 0.0
-    assert follower["speed"].verdict is Verdict.HELD
-    assert leader["speed"].verdict is Verdict.HELD  # effectiveness 0.9 is within them
+    assert follower["speed"].verdict is TheoremVerdict.HELD
+    assert leader["speed"].verdict is TheoremVerdict.HELD  # effectiveness 0.9 is within them
 
 
 @pytest.mark.parametrize("fault", ["loe_aileron_severe", "stuck_at_aileron"])
@@ -178,8 +178,8 @@ def test_a_departed_flight_leaves_the_hypotheses(fault: str) -> None:
     scenario = scenario.model_copy(update={"duration_s": 20.3})  # roll passes 90° at 19.3 s
     theory = check_theory(fly_in_process(scenario), scenario)
     part = theory.uavs[2].proofs["attitude"]
-    assert part.verdict is Verdict.LEFT
-    assert theory.uavs[1].proofs["attitude"].verdict is Verdict.HELD
+    assert part.verdict is TheoremVerdict.LEFT
+    assert theory.uavs[1].proofs["attitude"].verdict is TheoremVerdict.HELD
     hypotheses = part.hypotheses
     if fault == "stuck_at_aileron":
         assert hypotheses.no_effectiveness["aileron"] == 1300
@@ -195,7 +195,7 @@ def test_a_wrong_control_effectiveness_violates_assumption_1() -> None:
     scenario = scenario_with(duration_s=0.1, uncertainty={"coefficients": 2.5})
     part = check_theory(fly_in_process(scenario), scenario).uavs[0].proofs["attitude"]
     assert part.hypotheses.assumption_1 == pytest.approx(1.5)
-    assert part.verdict is Verdict.LEFT
+    assert part.verdict is TheoremVerdict.LEFT
 
 
 @pytest.mark.parametrize(("subsystem", "channel"), [("speed", 0), ("attitude", 2)])
@@ -206,7 +206,7 @@ def test_an_error_that_runs_away_is_caught(
     signals = recording.signals.copy()
     signals["sync_error"][:, 0, channel] += 100.0 * recording.time_s**2
     part = check_theory(replace(recording, signals=signals), scenario).uavs[0].proofs[subsystem]
-    assert part.verdict is Verdict.VIOLATED
+    assert part.verdict is TheoremVerdict.VIOLATED
     assert "V̇_L ≤ -κ V_L + χ by finite differences" in part.contradicted
     assert part.certificate is not None
     assert part.certificate.finite_difference.largest_excess > 0.0  # type: ignore[operator]  # not None
@@ -236,4 +236,4 @@ def test_a_changed_number_anywhere_in_the_record_is_caught(
         judged = [
             part for uav in check_theory(changed, scenario).uavs for part in uav.proofs.values()
         ]
-        assert Verdict.VIOLATED in {part.verdict for part in judged}, component
+        assert TheoremVerdict.VIOLATED in {part.verdict for part in judged}, component

@@ -10,7 +10,7 @@ from ftc_autopilot.common import angles
 from ftc_autopilot.control import controller
 from ftc_autopilot.control.laws import proposed
 from ftc_lab.theory import check_theory, theory_sentences
-from ftc_lab.theory.judgement import Verdict
+from ftc_lab.theory.judgement import TheoremVerdict
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.recording import Recording
 
@@ -160,7 +160,7 @@ def test_a_wrong_law_is_caught_by_its_equation(name: str, monkeypatch: pytest.Mo
         for subsystem, part in uav.proofs.items():
             caught = {f"{e.equation} {e.quantity}" for e in part.equalities if e.violated}
             if subsystem == wrong:
-                assert part.verdict is Verdict.VIOLATED
+                assert part.verdict is TheoremVerdict.VIOLATED
                 assert expected <= caught
             else:
                 assert caught == set()
@@ -212,7 +212,7 @@ def test_a_reference_that_is_filtered_otherwise_is_caught(
         for part in uav.proofs.values():
             caught = {f"{e.equation} {e.quantity}" for e in part.equalities if e.violated}
             assert any("from the commands" in one for one in caught) != is_right
-            assert (part.verdict is Verdict.VIOLATED) != is_right
+            assert (part.verdict is TheoremVerdict.VIOLATED) != is_right
 
 
 def test_the_laws_as_they_are_pass_the_same_flight(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -223,5 +223,5 @@ def test_the_laws_as_they_are_pass_the_same_flight(monkeypatch: pytest.MonkeyPat
     assert flown.states.tobytes() == compiled.states.tobytes()
     for uav in check_theory(flown, scenario_with(**SHORT)).uavs:
         for part in uav.proofs.values():
-            assert part.verdict is Verdict.HELD
+            assert part.verdict is TheoremVerdict.HELD
             assert all(e.steps >= 399 for e in part.equalities)

@@ -13,7 +13,7 @@ from tui_bench import heartbeat, sent
 
 from gcs.fleet.foxglove_scene import FormationScene, orientation
 from gcs.fleet.live_channels import LiveChannels, all_channels
-from gcs.results.channels import Kind, encoded
+from gcs.results.channels import ChannelKind, encoded
 from gcs.results.columns import COLUMNS
 from gcs.station.fleet_state import FleetState
 from gcs.station.notifications import WARNING, Notification
@@ -35,7 +35,7 @@ class Bench:
         self.say(heartbeat(1))
 
     def _publish(
-        self, kind: Kind, system: int, time_s: float, make: Callable[[], Mapping[str, Any]]
+        self, kind: ChannelKind, system: int, time_s: float, make: Callable[[], Mapping[str, Any]]
     ) -> None:
         message = json.loads(encoded(make()))
         assert message.keys() == kind.fields.keys()

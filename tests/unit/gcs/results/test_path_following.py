@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from ftc_autopilot.guidance.legs import Leg
 from ftc_autopilot.guidance.path import path_record, point_at
-from gcs.results.path_following import SETTLING_S, PathErrors, PathFollowing
+from gcs.results.path_following import SETTLING_S, PathErrors, PathFigures
 from gcs.results.recording import Steps
 from gcs.results.separation import Separation
 
@@ -61,8 +61,8 @@ def flight(
     return made
 
 
-def followed(steps: Steps, leaders: tuple[int, ...] = (0,)) -> PathFollowing:
-    following = PathFollowing(np.stack([corner()] * steps.states.shape[1]), leaders, STEP_US)
+def followed(steps: Steps, leaders: tuple[int, ...] = (0,)) -> PathFigures:
+    following = PathFigures(np.stack([corner()] * steps.states.shape[1]), leaders, STEP_US)
     following.add(steps)
     return following
 
@@ -121,7 +121,7 @@ def test_it_does_not_matter_how_the_steps_arrive(cuts: list[int]) -> None:
     steps = flight(500, V_FORMATION, [0.0, 3.0, -2.0], [0.5, -1.0, 2.0], [0.0, 1.0, -3.0])
     steps.signals["V"][200:230, 1] = np.nan
     steps.signals["path_position"][200:230, 1] = np.nan
-    whole, parts = followed(steps), PathFollowing(np.stack([corner()] * 3), (0,), STEP_US)
+    whole, parts = followed(steps), PathFigures(np.stack([corner()] * 3), (0,), STEP_US)
     separation, together = Separation((1, 2, 3), STEP_US), Separation((1, 2, 3), STEP_US)
     separation.add(0, steps.states)
     for begin, end in zip([0, *sorted(cuts)], [*sorted(cuts), 500], strict=True):

@@ -13,7 +13,7 @@ from gcs.tui.app import MIN_SIZE, Dashboard
 from gcs.tui.curves import Palette
 from gcs.tui.key_bar import KeyBar
 from gcs.tui.keys import TABS
-from gcs.tui.labels import Mark, draw_marks, sheet_of
+from gcs.tui.labels import MapMark, draw_marks, sheet_of
 
 GREY = (9, 9, 9)
 PALETTE = Palette(GREY, GREY, GREY, (GREY, GREY, GREY, GREY), GREY, GREY)
@@ -39,7 +39,7 @@ def drawn(
     plotext.plotsize(*size)
     plotext.plot([0.0], [0.0], marker=" ")
     sheet = sheet_of(plotext, size, (0.0, 0.0), (31.0, 31.0))
-    draw_marks(sheet, [Mark(i, "↑", at, i == selected) for i, at in fleet.items()], PALETTE)
+    draw_marks(sheet, [MapMark(i, "↑", at, i == selected) for i, at in fleet.items()], PALETTE)
     for at in fleet.values():
         sheet.write_sign("○", at, PALETTE.text)
     for number, at in route:

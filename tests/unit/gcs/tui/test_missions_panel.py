@@ -18,11 +18,11 @@ from waiting import answer, until, until_focused
 from ftc_autopilot.common.geography import Origin, place_of
 from gcs.errors import CommandRefused
 from gcs.station.mission import Mission, is_same
-from gcs.station.navigation import Home, home_of
+from gcs.station.navigation import KnownHome, home_of
 from gcs.tui.app import Dashboard
 from gcs.tui.curves import Palette
-from gcs.tui.map_drawing import Scene, Window, draw_map, scene_of, wind_text
-from gcs.tui.mission_list import MissionList, PlaceError, read_place
+from gcs.tui.map_drawing import MapWindow, Scene, draw_map, scene_of, wind_text
+from gcs.tui.mission_list import MissionList, WrittenPlaceError, read_place
 from gcs.tui.missions import MapView, MissionsPanel
 from mavlink_defs import dialect
 from mavlink_defs.constants import INT32_MAX
@@ -30,7 +30,7 @@ from mavlink_defs.mission_files import mission_item
 from mavlink_defs.services.mission import MissionItem
 
 ORIGIN = Origin()
-HOME = Home(ORIGIN, 0.0, 0.0)
+HOME = KnownHome(ORIGIN, 0.0, 0.0)
 
 
 def at(seq: int, north: float, east: float, height: float = 300.0) -> MissionItem:
@@ -206,7 +206,7 @@ def test_the_map_zooms_pans_and_follows() -> None:
         await pilot.press("left", "left", "minus")
         assert drawn.window.shift[1] < 0.0
         await pilot.press("0")
-        assert drawn.window == Window()
+        assert drawn.window == MapWindow()
 
     drive(work, fleet())
 
@@ -238,7 +238,7 @@ def test_an_item_that_is_jumped_to_has_its_number_once_on_the_map() -> None:
     plotext.plotsize(60, 20)
     grey = (9, 9, 9)
     palette = Palette(grey, grey, grey, (grey, grey, grey, grey), grey, grey)
-    draw_map(plotext, Scene(route=route), Window(), (60, 20), palette)
+    draw_map(plotext, Scene(route=route), MapWindow(), (60, 20), palette)
     lines = plotext.uncolorize(plotext.build()).splitlines()[1:-2]
     text = " ".join(re.split("[┤│]", line, maxsplit=1)[1] for line in lines)
     assert re.findall(r"\d", text) == ["1", "2", "3"]
@@ -254,16 +254,16 @@ def test_a_map_shows_everything_at_equal_scales(
     zoom: float, width: int, height: int, places: list[tuple[float, float]]
 ) -> None:
     scene = Scene(route=list(enumerate(places)))
-    middle, reach = Window().limits(scene, (width, height))
+    middle, reach = MapWindow().limits(scene, (width, height))
     assert (np.abs(np.array(places) - middle) <= np.array(reach)).all()
     assert reach[1] / (width - 8) == pytest.approx(reach[0] / (2 * (height - 3)))
-    nearer = Window(zoom).limits(scene, (width, height))[1]
+    nearer = MapWindow(zoom).limits(scene, (width, height))[1]
     assert nearer == pytest.approx((reach[0] / zoom, reach[1] / zoom))
 
 
 @given(st.floats(-5e4, 5e4), st.floats(-5e4, 5e4), st.floats(-100.0, 3e3))
 def test_places_come_back(north: float, east: float, height: float) -> None:
-    home = Home(ORIGIN, 12.0, -7.0)
+    home = KnownHome(ORIGIN, 12.0, -7.0)
     item = at(1, 100.0, 100.0)
     item.x, item.y = home.degrees_of(north, east)
     item.z = home.altitude_of(item, height)
@@ -286,5 +286,5 @@ def test_items_without_a_place() -> None:
 
 @pytest.mark.parametrize("text", ["", "1 2", "1 2 3 4", "a b c", "1 nan 2", "1e999 0 0", "2e5 0 0"])
 def test_what_is_no_place(text: str) -> None:
-    with pytest.raises(PlaceError):
+    with pytest.raises(WrittenPlaceError):
         read_place(text)

@@ -11,9 +11,9 @@ from textual.pilot import Pilot
 from tui_bench import Station, at_screen, live, sent
 
 from gcs.tui.app import Dashboard
-from gcs.tui.events import EventLog
+from gcs.tui.events import EventTable
 from gcs.tui.fleet_table import _GROUP_WIDTH, _LEAST_FAULTS, FleetTable, diagnosis_text
-from gcs.tui.grid import Column, Row, _fit
+from gcs.tui.grid import GridColumn, Row, _fit
 from gcs.tui.key_bar import KeyBar
 from gcs.tui.wire_panel import WirePanel
 from mavlink_defs import dialect
@@ -51,10 +51,10 @@ def test_a_scroll_bar_hides_no_text() -> None:
     text = "texts " * 50
 
     async def work(app: Dashboard, pilot: Pilot[None]) -> None:
-        grid = app.query_one(EventLog)
+        grid = app.query_one(EventTable)
         for count, there in ((1, False), (99, True), (1, False)):
             rows = [Row(i, ((text, ""),)) for i in range(count)]
-            grid.show([Column("text", 0, "left")], rows)
+            grid.show([GridColumn("text", 0, "left")], rows)
             await pilot.pause()
             assert grid.show_vertical_scrollbar == there
             room = grid.scrollable_content_region.width

@@ -19,7 +19,7 @@ from gcs.tui.guard import Failed
 from gcs.tui.parameters import ParametersPanel
 from gcs.tui.profile_views import ProfileFiles
 from gcs.tui.profiles import ProfilesPanel
-from gcs.tui.requests import Choice, VehicleAction
+from gcs.tui.requests import Answer, VehicleAction
 from mavlink_defs.services.param import Param
 
 FOREIGN = "[red]X[/] [/] \x1b]0;P\x07\x9b2J\u202e\u2028\r\n[@click=app.quit]q"
@@ -45,7 +45,7 @@ async def notice(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:
 
 
 async def question(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:
-    app.push_screen(Question(FOREIGN, [Choice(FOREIGN, "")]))
+    app.push_screen(Question(FOREIGN, [Answer(FOREIGN, "")]))
 
 
 async def refusal(app: Dashboard, pilot: Pilot[None], folder: Path) -> None:

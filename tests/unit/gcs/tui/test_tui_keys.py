@@ -10,7 +10,7 @@ from waiting import answer, until, until_focused
 
 from gcs.errors import CommandRefused, NoAnswer
 from gcs.tui.app import Dashboard
-from gcs.tui.grid import Column, Grid, Row
+from gcs.tui.grid import Grid, GridColumn, Row
 from gcs.tui.view import LiveSource
 from mavlink_defs.faults.fault import Fault
 
@@ -87,7 +87,7 @@ def test_in_a_log_nothing_can_be_done() -> None:
 
 
 def test_a_grid_keeps_its_cursor_on_what_it_stands_for() -> None:
-    columns = (Column("name", 8, "left"), Column("value", 0))
+    columns = (GridColumn("name", 8, "left"), GridColumn("value", 0))
 
     def rows(*names: str) -> list[Row]:
         return [Row(name, ((name, ""), ("1", "good"))) for name in names]

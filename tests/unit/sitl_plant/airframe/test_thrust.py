@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from ftc_autopilot.control.laws.tube.prediction import Servo, Start, predict
+from ftc_autopilot.control.laws.tube.prediction import PredictionStart, ServoModel, predict
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import THROTTLE
 from sitl_plant.airframe.aircraft import aircraft_record
@@ -123,8 +123,8 @@ def test_plant_and_nominal_model_move_alike(
     asked = 1990.0 - 1490.0 * np.exp(-at / 0.3)
     assert (asked > [most_at(V) for V in airspeeds]).any()
 
-    start = Start(
-        load_state(states[1]), np.array([*DELTA, 500.0]), Servo(0.0, math.inf, 0.3),
+    start = PredictionStart(
+        load_state(states[1]), np.array([*DELTA, 500.0]), ServoModel(0.0, math.inf, 0.3),
         np.zeros(6), np.zeros(6), 0.1,
     )  # fmt: skip
     outputs = np.empty((4, 100))

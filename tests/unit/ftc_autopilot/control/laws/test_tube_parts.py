@@ -24,7 +24,7 @@ from ftc_autopilot.control.laws.tube.fallback import (
 )
 from ftc_autopilot.control.laws.tube.observer import observe
 from ftc_autopilot.control.laws.tube.plan import best_change, first_exit
-from ftc_autopilot.control.laws.tube.prediction import Servo, Start, predict
+from ftc_autopilot.control.laws.tube.prediction import PredictionStart, ServoModel, predict
 from ftc_autopilot.control.laws.tube.tube import build_tube, to_errors
 from ftc_autopilot.control.reference import filter_reference
 from ftc_autopilot.control.step import ALL, Command, Step
@@ -38,7 +38,7 @@ from sitl_plant.airframe.rigid_body import STILL_AIR, load_state, state_derivati
 
 DT = 1e-3
 STATE = (NOTHING, (45.0, 0.5, 2.5), (0.05, 0.1, 0.3), (0.02, -0.03, 0.01))
-IDEAL = Servo(0.0, math.inf, 0.0)
+IDEAL = ServoModel(0.0, math.inf, 0.0)
 
 
 def gains_of(**parameters: Any) -> np.void:
@@ -86,7 +86,7 @@ def test_a_lag_without_a_limit_is_exponential() -> None:
 # the prediction
 
 
-def integrated(nominal: np.void, servo: Servo, d: np.ndarray, slope: np.ndarray) -> np.ndarray:
+def integrated(nominal: np.void, servo: ServoModel, d: np.ndarray, slope: np.ndarray) -> np.ndarray:
     """Airspeed and attitude every 15 ms over 0.6 s, by an integrator with a small tolerance."""
 
     def derivative(s: float, x: np.ndarray) -> np.ndarray:
@@ -111,12 +111,12 @@ def integrated(nominal: np.void, servo: Servo, d: np.ndarray, slope: np.ndarray)
     return np.array([np.linalg.norm(x[3:6], axis=0), *x[6:9]])
 
 
-@pytest.mark.parametrize("servo", [IDEAL, Servo(0.02, 7.0, 0.05)])
-def test_the_prediction_is_the_plants_motion(nominal: np.void, servo: Servo) -> None:
+@pytest.mark.parametrize("servo", [IDEAL, ServoModel(0.02, 7.0, 0.05)])
+def test_the_prediction_is_the_plants_motion(nominal: np.void, servo: ServoModel) -> None:
     """Of the nominal aircraft; halving the step quarters the error, as a midpoint rule's."""
     d = np.array([0.1, -0.2, 0.3, 0.2, -0.1, 0.1])
     slope = np.array([0.5, 0.0, -0.5, 1.0, 0.5, -0.5])
-    start = Start(STATE, np.array([0.0, 0.0, 0.0, 700.0]), servo, d, slope, 0.135)
+    start = PredictionStart(STATE, np.array([0.0, 0.0, 0.0, 700.0]), servo, d, slope, 0.135)
     exact = integrated(nominal, servo, d, slope)
     errors = []
     for halves in (1, 2):
@@ -267,7 +267,7 @@ def test_a_plan_without_room_meets_the_path_when_it_has_settled(
     now = on_the_way(errors, command, filtered)._replace(motion=motion, first=True)
     assert check(now, commands.copy(), False, nominal, gains, state, commands) == ALL
     path, width, outputs = (np.empty((4, 40)) for _ in range(3))
-    start = Start(STATE, commands, IDEAL, np.zeros(6), np.zeros(6), 0.13)
+    start = PredictionStart(STATE, commands, IDEAL, np.zeros(6), np.zeros(6), 0.13)
     predict(start, commands, 0.015, 40, nominal, outputs)
     build_tube(now, 40, gains, path, width)
     to_errors(outputs, path, 40)
