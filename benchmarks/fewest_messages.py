@@ -46,7 +46,7 @@ _SAMPLES = 480
 _SOFT = 0.05  # m/s or deg, below which an error counts as a square
 _STEP = 1e-4  # of a derivative: share of a limit, or ms
 _TRIALS = 14
-_MOST = 200
+_MAX_MESSAGES = 200
 _MARGIN = 0.995  # of the budget, for what the coarse step and rounding cost
 
 
@@ -261,7 +261,7 @@ def search(
     schedule, ratios = improve(sky, start, rounds)
     on_found(schedule, ratios)
     while ratios.max() > _MARGIN:
-        if schedule.messages >= _MOST:
+        if schedule.messages >= _MAX_MESSAGES:
             return None
         schedule, ratios = improve(sky, with_one_more(sky, schedule), rounds)
         on_found(schedule, ratios)
@@ -345,7 +345,7 @@ def main() -> None:
 
     found = search(sky, best, arguments.rounds, report)
     if found is None:
-        raise SystemExit(f"no schedule of {_MOST} messages is within the budget")
+        raise SystemExit(f"no schedule of {_MAX_MESSAGES} messages is within the budget")
     fine = Sky(scenario, scenario.step_us)
     sent = found.on_the_wire(scenario.step_us)
     error = fine.error(sent)

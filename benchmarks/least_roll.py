@@ -24,7 +24,7 @@ from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft
 
 _DT = 1e-3
-_LONGEST_S = 4.0
+_MAX_S = 4.0
 _PAPER_S = 24.0
 _MEAN_S = 0.5  # over which commands are averaged to what balances the aircraft
 
@@ -76,7 +76,7 @@ def _largest(
     model: np.ndarray, aileron: float, stop: float, after_s: float, lag_s: float, rate: float
 ) -> float:
     x, rudder, largest = np.zeros(4), 0.0, 0.0
-    for k in range(round(_LONGEST_S / _DT)):
+    for k in range(round(_MAX_S / _DT)):
         command = stop if k * _DT >= after_s else 0.0
         change = (command - rudder) * min(_DT / lag_s if lag_s > 0.0 else 1.0, 1.0)
         rudder += min(max(change, -rate * _DT), rate * _DT)

@@ -55,7 +55,7 @@ SENDERS = (
 """Laws, and triggers under them."""
 HARDWARE = ("ideal", "realistic", "cheap_imu")
 TURBULENCE = ("none", "light", "moderate")
-LONGEST = 1000
+MAX_PERIODS = 1000
 """Control periods of the slowest clock that is flown."""
 _EQUAL = 1.01
 
@@ -191,10 +191,10 @@ def compare(scenario: Scenario, fly_all: Any, by_channel: Sequence[Yardstick] = 
         return Compared(sent, messages, True, {}, {})
     base = periodic_base(scenario, Path(scenario.name), {})
     search = Search(base, reference, _EQUAL, fly_all, lambda: None)
-    one_for_all = ((n,) * N_CHANNELS for n in some_periods(LONGEST, FINE))
+    one_for_all = ((n,) * N_CHANNELS for n in some_periods(MAX_PERIODS, FINE))
     slowest = search.slowest_equal(one_for_all, YARDSTICKS)
     own = {
-        yardstick: search.per_channel(slowest[yardstick], LONGEST, yardstick)
+        yardstick: search.per_channel(slowest[yardstick], MAX_PERIODS, yardstick)
         for yardstick in by_channel
         if yardstick in slowest
     }

@@ -41,7 +41,7 @@ _LOCKSTEP_TURN_US = 100_000
 """Lockstep: telemetry is made at multiples of this time of its clock, or of a shorter one [µs]."""
 _LOCKSTEP_WAIT_S = 0.5
 """Lockstep: longest time between two turns to the services [s]."""
-_MOST_AT_ONCE = 32
+_MAX_AT_ONCE = 32
 """Real time: most messages to a ground station after steps that were missed."""
 _MAX_GCS_DATAGRAMS = 8
 """Most datagrams of ground stations handled at a time while no control step can be late."""
@@ -226,7 +226,7 @@ class Autopilot:
         passed, self._served_step = self._hot.step - self._served_step, self._hot.step
         most = None
         if self._in_real_time:
-            most = min(self._most_per_step * max(passed, 1), _MOST_AT_ONCE)
+            most = min(self._most_per_step * max(passed, 1), _MAX_AT_ONCE)
         more = True
         if not self._vehicle.has_gcs_messages:  # answer earlier requests first
             more = self._receive_from_ground_stations(most or _MAX_GCS_DATAGRAMS)

@@ -12,7 +12,7 @@ MESSAGES: dict[int, Any] = dialect.mavlink_map
 """Every message class of the dialect, by id."""
 
 _HEADER, _CRC, _MAX_PAYLOAD = 10, 2, 255
-_LONGEST_NOISE = 400  # bytes
+_MAX_NOISE = 400  # bytes
 _SIZES = {"b": 1, "h": 2, "i": 4, "q": 8}
 _FLOATS = (
     0.0,
@@ -98,5 +98,5 @@ def damaged(random: Random, frame: bytes) -> bytes:
 
 def noise(random: Random) -> bytes:
     """Return any bytes; half of the results begin as a frame does."""
-    raw = random.randbytes(random.randrange(_LONGEST_NOISE))
+    raw = random.randbytes(random.randrange(_MAX_NOISE))
     return b"\xfd" + raw if random.random() < 0.5 else raw

@@ -22,7 +22,7 @@ from mavlink_defs.visible import visible_lines
 _PIPE_WIDTH = 10_000
 _NARROWEST_TEXT = 12
 """Width down to which a column of texts is folded."""
-LONGEST_WORD = 24
+MAX_WORD = 24
 """Length up to which a word, or a number in a text, is not broken."""
 
 
@@ -167,7 +167,7 @@ class _Uncut(Table):
                 surplus -= widest - column.min_width
             else:
                 word = _longest(word for text in (heading, *cells) for word in text.split())
-                column.min_width = min(widest, max(_NARROWEST_TEXT, min(word, LONGEST_WORD)))
+                column.min_width = min(widest, max(_NARROWEST_TEXT, min(word, MAX_WORD)))
                 room[index] = range(column.min_width, widest)
         while surplus > 0 and any(room.values()):  # rich's own way forgets what the least is
             widest = max(room, key=lambda one: (bool(room[one]), room[one].stop))

@@ -29,7 +29,7 @@ _HEAD_SIZE = 1_000_000  # bytes; keys of plans may be in any order
 MISSION_SUFFIXES = frozenset({".plan", ".waypoints"})
 """Names of files that are written, and of files that are missions whatever is in them."""
 _COLUMNS = 12
-_LARGEST = 1e38  # a float32 field holds a little more
+_MAX_FLOAT = 1e38  # a float32 field holds a little more
 _Number = TypeVar("_Number", int, float)
 _FRAME = dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT
 _PLANE = dialect.MAV_TYPE_FIXED_WING
@@ -292,8 +292,10 @@ def _numbers(values: Sequence[Any], where: str, count: int) -> list[float]:
     for value in values:
         if value is not None and (isinstance(value, bool) or not isinstance(value, int | float)):
             raise _NotOneError(f"{where}: expected numbers, got {value!r}")
-        if value is not None and abs(value) > _LARGEST:  # a whole number may be too large for %g
-            raise _NotOneError(f"{where}: expected numbers within {_LARGEST:g}, got {shown(value)}")
+        if value is not None and abs(value) > _MAX_FLOAT:  # a whole number may be too large for %g
+            raise _NotOneError(
+                f"{where}: expected numbers within {_MAX_FLOAT:g}, got {shown(value)}"
+            )
         numbers.append(math.nan if value is None else float(value))
     return numbers
 

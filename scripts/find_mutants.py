@@ -101,7 +101,7 @@ TESTS = {
     f"{_P}/air/gaussian.py": (f"{_P}/air/test_gaussian",),
 }
 """Modules with equations, and the tests of each under tests/unit."""
-LONGEST_S = 3
+MAX_TEST_S = 3
 """Tests that take longer as plain Python, or do not pass as such, are left out."""
 FLIGHT = "fly_in_process"
 """So are tests that call this."""
@@ -176,7 +176,7 @@ class Trials:
             if isinstance(item, pytest.Function) and FLIGHT in inspect.getsource(item.function):
                 continue
             before = time.monotonic()
-            status = self._status_of([item], LONGEST_S)
+            status = self._status_of([item], MAX_TEST_S)
             if status == 0:
                 self._seconds[item] = time.monotonic() - before
             else:

@@ -10,14 +10,14 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from ftc_autopilot.control.heading import remaining_side_force, weathercock_problem
-from ftc_autopilot.control.pairing import LEAST_RELATIVE_GAIN, is_coupled, relative_gain
+from ftc_autopilot.control.pairing import MIN_RELATIVE_GAIN, is_coupled, relative_gain
 from mavlink_defs.constants import SURFACES
 from sitl_plant.airframe.aerodynamics import lateral
 from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft
 from sitl_plant.airframe.level_flight import LevelFlight, authority, largest_thrust
 
-_LARGEST_RELATIVE_GAIN = 1.6
+_MAX_RELATIVE_GAIN = 1.6
 """Above it aileron and rudder undo much of each other's work: the Aerosonde, changed so, lacks the
 authority for the steps of a design."""
 _AREA = 0.3  # by which S may differ from b c
@@ -125,7 +125,7 @@ def _pairing(aircraft: Aircraft) -> AirframeCheck:
             "roll and yaw take small steps, and many messages"
         )
     return AirframeCheck(
-        PAIRING, f"{gain:.2f}", LEAST_RELATIVE_GAIN <= gain <= _LARGEST_RELATIVE_GAIN, text
+        PAIRING, f"{gain:.2f}", MIN_RELATIVE_GAIN <= gain <= _MAX_RELATIVE_GAIN, text
     )
 
 

@@ -31,9 +31,9 @@ from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft
 from sitl_plant.vec3 import Vec3, clamp
 
-_LARGEST_GAIN = 27.0 / 256.0  # without overshoot, relative to the bandwidth of the reference
+_MAX_GAIN = 27.0 / 256.0  # without overshoot, relative to the bandwidth of the reference
 _YAW = 3  # row of the reference
-_LEAST_COSINE = 0.3  # of the roll angle, in the turn rate
+_MIN_COSINE = 0.3  # of the roll angle, in the turn rate
 _ANY_AIRSPEED = 1.0  # m/s; the signs of what is judged do not depend on it
 
 
@@ -96,7 +96,7 @@ def bank_for(
         loop: The heading loop.
         g: Acceleration of gravity [m/s²].
     """
-    k = loop.gain if loop.gain > 0.0 else _LARGEST_GAIN * bandwidth
+    k = loop.gain if loop.gain > 0.0 else _MAX_GAIN * bandwidth
     rate = filtered[_YAW, 1] + 3.0 / bandwidth * filtered[_YAW, 2]
     rate += k * wrap(filtered[_YAW, 0] - motion.phi[2] - sideslip_of(motion))
     return clamp(math.atan2(motion.V * rate, g), -loop.bank_limit, loop.bank_limit)
@@ -118,7 +118,7 @@ def along_flight(now: Step, g: float) -> Step:
     """
     beta = sideslip_of(now.motion)
     roll, _, yaw = now.motion.phi
-    cosine = max(math.cos(roll), _LEAST_COSINE)
+    cosine = max(math.cos(roll), _MIN_COSINE)
     turning = g * math.sin(roll) / (cosine * max(now.motion.v[0], 1.0))
     reference, errors = now.reference, now.errors
     reference = replaced(reference, "phi", _with_yaw(reference.phi, yaw + beta))

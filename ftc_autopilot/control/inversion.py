@@ -12,7 +12,7 @@ from sitl_plant.airframe.config import Aircraft
 from sitl_plant.airframe.stops import has_actuator
 from sitl_plant.vec3 import Mat3, Vec3, add, dot, mat3, mul, scale
 
-_LEAST_EFFECT = 1e-3
+_MIN_EFFECT = 1e-3
 """Least effect of the weakest combination of the surfaces, relative to the strongest one.
 
 Below it, what a degree of the one does takes more than 1000° of the other.
@@ -37,14 +37,14 @@ def inversion_problem(aircraft: Aircraft, *, needs_rudder: bool = True) -> str |
         return "the effect of its surfaces is too large for a float"
     surfaces = [name for name in SURFACES if name != "rudder" or aircraft.has(name)]
     _, sizes, combinations = np.linalg.svd(effect[:, : len(surfaces)])
-    if sizes[-1] >= _LEAST_EFFECT * sizes[0] > 0.0:
+    if sizes[-1] >= _MIN_EFFECT * sizes[0] > 0.0:
         return None
     names = zip(surfaces, np.abs(combinations[-1]), strict=True)
     weak = " and ".join(name for name, part in names if part > _CONCERNED)
     ratio = sizes[-1] / sizes[0] if sizes[0] > 0.0 else 0.0
     return (
         f"no moment can be made by its {weak}: ratio of least to largest effect of the surfaces is "
-        f"{ratio:.3g}, expected >= {_LEAST_EFFECT:g}"
+        f"{ratio:.3g}, expected >= {_MIN_EFFECT:g}"
     )
 
 

@@ -18,7 +18,7 @@ from sitl_plant.airframe.aerodynamics import Lateral, control_effectiveness, lat
 from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft
 
-LEAST_RELATIVE_GAIN = 0.8
+MIN_RELATIVE_GAIN = 0.8
 """Below it aileron and rudder are coupled.
 
 The tube law, which can plan them one after the other or together, needs as many messages either
@@ -42,7 +42,7 @@ def is_coupled(aircraft: Aircraft) -> bool:
     are about these.
     """
     gain = relative_gain(aircraft)
-    return aircraft.has("rudder") and gain != 0.0 and gain < LEAST_RELATIVE_GAIN
+    return aircraft.has("rudder") and gain != 0.0 and gain < MIN_RELATIVE_GAIN
 
 
 def joint_moves(aircraft: Aircraft) -> np.ndarray:

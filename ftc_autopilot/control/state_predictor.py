@@ -28,7 +28,7 @@ from sitl_plant.airframe.rigid_body import (
 )
 from sitl_plant.vec3 import add, sub, vec3
 
-LONGEST_S = 0.1
+MAX_DELAY_S = 0.1
 """Longest delay that is predicted over, and longest gap that is interpolated [s]."""
 _RESOLVED_S, _RESOLVED_HELD_S = 0.003, 0.01
 """Longest gap of which interpolated states show what actuators did [s].
@@ -84,7 +84,7 @@ def is_after_gap(delay: np.void, measured: np.void, step_us: int) -> bool:
         step_us: Control period [µs].
     """
     missing = _missing(delay, measured)
-    return missing > 0 and missing > _periods(LONGEST_S, step_us)
+    return missing > 0 and missing > _periods(MAX_DELAY_S, step_us)
 
 
 @compiled
@@ -131,7 +131,7 @@ def age_in_force(delay: np.void, step: int, named: np.void, links: int, step_us:
 
     Returns:
         The age, or UNKNOWN: a command made before the last gap is still on its way, or one made
-        longer ago than `LONGEST_S`.
+        longer ago than `MAX_DELAY_S`.
     """
     count, events = delay["n_events"], delay["events"]
     applied = np.int64(named["actuator_time_usec"]) // step_us  # -1: none yet
@@ -147,7 +147,7 @@ def age_in_force(delay: np.void, step: int, named: np.void, links: int, step_us:
     age = max(links, least)
     if k >= max(0, count - _EVENTS):
         age = min(age, step - 1 - events[k % _EVENTS])
-    longest = min(_periods(LONGEST_S, step_us), _HISTORY - 1)
+    longest = min(_periods(MAX_DELAY_S, step_us), _HISTORY - 1)
     return int(age) if age <= longest else UNKNOWN
 
 
@@ -292,7 +292,7 @@ def periods_known(delay: np.void, known_s: float, step_us: int) -> int:
     """
     if delay["started"] == 0 or (delay["periods"] == 0 and known_s == 0.0):
         return 0
-    longest = min(_periods(LONGEST_S, step_us), _HISTORY - 1)
+    longest = min(_periods(MAX_DELAY_S, step_us), _HISTORY - 1)
     return max(min(int(delay["periods"]) + _periods(known_s, step_us), longest), 0)
 
 

@@ -40,7 +40,7 @@ from sitl_plant.airframe.rigid_body import R1
 from sitl_plant.vec3 import mul, vec3
 
 _NO_SIGNALS = no_signals(1)
-_LONGEST_UPDATE_S = 0.1
+_MAX_UPDATE_S = 0.1
 """Longest time that counts as passed between two updates of guidance [s]."""
 
 
@@ -269,7 +269,7 @@ def _guide(
     to_ned, position = R1(motion.phi), vec3(measured["position"])
     s, off = locate(path, position[0], position[1], guidance["path_position"])
     now = Situation(
-        dt=min(since, _LONGEST_UPDATE_S),
+        dt=min(since, _MAX_UPDATE_S),
         s=s,
         bandwidth=parameters["common"]["reference_bandwidth_rad_s"],
         command=four(guidance["command"]),

@@ -27,7 +27,7 @@ _USUAL_DEFLECTION = math.radians(5.0)
 _SMALL = 0.01  # rad, of the angle of attack, to either side
 _MARGIN = 1.5
 """Of variances of errors that turn with the aircraft, for what a linear filter makes of them."""
-_LEAST_GYRO, _LEAST_ACCELEROMETER = 2e-3, 2e-2
+_MIN_GYRO, _MIN_ACCELEROMETER = 2e-3, 2e-2
 """Noise that samples have at least, in the tests of it [rad/s, m/s²]: float32, and the motion."""
 
 PARAMETERS = np.dtype(
@@ -135,8 +135,8 @@ def _imu(own: np.void, sensors: NavigationSensors, period_s: float) -> None:
     force_noise = white_noise(force.noise_density_m_s2_sqrt_hz, period_s)
     force_noise = math.hypot(force_noise, _rounding(force.resolution_m_s2))
     own["imus"] = sensors.imus
-    own["gyro_noise"] = math.hypot(gyro_noise, _LEAST_GYRO)
-    own["force_noise"] = math.hypot(force_noise, _LEAST_ACCELEROMETER)
+    own["gyro_noise"] = math.hypot(gyro_noise, _MIN_GYRO)
+    own["force_noise"] = math.hypot(force_noise, _MIN_ACCELEROMETER)
     own["gyro_density"] = gyro_noise**2 * period_s + 1e-12
     own["force_density"] = force_noise**2 * period_s + 1e-8
     own["turning"] = _MARGIN * (gyro.scale_error**2 + 2.0 * (gyro.misalignment_deg * _DEGREE) ** 2)

@@ -56,7 +56,7 @@ __all__ = ["ESTIMATOR", "Estimator", "EstimatorConfig", "estimate", "new_estimat
 _FIX_3D = 3
 _PA = 100.0  # in one hPa
 _SIDESLIP_EVERY_S = 0.05
-_LONGEST_GAP = 200  # steps without data after which the estimate begins again
+_MAX_GAP = 200  # steps without data after which the estimate begins again
 _MEMORY_S = 0.2  # longer than the latency
 _VELOCITY_ERROR = 1.0  # m/s, of dead reckoning, when a receiver is back
 
@@ -122,7 +122,7 @@ def estimate(
     progress, assumed = estimator["progress"], estimator["parameters"]
     step, run = int(sim_step["step"]), int(sim_step["run"])
     gap = step - progress["step"]
-    if progress["step"] < 0 or run != progress["run"] or gap < 0 or gap > _LONGEST_GAP:
+    if progress["step"] < 0 or run != progress["run"] or gap < 0 or gap > _MAX_GAP:
         _begin(estimator, history, imus, assumed)
         gap = 1
     elif gap > 0:

@@ -13,7 +13,7 @@ import numpy as np
 from ftc_autopilot.estimation.state import PHI, N, turn_world
 from mavlink_defs.runtime.jit import compiled, inlined
 
-_LEAST = 1e-14  # variance that rounding leaves at least
+_MIN_VARIANCE = 1e-14  # variance that rounding leaves at least
 
 
 @inlined
@@ -60,8 +60,8 @@ def correct(kalman: np.void, innovation: float, S: float) -> None:
             value = P[k, j] - row * Ph[j]
             P[k, j] = value
             P[j, k] = value
-        if not P[k, k] > _LEAST:
-            P[k, k] = _LEAST
+        if not P[k, k] > _MIN_VARIANCE:
+            P[k, k] = _MIN_VARIANCE
 
 
 @compiled

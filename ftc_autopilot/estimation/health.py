@@ -43,7 +43,7 @@ SENSOR = np.dtype(
 )
 """Magnetometer, barometer, pitot tube or GNSS receiver, and what tells whether it is well."""
 
-_LEAST_SAMPLES = 3
+_MIN_SAMPLES = 3
 
 
 def new_sensor_health(
@@ -63,8 +63,8 @@ def new_sensor_health(
         silent_s = max(parameters.silent_s, 4.0 * period_s)
         own["most_silent"] = round(silent_s * 1e6 / step_us)
         own["most_same"] = max(round(parameters.same_s / period_s), 5) if noise > 0.0 else 0
-        own["most_failed"] = max(round(parameters.failed_s / period_s), _LEAST_SAMPLES)
-        own["take_back"] = max(round(parameters.take_back_s / period_s), _LEAST_SAMPLES)
+        own["most_failed"] = max(round(parameters.failed_s / period_s), _MIN_SAMPLES)
+        own["take_back"] = max(round(parameters.take_back_s / period_s), _MIN_SAMPLES)
     return health
 
 

@@ -32,9 +32,9 @@ _NOW_S = 0.4
 _LEARN_S = 8.0  # before it judges
 _CLEAR = 2.0  # times the least change the lift is not asked: it moves with manoeuvres, too
 _CALM = 0.6  # m/s
-_GUSTS, _MOST_GUSTS = 6.0, 5.0  # how much larger the square of the least change is in gusts
-_LEAST_LIFT = 0.02  # of the coefficient of lift, times S / m [m²/kg]
-_SLOWEST = 5.0  # m/s
+_GUSTS, _MAX_GUSTS = 6.0, 5.0  # how much larger the square of the least change is in gusts
+_MIN_LIFT = 0.02  # of the coefficient of lift, times S / m [m²/kg]
+_MIN_AIRSPEED = 5.0  # m/s
 RESTORED = 0.5
 """Standard deviation of the wind after it has been set back to its mean [m/s]."""
 
@@ -53,14 +53,14 @@ def is_icing(kalman: np.void, icing: np.void, period_s: float, assumed: np.void)
     R, a = rotation(kalman["quaternion"]), through_air(x)
     V, c = norm(a), column(R, 0)
     ahead = dot(c, a)
-    if V < _SLOWEST or ahead < _SLOWEST:
+    if V < _MIN_AIRSPEED or ahead < _MIN_AIRSPEED:
         return False
     alpha = math.atan2(dot(column(R, 2), a), ahead)
     coefficient = assumed["lift0"] + assumed["lift"] * alpha  # over m / S
     force = kalman["force"]
     lift = force[0] * math.sin(alpha) - force[2] * math.cos(alpha)
     share = coefficient * 0.5 * assumed["density"] * V * V / assumed["gravity"]
-    if share < _LEAST_LIFT or lift < _LEAST_LIFT * assumed["gravity"]:
+    if share < _MIN_LIFT or lift < _MIN_LIFT * assumed["gravity"]:
         return False  # no lift to speak of: nothing is learned
     ratio = math.log(coefficient * 0.5 * assumed["density"] * V * V / lift)
     first = icing["age"] == 0.0
@@ -78,7 +78,7 @@ def is_icing(kalman: np.void, icing: np.void, period_s: float, assumed: np.void)
     shown = icing["now"] - icing["usual"]
     if abs(change) < _CALM or icing["age"] < _LEARN_S:
         icing["gusts"] += gain * (kalman["gusts"] - icing["gusts"])
-    excess = min(max(icing["gusts"] - 1.0, 0.0), _MOST_GUSTS)
+    excess = min(max(icing["gusts"] - 1.0, 0.0), _MAX_GUSTS)
     limit = assumed["icing_change_m_s"] * math.sqrt(1.0 + _GUSTS * excess)
     agree = abs(change) > limit and shown / explained > assumed["icing_lift"]
     agree = agree or abs(change) > _CLEAR * limit

@@ -34,7 +34,7 @@ IMU = np.dtype(
 _NOISE_S, _APART_S, _FAST_S, _SLOW_S = 0.05, 0.03, 0.015, 0.2  # time constants
 _JUMPED = 4.0  # what a jump of one of two IMUs counts against it, as a misfit of its filter
 _RECONSIDER_S = 3.0  # for which the filter of an IMU that differs runs on
-_MOST_SQUARE = 30.0  # of one second difference: steps of the motion are no noise
+_MAX_SQUARE = 30.0  # of one second difference: steps of the motion are no noise
 _APART_PER_UNIT = 0.01, 0.01  # of the size of what is measured: scale errors, misalignments
 _SIGNIFICANT = 6.0  # difference of the filters' misfits
 
@@ -67,7 +67,7 @@ def note_imu(imu: np.void, sample: np.void, assumed: np.void) -> None:
             imu["fast"][k] += step_s / _FAST_S * (value[axis] - imu["fast"][k])
             imu["slow"][k] += step_s / _SLOW_S * (value[axis] - imu["slow"][k])
             second = rows[0, k] - 2.0 * rows[1, k] + rows[2, k]
-            square += min(second * second / (6.0 * noises[part] ** 2), _MOST_SQUARE) / 3.0
+            square += min(second * second / (6.0 * noises[part] ** 2), _MAX_SQUARE) / 3.0
         imu["same"][part] = imu["same"][part] + 1 if same else 0
         imu["noise"][part] += gain * (square - imu["noise"][part])
 

@@ -27,9 +27,9 @@ from sitl_plant.vec3 import Mat3, Vec3, cross, dot, norm, sub, vec3
 TREND_OF_FIELD, TREND_OF_VELOCITY = 0.05, 0.5
 """Gains of running means of innovations, over 0.2 s each at their usual rates."""
 _GUST_GAIN = 0.0033  # of the pitot tube's, over 3 s at 100 samples per second
-_MOST_NORMAL = 10.0
-_SETTLED, _LONGEST_SETTLING_S = math.radians(4.0), 3.0
-_SLOWEST = 3.0  # m/s: below it, a pitot tube and the side force say nothing
+_MAX_NORMAL = 10.0
+_SETTLED, _MAX_SETTLING_S = math.radians(4.0), 3.0
+_MIN_AIRSPEED = 3.0  # m/s: below it, a pitot tube and the side force say nothing
 _SIDE_CORRELATION_S = 0.5  # of errors of the side force
 
 
@@ -44,7 +44,7 @@ def is_settled(kalman: np.void) -> bool:
     """Return whether the attitude is known well enough to split a velocity through the air."""
     P = kalman["P"]
     variance = P[PHI, PHI] + P[PHI + 1, PHI + 1] + P[PHI + 2, PHI + 2]
-    return bool(variance < _SETTLED**2 or kalman["travel"][6] > _LONGEST_SETTLING_S)
+    return bool(variance < _SETTLED**2 or kalman["travel"][6] > _MAX_SETTLING_S)
 
 
 @compiled
@@ -69,7 +69,7 @@ def _fuse_tested(
 @compiled
 def _note_trend(kalman: np.void, k: int, gain: float) -> None:
     """Take the last normalised innovation into its running mean."""
-    normal = min(max(kalman["normal"], -_MOST_NORMAL), _MOST_NORMAL)
+    normal = min(max(kalman["normal"], -_MAX_NORMAL), _MAX_NORMAL)
     kalman["trends"][k] += gain * (normal - kalman["trends"][k])
 
 
@@ -125,7 +125,7 @@ def fuse_pitot(kalman: np.void, pressure: float, assumed: np.void, use: bool) ->
     h, x, density = clear(kalman), kalman["x"], assumed["density"]
     c, a = column(rotation(kalman["quaternion"]), 0), through_air(x)
     u = dot(c, a)
-    if u < _SLOWEST or not is_settled(kalman):
+    if u < _MIN_AIRSPEED or not is_settled(kalman):
         return 0.0
     slope = density * u * (1.0 + x[PITOT_SCALE])
     lever, noise = cross(c, a), assumed["pitot"]
@@ -158,7 +158,7 @@ def fuse_sideslip(kalman: np.void, period_s: float, assumed: np.void) -> float:
     h, x = clear(kalman), kalman["x"]
     c, a = column(rotation(kalman["quaternion"]), 1), through_air(x)
     V = norm(a)
-    if V < _SLOWEST or not is_settled(kalman):
+    if V < _MIN_AIRSPEED or not is_settled(kalman):
         return 0.0
     per_rad = assumed["side"] * 0.5 * assumed["density"] * V * V
     own, prior = V * V, (V * assumed["sideslip_rad"]) ** 2

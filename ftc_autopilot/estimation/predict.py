@@ -29,7 +29,7 @@ from ftc_autopilot.estimation.state import (
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3, mul, norm, scale, vec3
 
-_MOST_GUSTS = 5.0  # largest excess of the pitot tube's NIS with which the wind's noise grows
+_MAX_GUSTS = 5.0  # largest excess of the pitot tube's NIS with which the wind's noise grows
 _STRAIGHT = math.radians(1.0)  # rad/s: what is less is noise, or to and fro
 
 
@@ -123,7 +123,7 @@ def _add_noise(P: np.ndarray, kalman: np.void, assumed: np.void) -> None:
     fade(kalman, GNSS_ERROR, dt / assumed["gnss_correlation"], assumed["gnss_error"][0])
     fade(kalman, GNSS_ERROR + 1, dt / assumed["gnss_correlation"], assumed["gnss_error"][1])
     fade(kalman, GNSS_ERROR + 2, dt / assumed["gnss_correlation"], assumed["gnss_error"][2])
-    gusts = 1.0 + assumed["gust_growth"] * min(max(kalman["gusts"] - 1.0, 0.0), _MOST_GUSTS)
+    gusts = 1.0 + assumed["gust_growth"] * min(max(kalman["gusts"] - 1.0, 0.0), _MAX_GUSTS)
     vertical = assumed["vertical_wind_m_s"]
     fade(kalman, WIND + 2, dt / assumed["vertical_wind_s"], gusts * vertical**2)
     fade(kalman, PITOT_SCALE, dt / assumed["pitot_scale_s"], assumed["pitot_scale"])

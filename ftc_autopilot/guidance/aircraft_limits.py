@@ -24,8 +24,8 @@ _BELOW_STALL_DEG = 3.0
 _THRUST_SHARE = 0.9
 """Share of the thrust that the steepest climb takes."""
 _ANY_WEIGHT_N = 1e-6
-_LEAST_ACCELERATION_M_S2 = 0.1
-_LARGEST_ALPHA = math.radians(30.0)
+_MIN_ACCELERATION_M_S2 = 0.1
+_MAX_ALPHA = math.radians(30.0)
 _AIRSPEEDS = 101
 """At which level flight is tried, to find the fastest that the thrust holds."""
 
@@ -118,7 +118,7 @@ def limits_at(
         fastest,
         min(HOME.incidence_max_deg, below_stall),
         min(HOME.climb_max_deg, round(math.degrees(math.asin(min(max(climb, 0.02), 1.0))), 1)),
-        min(HOME.acceleration_max_m_s2, max(spare, _LEAST_ACCELERATION_M_S2)),
+        min(HOME.acceleration_max_m_s2, max(spare, _MIN_ACCELERATION_M_S2)),
     )
 
 
@@ -141,7 +141,7 @@ def _level_thrust(aircraft: Aircraft, airspeed_m_s: float) -> float:
     area = 0.5 * aircraft.air_density_kg_m3 * airspeed_m_s**2 * aircraft.wing_area_m2
     at_zero, slope = carried_linearly(record)
     alpha = (aircraft.mass_kg * aircraft.gravity_m_s2 / area - at_zero) / max(slope, 1e-6)
-    alpha = min(max(alpha, -_LARGEST_ALPHA), _LARGEST_ALPHA)
+    alpha = min(max(alpha, -_MAX_ALPHA), _MAX_ALPHA)
     return float(drag(area, alpha, record)) / math.cos(alpha)
 
 

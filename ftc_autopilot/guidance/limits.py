@@ -11,11 +11,11 @@ _PLANNED_BANK = math.radians(20.0)
 """Bank of a turn whose radius is free [rad]."""
 _RESERVE = math.radians(5.0)
 """Bank kept for corrections [rad]."""
-_FASTEST = 200
+_MAX_AIRSPEED = 200
 """Highest airspeed considered [m/s]."""
-_LEAST_ROOM_M_S = 1.0
+_MIN_ROOM_M_S = 1.0
 """Change of the airspeed that a turn may take at the end of the range of airspeeds [m/s]."""
-_LEAST_BANK = math.radians(1.0)
+_MIN_BANK = math.radians(1.0)
 """Bank that is left for turns when the airspeed is too low for any [rad]."""
 
 
@@ -77,7 +77,7 @@ def tightest_turn(airspeed: float, limits: FlightLimits) -> float:
     ground, acceleration = airspeed + limits.wind_m_s, _acceleration(airspeed, limits)
     by_bank = ground**2 + math.sqrt(ground**4 + 4.0 * acceleration * ground**2 * limits.offset_m)
     room = min(airspeed - limits.slowest_m_s, limits.fastest_m_s - airspeed)
-    by_speed = ground * limits.offset_m / max(room, _LEAST_ROOM_M_S)
+    by_speed = ground * limits.offset_m / max(room, _MIN_ROOM_M_S)
     return max(by_bank / (2.0 * acceleration), by_speed)
 
 
@@ -87,7 +87,7 @@ def airspeeds_for(radius: float, limits: FlightLimits) -> tuple[int, int] | None
     A slow aircraft needs its angle of attack to fly level, and has none left to turn.
     """
     slowest = math.ceil(max(limits.level_m_s, limits.slowest_m_s))
-    able = range(slowest, math.floor(min(limits.fastest_m_s, _FASTEST)) + 1)
+    able = range(slowest, math.floor(min(limits.fastest_m_s, _MAX_AIRSPEED)) + 1)
     speeds = [v for v in able if tightest_turn(float(v), limits) <= radius]
     return (speeds[0], speeds[-1]) if speeds else None
 
@@ -96,4 +96,4 @@ def _acceleration(airspeed: float, limits: FlightLimits) -> float:
     """Return the centripetal acceleration that turns may take [m/s²]."""
     load = max((airspeed / limits.level_m_s) ** 2, 1.0)
     bank = min(limits.bank_rad, math.acos(1.0 / load)) - _RESERVE
-    return limits.gravity_m_s2 * math.tan(max(bank, _LEAST_BANK))
+    return limits.gravity_m_s2 * math.tan(max(bank, _MIN_BANK))

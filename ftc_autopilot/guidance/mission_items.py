@@ -38,8 +38,8 @@ PLACES = {WAYPOINT, LOITER, LOITER_TURNS, LOITER_TIME, RETURN}
 COMMANDS = PLACES | {TAKEOFF, SPEED, DELAY, JUMP, SET_HOME}
 """All that a path is made of."""
 
-_MOST_TURNS = 1000
-_LONGEST_S = 86_400
+_MAX_TURNS = 1000
+_MAX_S = 86_400
 
 _FLIES_ONLY = "flights begin and end in the air"
 _NO_PAYLOAD = "there is no payload; leave it out"
@@ -188,11 +188,11 @@ def _check_params(item: MissionItem, limits: FlightLimits, last: int) -> None:
     p1, p2 = param(item, 1), param(item, 2)
     within = (2, "acceptance radius", not p2 < 0.0, ">= 0 m")
     radius = (3, "radius", abs(param(item, 3)) <= ANYWHERE_M, f"at most {ANYWHERE_M:g} m")
-    seconds = (0.0 <= p1 <= _LONGEST_S, f"0 to {_LONGEST_S} s")
+    seconds = (0.0 <= p1 <= _MAX_S, f"0 to {_MAX_S} s")
     checks: dict[int, list[_Check]] = {
         WAYPOINT: [within, radius],
         LOITER: [radius],
-        LOITER_TURNS: [(1, "turns", 0.0 < p1 <= _MOST_TURNS, f"1 to {_MOST_TURNS}"), radius],
+        LOITER_TURNS: [(1, "turns", 0.0 < p1 <= _MAX_TURNS, f"1 to {_MAX_TURNS}"), radius],
         LOITER_TIME: [(1, "time", *seconds), radius],
         # the aircraft holds airspeeds, whatever the type
         SPEED: [
@@ -202,7 +202,7 @@ def _check_params(item: MissionItem, limits: FlightLimits, last: int) -> None:
         DELAY: [(1, "delay", *seconds)],
         JUMP: [
             (1, "jump to item", p1 in range(1, last + 1), f"1 to {last}"),
-            (2, "jumps", p2 in range(-1, _MOST_TURNS + 1), f"-1 (always) to {_MOST_TURNS}"),
+            (2, "jumps", p2 in range(-1, _MAX_TURNS + 1), f"-1 (always) to {_MAX_TURNS}"),
         ],
         SET_HOME: [(1, "use of the present place", p1 in {0.0, 1.0}, "0 or 1")],
     }

@@ -23,11 +23,11 @@ from ftc_autopilot.guidance.targets import Targets, order_of
 from mavlink_defs import dialect
 from mavlink_defs.profile import ItemError
 
-_LARGEST_TURN = math.radians(150.0)
+_MAX_TURN = math.radians(150.0)
 """Largest turn inside a corner; at a sharper one the path goes over the waypoint [rad]."""
 _NO_TURN = 1e-6
 """Smallest turn [rad]."""
-_SHORTEST_M = 1e-6
+_MIN_M = 1e-6
 """Shortest leg [m]."""
 _SAME_M = 1e-3
 """Largest difference of two legs that are the same; of their courses, at a radius of 1 km [m]."""
@@ -251,7 +251,7 @@ class _Builder:
         self, target: MissionTarget, corner: _Corner, following: MissionTarget
     ) -> float | None:
         """Return the radius of a turn if lines are long; None if it must go over the waypoint."""
-        if abs(corner.turn) > _LARGEST_TURN:
+        if abs(corner.turn) > _MAX_TURN:
             return None
         airspeed = max(target.fastest, following.fastest)
         radius = turn_radius(airspeed, self._limits)
@@ -263,7 +263,7 @@ class _Builder:
         """Add the way to a target, so that its height is reached there."""
         length = sum(piece.length_m for piece in pieces)
         rise, steepest = target.height - self._height, self._limits.climb
-        if abs(rise) > steepest * length + _SHORTEST_M:
+        if abs(rise) > steepest * length + _MIN_M:
             needed = abs(rise) / steepest
             if target.radius != 0.0:  # the rest in the circle
                 rest = self._into_circle(target, needed - length)
@@ -302,11 +302,11 @@ class _Builder:
         height, flown = self._height, 0.0
         for piece in pieces:
             rest = piece
-            while rest.length_m > _SHORTEST_M:
-                while changes and changes[0][0] <= flown + _SHORTEST_M:
+            while rest.length_m > _MIN_M:
+                while changes and changes[0][0] <= flown + _MIN_M:
                     airspeed = changes.pop(0)[1]
                 part = rest
-                if changes and changes[0][0] < flown + rest.length_m - _SHORTEST_M:
+                if changes and changes[0][0] < flown + rest.length_m - _MIN_M:
                     part, rest = rest.cut(changes[0][0] - flown)
                 else:
                     rest = rest._replace(length_m=0.0)

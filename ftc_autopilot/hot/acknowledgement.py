@@ -8,7 +8,7 @@ periods it acted: the delay of the link there and back.
 
 import numpy as np
 
-from ftc_autopilot.control.state_predictor import LONGEST_S
+from ftc_autopilot.control.state_predictor import MAX_DELAY_S
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.runtime.jit import compiled, inlined
 
@@ -39,7 +39,7 @@ def note_delay(state: np.void, sim_state: np.void) -> int:
     """
     step, applied_usec = int(sim_state["step"]), _applied_usec(sim_state)
     gap_us = (step - state["step"]) * state["step_us"]
-    if gap_us > 1e6 * LONGEST_S:
+    if gap_us > 1e6 * MAX_DELAY_S:
         state["gap_usec"] = step * state["step_us"]
     fresh = applied_usec > state["applied_usec"] and applied_usec >= state["gap_usec"]
     if fresh and step == state["step"] + 1:

@@ -44,7 +44,7 @@ _START_WAIT_S = 2.0
 _NEIGHBOUR_MISSES = 5
 """Messages of a neighbour missed in a row before later steps stop waiting for them."""
 _NEVER_HEARD = -1
-FASTEST = 100.0
+MAX_SPEED = 100.0
 """Real time: simulated time does not pass faster than this, by the clock."""
 
 FORMATION_STATE = np.dtype(

@@ -15,8 +15,8 @@ from ftc_autopilot.control.controllers import UAV, Controllers, new_controllers,
 from ftc_autopilot.hot.acknowledgement import NONE
 from ftc_autopilot.hot.checkpoint import VEHICLE, Checkpoint, no_checkpoint
 from ftc_autopilot.hot.formation_link import (
-    FASTEST,
     FORMATION_STATE,
+    MAX_SPEED,
     forget_neighbours,
     join_neighbours,
 )
@@ -145,7 +145,7 @@ def new_autopilots(
         link["run"], link["step_us"] = NONE, step_us
         formation["timeout_steps"] = round(config.neighbour_timeout_s * 1e6 / step_us)
         formation["fade_steps"] = max(round(_EDGE_FADE_S * 1e6 / step_us), 1)
-        formation["most_steps_per_s"] = FASTEST * 1e6 / step_us
+        formation["most_steps_per_s"] = MAX_SPEED * 1e6 / step_us
     for i, config in enumerate(configs):
         join_neighbours(edges[i, : len(config.neighbours)], config.neighbours)
     estimated = any(own["navigation"]["count"] > 0)

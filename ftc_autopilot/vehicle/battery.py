@@ -13,7 +13,7 @@ CURRENT_CA = 180
 
 _CAPACITY_MAH = 10_000
 _FULL_MV, _EMPTY_MV = 4_150, 3_500  # of a cell that is loaded
-_LEAST = 0.2  # share that is always left
+_MIN_SHARE = 0.2  # share that is always left
 
 
 class Battery(NamedTuple):
@@ -30,7 +30,7 @@ def battery_at(boot_s: float) -> Battery:
     """Return the battery at a time since boot [s], at which it was full."""
     current_a = CURRENT_CA / 100.0
     lasts_s = 3.6 * _CAPACITY_MAH / current_a
-    left = max(1.0 - boot_s / lasts_s, _LEAST)
+    left = max(1.0 - boot_s / lasts_s, _MIN_SHARE)
     consumed_mah = (1.0 - left) * _CAPACITY_MAH
     cell_mv = _EMPTY_MV + left * (_FULL_MV - _EMPTY_MV)
     mean_v = CELLS * (cell_mv + _FULL_MV) / 2.0 / 1e3

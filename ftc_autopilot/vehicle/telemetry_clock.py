@@ -9,7 +9,7 @@ from ftc_autopilot.config import TelemetryClockKind
 from ftc_autopilot.hot.hot_state import HotState
 from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP
 
-_LEAST_PACE = 1e-3
+_MIN_PACE = 1e-3
 
 
 class TelemetryClock:
@@ -45,7 +45,7 @@ class TelemetryClock:
 
     def wait_s(self, us: int) -> float:
         """Return the expected wall time until the slower of both clocks shows a time [µs]."""
-        return max(us - self._slower_us, 0) * 1e-6 / max(self._pace, _LEAST_PACE)
+        return max(us - self._slower_us, 0) * 1e-6 / max(self._pace, _MIN_PACE)
 
     @property
     def is_slower_of_both(self) -> bool:

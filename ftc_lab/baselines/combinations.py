@@ -30,7 +30,7 @@ AIRCRAFT = {"ideal": (), "realistic": ("realistic",)}
 """Aircraft by name, with the bundled additions that make them."""
 TOLERANCE = 1.01
 """Largest IAE, relative to the triggered flight, that counts as no worse."""
-_SHORTEST_US, _LONGEST_US = 5_000, 500_000  # periods of rivals
+_MIN_PERIOD_US, _MAX_PERIOD_US = 5_000, 500_000  # periods of rivals
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def rivals(listed: Iterable[Combination]) -> list[tuple[str, Sender]]:
     for one in listed:
         if one.trigger == "periodic":
             step_us = one.scenario.step_us
-            shortest, longest = (max(us // step_us, 1) for us in (_SHORTEST_US, _LONGEST_US))
+            shortest, longest = (max(us // step_us, 1) for us in (_MIN_PERIOD_US, _MAX_PERIOD_US))
             for n in some_periods(longest, COARSE, shortest):
                 found += [(one.aircraft, s) for s in senders(one.scenario, (n,) * N_CHANNELS)]
     return found

@@ -20,7 +20,7 @@ from gcs.errors import BadInput
 if TYPE_CHECKING:
     import pyarrow as pa
 
-MOST_FLIGHTS = 10_000_000
+MAX_FLIGHTS = 10_000_000
 """Flights that a campaign or a sweep may plan: all draws are made and kept before the first."""
 
 
@@ -103,14 +103,14 @@ def draw_table(campaign: Campaign, uav_ids: Sequence[int]) -> "pa.Table":
     Columns as in `ftc_lab.campaigns.store`.
 
     Raises:
-        BadInput: They are more than `MOST_FLIGHTS`.
+        BadInput: They are more than `MAX_FLIGHTS`.
     """
     import pyarrow as pa
 
     axes = dimensions(campaign, uav_ids)
-    if (flights := _draws(campaign, axes) * len(campaign.variants)) > MOST_FLIGHTS:
+    if (flights := _draws(campaign, axes) * len(campaign.variants)) > MAX_FLIGHTS:
         raise BadInput(
-            f"{flights:,} flights are planned, expected at most {MOST_FLIGHTS:,}",
+            f"{flights:,} flights are planned, expected at most {MAX_FLIGHTS:,}",
             "take fewer draws, values or variants",
         )
     cube = _unit_cube(campaign, axes)

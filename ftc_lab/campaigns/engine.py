@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 KILLS = 3
 """Processes that a flight may kill before it is recorded as such."""
 _BATCH_S = 2.0  # the time that a batch is meant to take; handing one over takes milliseconds
-_LARGEST_BATCH = 1000
+_MAX_BATCH = 1000
 _STORE_S = 2.0  # rows are stored at least this often,
 _STORE_SHARE = 0.01  # or, in long campaigns, when this share of the time has passed since
 _CAPACITY_S = 5.0  # how often workers are counted
@@ -170,7 +170,7 @@ class _Queue:
         size = 1
         if self.flight_s is not None:
             fitting = _BATCH_S / max(self.flight_s, 1e-6)
-            size = int(min(fitting, _LARGEST_BATCH, math.ceil(self.waiting / (2 * workers))))
+            size = int(min(fitting, _MAX_BATCH, math.ceil(self.waiting / (2 * workers))))
         batch = list(itertools.islice(self.rows, max(size, 1)))
         self.waiting -= len(batch)
         return batch

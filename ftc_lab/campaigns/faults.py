@@ -14,7 +14,7 @@ from mavlink_defs.config.quantity import whole
 from mavlink_defs.constants import ACTUATORS, LAST_SYSTEM, Actuator
 from mavlink_defs.faults.actuators import ACTUATOR_FAULTS
 from mavlink_defs.faults.kinds import MAX_FREQUENCY_HZ, Kind, Target
-from mavlink_defs.faults.sensors import MOST_INSTANCES, SENSOR_FAULTS, SENSOR_NAMES, SensorName
+from mavlink_defs.faults.sensors import MAX_INSTANCES, SENSOR_FAULTS, SENSOR_NAMES, SensorName
 from sitl_plant.airframe.config import limits_in
 
 LOSS = "loss"
@@ -27,7 +27,7 @@ else:
     DrawnKind, SensorKind = Literal[LOSS, *_KINDS], Literal[*_SENSOR_KINDS]
 
 _Instance = Annotated[
-    int, whole("", ge=0, le=MOST_INSTANCES, doc="Number of the sensor, from 1; 0: all.")
+    int, whole("", ge=0, le=MAX_INSTANCES, doc="Number of the sensor, from 1; 0: all.")
 ]
 
 
@@ -50,7 +50,7 @@ class _DrawnSensorKeys(_WithUavs):
     sensors: Annotated[tuple[SensorName, ...], AtMost(len(SENSOR_NAMES))] = Field(
         min_length=1, description="Sensors that it may hit, as likely each."
     )
-    instances: Annotated[tuple[_Instance, ...], AtMost(MOST_INSTANCES)] = Field(
+    instances: Annotated[tuple[_Instance, ...], AtMost(MAX_INSTANCES)] = Field(
         default=(0,), min_length=1, description="Numbers of the sensor, as likely each; 0: all."
     )
     kinds: Annotated[dict[SensorKind, Distribution | None], AtMost(len(_SENSOR_KINDS))] = Field(

@@ -21,7 +21,7 @@ _RESAMPLES = 9999
 _FEWEST_RESAMPLES = 999
 _MANY = 1000
 """Pairs from which on the bootstrap is plainer: it is better than the pairs need, and slow."""
-_MOST = 20_000
+_MAX_PAIRS = 20_000
 """Pairs of which a bootstrap of medians takes no more: draws have no order."""
 
 
@@ -301,8 +301,8 @@ def _bootstrapped(
 ) -> Estimate:
     known = np.isfinite(old) & np.isfinite(new)
     old, new = old[known], new[known]
-    if name == "median" and len(old) > _MOST:
-        kept = np.linspace(0, len(old) - 1, _MOST).astype(int)
+    if name == "median" and len(old) > _MAX_PAIRS:
+        kept = np.linspace(0, len(old) - 1, _MAX_PAIRS).astype(int)
         old, new = old[kept], new[kept]
     if len(old) < 2:
         return Estimate(math.nan, -math.inf, math.inf)

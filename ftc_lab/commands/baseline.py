@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from gcs.results.figures import FlightSummary
     from gcs.scenario.model import Scenario
 
-_LONGEST_US = 1_000_000
+_MAX_PERIOD_US = 1_000_000
 
 EPILOG = """
 Examples:
@@ -226,7 +226,7 @@ def _report(found: "Baseline", folder: Path, options: BaselineOptions) -> None:
 def _longest(scenario: "Scenario", requested_ms: float | None) -> int:
     """Return the longest period in control periods."""
     if requested_ms is None:
-        return min(max(round(_LONGEST_US / scenario.step_us), 1), scenario.steps)
+        return min(max(round(_MAX_PERIOD_US / scenario.step_us), 1), scenario.steps)
     ratio = 1e3 * requested_ms / scenario.step_us
     steps = round(ratio) if math.isfinite(ratio) else 0
     if not 1 <= steps <= scenario.steps:

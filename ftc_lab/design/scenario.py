@@ -23,7 +23,7 @@ from sitl_plant.airframe.level_flight import level_flight
 
 TRIGGER_OF = {"surviving": "per_channel", "tube": "consequence", "pid": "periodic"}
 """Trigger that a law is designed with; per_channel unless named."""
-_SLOWEST = 4.0
+_MAX_TIME_SCALE = 4.0
 _STEPS_DEG = {"roll": 5.0, "pitch": 5.0, "yaw": 10.0}
 """Steps of scenario 1."""
 _YAW, _ROLL = 0.45, 0.3  # of the largest sideslip by rudder
@@ -86,11 +86,11 @@ def design_of(
     """
     warnings = tuple(_warnings(airframe, law))
     similar = similarity(airframe)
-    if similar.time > _SLOWEST:
+    if similar.time > _MAX_TIME_SCALE:
         able = ", ".join(f"{x:.2g}" for x in airframe.authority)
         raise BadInput(
             f"{airframe.name} is {similar.time:g} times slower than the laws' home aircraft, "
-            f"expected at most {_SLOWEST:g}: its surfaces make [{able}] rad/s^2",
+            f"expected at most {_MAX_TIME_SCALE:g}: its surfaces make [{able}] rad/s^2",
             "choose a higher --airspeed, or more thrust or control authority",
         )
     problems = list(LAWS[law](kind=law).misfits(airframe.aircraft))

@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_MOST_STEPS = 1000  # of a curve
-_MOST_POINTS = 4000  # of a panel
-_MOST_FACTORS = 12
+_MAX_STEPS = 1000  # of a curve
+_MAX_POINTS = 4000  # of a panel
+_MAX_FACTORS = 12
 _FAILED = {"marker": "x", "color": "#D55E00", "s": 26.0, "linewidths": 1.2, "zorder": 3.0}
 
 
@@ -59,8 +59,8 @@ def _draw_distributions(panel: "Axes", costs: Mapping[str, np.ndarray]) -> None:
             panel.plot([], [], label=literal(f"{variant} (none succeeded)"), **style(i).line)
             continue
         shares = np.arange(1, len(values) + 1) / len(own)
-        if len(values) > _MOST_STEPS:
-            kept = np.unique(np.linspace(0, len(values) - 1, _MOST_STEPS).astype(int))
+        if len(values) > _MAX_STEPS:
+            kept = np.unique(np.linspace(0, len(values) - 1, _MAX_STEPS).astype(int))
             values, shares = values[kept], shares[kept]
         x, y = np.append(values, known.max()), np.append(shares, shares[-1])
         panel.step(
@@ -102,7 +102,7 @@ def _strongest(lists: Sequence[Sequence[Importance]]) -> list[str]:
     for found in lists:
         for each in found:
             strength[each.factor] = max(strength.get(each.factor, 0.0), each.strength)
-    return sorted(strength, key=lambda name: -strength[name])[:_MOST_FACTORS]
+    return sorted(strength, key=lambda name: -strength[name])[:_MAX_FACTORS]
 
 
 def _draw_bars(
@@ -146,7 +146,7 @@ def sobol_indices(findings: Findings) -> "Figure | None":
     totals: dict[str, float] = {}
     for each in (each for own in found.values() for listed in own.values() for each in listed):
         totals[each.factor] = max(totals.get(each.factor, 0.0), each.total)
-    names = sorted(totals, key=lambda name: -totals[name])[:_MOST_FACTORS]
+    names = sorted(totals, key=lambda name: -totals[name])[:_MAX_FACTORS]
     figure = new_figure(max(2.6, 1.2 + 0.2 * len(names) * len(found)))
     panels = figure.subplots(1, len(costs), sharey=True, squeeze=False)[0]
     for panel, cost in zip(panels, costs, strict=True):
@@ -212,7 +212,7 @@ def two_factors(findings: Findings) -> "Figure | None":
 
 def _sample(indices: np.ndarray) -> np.ndarray:
     """Return evenly spaced ones of too many flights: draws have no order."""
-    kept = np.linspace(0, len(indices) - 1, min(len(indices), _MOST_POINTS)).astype(int)
+    kept = np.linspace(0, len(indices) - 1, min(len(indices), _MAX_POINTS)).astype(int)
     return np.asarray(indices[kept])
 
 

@@ -14,7 +14,7 @@ from sitl_plant.airframe.level_flight import LevelFlight
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_LOWEST_DEG, _HIGHEST_DEG = -10.0, 20.0  # without a stall
+_MIN_DEG, _MAX_DEG = -10.0, 20.0  # without a stall
 _BEYOND_DEG = 15.0  # of the stall
 _POINTS = 301
 
@@ -46,10 +46,10 @@ def draw_polar(aircraft: Aircraft, flight: LevelFlight) -> "Figure":
         aircraft: The aircraft.
         flight: The level flight, of which the angle of attack is marked.
     """
-    highest = _HIGHEST_DEG
+    highest = _MAX_DEG
     if aircraft.stall_deg is not None:
         highest = aircraft.stall_deg + _BEYOND_DEG
-    alpha = np.linspace(_LOWEST_DEG, max(highest, flight.alpha_deg + 1.0), _POINTS)
+    alpha = np.linspace(_MIN_DEG, max(highest, flight.alpha_deg + 1.0), _POINTS)
     lift, drag = polar(aircraft, alpha)
     figure = new_figure(3.2)
     left, middle, right = figure.subplots(1, 3)

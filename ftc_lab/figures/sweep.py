@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _COLOURS = [style.colour for style in (*STYLES[1:], STYLES[0])]  # the lightest one last
 _SHAPES = "os^Dv<>Ph*"
-_MOST_ROWS = 12
+_MAX_ROWS = 12
 _NONE: Dimension = ("", [""])
 
 
@@ -92,7 +92,7 @@ def _arrange(points: Sequence[Point]) -> tuple[_Styles, list[tuple[str, list[Poi
     for point in points:
         where = ", ".join(f"{name} = {position(point, name)}" for name in names)
         rows.setdefault(where, []).append(point)
-    if len(rows) > _MOST_ROWS:
+    if len(rows) > _MAX_ROWS:
         rows = {f"any {', '.join(names)}": list(points)}
     return _Styles(colours, markers), list(rows.items())
 

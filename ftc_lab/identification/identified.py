@@ -37,8 +37,8 @@ SET_BY_TRIM = {name for terms in TERMS.values() for name, of in terms.items() if
 WELL_EXPLAINED = 0.05
 """Share of a moment that may be left over."""
 _THRUST_SHARE = 0.4  # of the weight, where no limit is given
-_SLOWEST, _FASTEST = 1.2, 1.3  # of the stall, of the cruise
-_SLOWEST_OF_CRUISE = 0.65  # where there is no stall
+_MIN_AIRSPEED, _MAX_AIRSPEED = 1.2, 1.3  # of the stall, of the cruise
+_MIN_OF_CRUISE = 0.65  # where there is no stall
 _DIGITS, _NOTHING = 6, 1e-7  # of a number that is written
 
 
@@ -176,11 +176,11 @@ def _aircraft(
 ) -> Aircraft:
     body, V = simulator.body, choices.cruise
     limit = choices.thrust_limit or _THRUST_SHARE * body.mass_kg * level.gravity
-    slowest = _SLOWEST_OF_CRUISE * V
+    slowest = _MIN_OF_CRUISE * V
     if stall is not None:
         qS = 0.5 * body.air_density_kg_m3 * V**2 * body.wing_area_m2
         needed, most = body.mass_kg * level.gravity / qS, _lift(stall, values)
-        slowest = _SLOWEST * V * math.sqrt(needed / most) if most > needed else 0.9 * V
+        slowest = _MIN_AIRSPEED * V * math.sqrt(needed / most) if most > needed else 0.9 * V
     tree: dict[str, Any] = {
         "source": choices.source,
         "mass_kg": _short(body.mass_kg),
@@ -196,7 +196,7 @@ def _aircraft(
         "thrust_limit_n": float(f"{limit:.4g}"),
         "surface_limits_deg": _stops_deg(simulator),
         "airspeed_min_m_s": choices.airspeed_min or float(f"{min(slowest, 0.9 * V):.3g}"),
-        "airspeed_max_m_s": choices.airspeed_max or float(f"{_FASTEST * V:.3g}"),
+        "airspeed_max_m_s": choices.airspeed_max or float(f"{_MAX_AIRSPEED * V:.3g}"),
         "cruise_m_s": V,
     }
     try:

@@ -21,7 +21,7 @@ _ITERATIONS = 30
 _AT_REST = 2e-3  # m/s² and rad/s²
 _FIRST_ALPHA = 0.05
 _STEEPEST = 0.2  # largest change of one iteration: α [rad], share of a stop, of the weight
-_LARGEST_ALPHA = math.radians(30.0)
+_MAX_ALPHA = math.radians(30.0)
 _STANDARD_GRAVITY = 9.80665
 
 
@@ -85,7 +85,7 @@ def trim(simulator: Simulator, V: float, altitude: float = 0.0) -> SimulatorTrim
             break
         step = np.linalg.lstsq(np.column_stack(columns), -left, rcond=1e-6)[0]
         u = u + step * min(1.0, _STEEPEST / max(float(np.max(np.abs(step))), 1e-9))
-        u[0] = np.clip(u[0], -_LARGEST_ALPHA, _LARGEST_ALPHA)
+        u[0] = np.clip(u[0], -_MAX_ALPHA, _MAX_ALPHA)
         u[1:4] = np.clip(u[1:4], -1.0, 1.0)
     left = unrest(u)
     if not np.all(np.isfinite(left)) or np.max(np.abs(left)) > 10.0 * _AT_REST:
@@ -103,7 +103,7 @@ def _no_trim(V: float, u: np.ndarray, left: np.ndarray) -> str:
         if abs(share) > 0.99
     ]
     why = f"the {' and the '.join(at_stop)} would have to pass the stop" if at_stop else ""
-    if abs(u[0]) >= 0.99 * _LARGEST_ALPHA:
+    if abs(u[0]) >= 0.99 * _MAX_ALPHA:
         why = "an angle of attack of 30 deg would not carry it"
     along, down = left[:2]
     if not why and down > abs(along):

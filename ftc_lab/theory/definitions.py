@@ -12,7 +12,7 @@ import numpy as np
 
 from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.control.laws.proposed import Proposed
-from ftc_autopilot.control.state_predictor import LONGEST_S
+from ftc_autopilot.control.state_predictor import MAX_DELAY_S
 from ftc_autopilot.control.triggers import Trigger
 from ftc_lab.theory.dwell import WIRE_ROUNDING, in_force
 from ftc_lab.theory.equality import Equality, compare
@@ -356,7 +356,7 @@ def _made(known: Known) -> np.ndarray:
     made = known.present.copy()
     steps = np.flatnonzero(known.present)
     for before, after in pairwise(steps):
-        if (after - before - 1) * known.period_s <= LONGEST_S:
+        if (after - before - 1) * known.period_s <= MAX_DELAY_S:
             made[before:after] = True
     return made
 

@@ -11,7 +11,7 @@ from gcs.errors import BadInput
 from gcs.station.vehicle import Vehicle
 from mavlink_defs.faults.sensors import (
     FAILURES,
-    MOST_INSTANCES,
+    MAX_INSTANCES,
     SENSOR_NAMES,
     Axis,
     Failure,
@@ -31,7 +31,7 @@ InstanceOption = Annotated[
     int,
     typer.Option(
         min=0,
-        max=MOST_INSTANCES,
+        max=MAX_INSTANCES,
         metavar="N",
         help="Number of the sensor, from 1; 0: all of them.",
     ),

@@ -21,7 +21,7 @@ from gcs.runs.index import list_runs
 from gcs.runs.run import Run
 from gcs.runs.scan import NOTE, scan
 from gcs.runs.select import chosen, conditions_of, order_of
-from gcs.terminal import LONGEST_WORD, console_of, numbers, print_json, print_line, table_of, texts
+from gcs.terminal import MAX_WORD, console_of, numbers, print_json, print_line, table_of, texts
 from mavlink_defs.config.output_files import write_text
 
 if TYPE_CHECKING:
@@ -299,7 +299,7 @@ def _flown(run: Run) -> Text:
 def _foldable(change: str) -> str:
     """Return a change with spaces where a narrow column may fold it: between values."""
     key, equals, value = change.partition("=")
-    gap = " " if len(change.split(",", maxsplit=1)[0]) > LONGEST_WORD else ""
+    gap = " " if len(change.split(",", maxsplit=1)[0]) > MAX_WORD else ""
     return key + equals + gap + value.replace(",", ", ")
 
 

@@ -12,7 +12,7 @@ from aiohttp import web
 from textual_serve.app_service import AppService
 from textual_serve.download_manager import DownloadManager
 
-_MOST = (500, 200)
+_MAX_SIZE = (500, 200)
 """Columns and rows of the largest view: more than a large screen has, and little memory."""
 _CLOSING_S = 0.5
 """Time that a view has to end well [s]."""
@@ -33,7 +33,7 @@ def size_in(given: Mapping[str, Any]) -> tuple[int, int]:
     if not all(type(each) is int or isinstance(each, str) for each in requested):
         raise ValueError("expected whole numbers")
     width, height = (
-        min(max(int(each), 1), most) for each, most in zip(requested, _MOST, strict=True)
+        min(max(int(each), 1), most) for each, most in zip(requested, _MAX_SIZE, strict=True)
     )
     return width, height
 

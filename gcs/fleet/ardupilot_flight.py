@@ -22,7 +22,7 @@ from mavlink_defs.runtime.memory import copy_values
 from sitl_plant.ardupilot.launch import AircraftLaunch, new_launch, out_of_body
 from sitl_plant.ardupilot.outputs import Outputs
 from sitl_plant.ardupilot.peer import Address, Frame, Peer
-from sitl_plant.ardupilot.protocol import LONGEST_STEP_US, Measured, answer
+from sitl_plant.ardupilot.protocol import MAX_STEP_US, Measured, answer
 from sitl_plant.loop.fleet import (
     ADVANCE,
     PlantState,
@@ -202,7 +202,7 @@ class ArduPilotFlight:
     def _steps_of(self, i: int, rate_hz: int) -> int:
         """Return the control periods of a frame: at least one, and less than ArduPilot's limit."""
         step_us = self._scenario.step_us
-        longest = (LONGEST_STEP_US - 1) // step_us
+        longest = (MAX_STEP_US - 1) // step_us
         steps = min(max(round(1e6 / (rate_hz * step_us)), 1), longest)
         off = abs(steps * step_us * rate_hz / 1e6 - 1.0)
         if off > _NEAR and self._asked.get(i) != rate_hz:

@@ -18,7 +18,7 @@ _TURN_S = 0.2
 _QUIET_S = 5.0
 """Silence of an ArduPilot in flight that is worth a word [s]."""
 _PROGRESS_S = 0.2
-_LONGEST = 2048  # bytes read of a datagram; a servo packet has 72 at most
+_MAX_DATAGRAM = 2048  # bytes read of a datagram; a servo packet has 72 at most
 
 
 @contextlib.contextmanager
@@ -172,7 +172,7 @@ def _received(sock: socket.socket) -> Iterator[tuple[bytes, tuple[str, int]]]:
     """Yield the datagrams that have come."""
     while True:
         try:
-            datagram, address = sock.recvfrom(_LONGEST)
+            datagram, address = sock.recvfrom(_MAX_DATAGRAM)
         except BlockingIOError:
             return
         except OSError:  # an earlier answer found nobody

@@ -15,7 +15,7 @@ from gcs.results.recording import Ending, Mode, Recording, Steps
 from gcs.scenario.model import Scenario
 from mavlink_defs.runtime.spool import SpoolReader
 
-_MOST_WAITING = 3
+_MAX_WAITING = 3
 """Pieces of the plant's recording after a piece that waits for an autopilot's."""
 _REMEMBERED = 65_536
 """Missing steps of an autopilot that are remembered; rows of older ones count as missing, too."""
@@ -79,7 +79,7 @@ class Collector:
 
         For flights in which an autopilot may be gone for good: nothing piles up on disk.
         """
-        for steps in self._complete(over=False, most_waiting=_MOST_WAITING):
+        for steps in self._complete(over=False, most_waiting=_MAX_WAITING):
             on_steps(steps)
 
     def discard(self) -> None:

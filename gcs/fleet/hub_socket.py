@@ -15,7 +15,7 @@ from mavlink_defs.endpoint import connected_twin
 from mavlink_defs.runtime.spool import unwritten
 
 _BATCH = 64  # datagrams that are received from one peer before it is another's turn
-_LONGEST = 2048  # bytes; a MAVLink frame has 280 at most
+_MAX_DATAGRAM = 2048  # bytes; a MAVLink frame has 280 at most
 _FORGET_S = 1.0
 
 
@@ -56,7 +56,7 @@ class HubSocket:
         now = self._loop.time()
         for _ in range(_BATCH):
             try:
-                datagram, sender = sock.recvfrom(_LONGEST)
+                datagram, sender = sock.recvfrom(_MAX_DATAGRAM)
             except BlockingIOError:
                 return
             except OSError:  # of a datagram sent before, to a port that was closed

@@ -19,7 +19,7 @@ from ftc_autopilot.config import PLUGIN_FAILED
 from gcs.errors import BadInput, FlightLost, PortInUse
 from gcs.fleet.forked import FORKS, Forked, ForkServer, processor_time_s, start_alone
 from gcs.fleet.relays import Gate, relay_of, through
-from gcs.fleet.restarts import MOST_IN_A_ROW, Restarts
+from gcs.fleet.restarts import MAX_IN_A_ROW, Restarts
 from gcs.scenario.model import Scenario
 from gcs.scenario.plugins import libraries_of
 from mavlink_defs.config.files import dump
@@ -287,9 +287,9 @@ class FleetProcesses:
         due = self._restarts.is_due(process.name, now)
         if due is None:
             if self._endless and self._libraries:
-                self._give_up(process, f"{reason}, {MOST_IN_A_ROW + 1} times in a row")
+                self._give_up(process, f"{reason}, {MAX_IN_A_ROW + 1} times in a row")
                 return
-            text = f"{process.name}: {reason}, {MOST_IN_A_ROW + 1} times in a row"
+            text = f"{process.name}: {reason}, {MAX_IN_A_ROW + 1} times in a row"
             raise FlightLost(f"{text} soon after its start")
         if not due:
             return

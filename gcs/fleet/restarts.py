@@ -5,7 +5,7 @@ No processes and no clock: names and times go in.
 
 from collections import Counter
 
-MOST_IN_A_ROW = 5
+MAX_IN_A_ROW = 5
 """Most restarts in a row of a process that fails soon after each start; then it is given up."""
 _STABLE_S = 10.0  # a process that ran for so long is restarted at once again
 _FIRST_PAUSE_S = 0.5  # before the second restart in a row; each later one takes twice as long
@@ -44,6 +44,6 @@ class Restarts:
             self._in_a_row[name] = 1 if was_stable else self._in_a_row[name] + 1
             deaths = self._in_a_row[name]
             self._due[name] = now + (_FIRST_PAUSE_S * 2.0 ** (deaths - 2) if deaths > 1 else 0.0)
-        if self._in_a_row[name] > MOST_IN_A_ROW:
+        if self._in_a_row[name] > MAX_IN_A_ROW:
             return None
         return now >= self._due[name]

@@ -22,7 +22,7 @@ LIMIT_BYTES = 128_000_000
 _FILES = (LOG, TRAJECTORY, EVENTS)
 _CHECK_S = 1.0
 _COLLECT_S = 0.1
-_MOST_FRAMES = 200_000  # that wait to be written, of 280 bytes at most
+_MAX_FRAMES = 200_000  # that wait to be written, of 280 bytes at most
 
 
 class StandingRecord:
@@ -64,7 +64,7 @@ class StandingRecord:
 
     def log(self, frame: bytes) -> None:
         """Note a frame of a vehicle, with the present time; `collect` writes it."""
-        if len(self._frames) < _MOST_FRAMES:
+        if len(self._frames) < _MAX_FRAMES:
             self._frames.append((time.time_ns() // 1000, frame))
         else:
             self._frames_lost += 1

@@ -21,7 +21,7 @@ from mavlink_defs import dialect
 
 Tell: TypeAlias = Callable[[str], None]
 
-_LONGEST_SILENCE_S = 60.0
+_MAX_SILENCE_S = 60.0
 _LOOK_S = 1.0
 _POLL_S = 0.05
 _AT_A_TIME = 8
@@ -107,9 +107,9 @@ class Liveness:
             sign = (None if state is None else state.heard_at, self._computed_s(uav))
             if sign != self._signs.get(uav):
                 self._signs[uav], self._seen_s[uav] = sign, now
-            elif now - seen_s > _LONGEST_SILENCE_S:
+            elif now - seen_s > _MAX_SILENCE_S:
                 raise NoAnswer(
-                    f"UAV {uav} does not seem alive: for {_LONGEST_SILENCE_S:g} s "
+                    f"UAV {uav} does not seem alive: for {_MAX_SILENCE_S:g} s "
                     "it has not been heard, and its process has not computed"
                 )
 

@@ -24,7 +24,7 @@ from gcs.scenario.model import Scenario
 from gcs.scenario.sections import Network, ScenarioUav
 from mavlink_defs.endpoint import UdpAddress
 from sitl_plant.ardupilot.peer import Peer
-from sitl_plant.ardupilot.protocol import LONGEST_STEP_US, PORTS_APART
+from sitl_plant.ardupilot.protocol import MAX_STEP_US, PORTS_APART
 
 _LAST_PORT = 65535
 
@@ -99,10 +99,10 @@ def _check(scenario: Scenario, port: int) -> None:
             f"expected at most {_LAST_PORT}",
             "choose a lower one",
         )
-    if scenario.step_us >= LONGEST_STEP_US:
+    if scenario.step_us >= MAX_STEP_US:
         raise BadInput(
             f"step_us is {scenario.step_us} us: ArduPilot's clock stands still with steps of "
-            f"{LONGEST_STEP_US} us or more",
+            f"{MAX_STEP_US} us or more",
             "choose shorter ones, as with --set step_us=1000",
         )
     if scenario.links.impairments is not None:

@@ -16,9 +16,9 @@ from mavlink_defs.constants import ACTUATORS, N_CHANNELS
 if TYPE_CHECKING:
     import pyarrow as pa
 
-_MOST_ROWS = 30_000  # of all UAVs
-_LEAST_STEPS = 1000
-_MOST_GAPS = 300_000  # of all UAVs
+_MAX_ROWS = 30_000  # of all UAVs
+_MIN_STEPS = 1000
+_MAX_GAPS = 300_000  # of all UAVs
 _FIELDS = ("V", "command", "reference", "held", "path_position", "slot")
 
 
@@ -33,7 +33,7 @@ def recorded_steps(table: "pa.Table", n: int) -> tuple[Steps, int]:
         The steps; of the signals only those that figures show, NaN where they were not recorded.
     """
     length = len(table) // n
-    every = max(1, -(-length // max(_MOST_ROWS // n, _LEAST_STEPS)))
+    every = max(1, -(-length // max(_MAX_ROWS // n, _MIN_STEPS)))
     steps = _room(-(-length // every), n)
     steps.signals.view("f8").fill(np.nan)
     for column in COLUMNS:
@@ -54,7 +54,7 @@ def recorded_gaps(
     """
     uav, time_s = events.column("uav").to_numpy(), events.column("time_s").to_numpy()
     actuator = np.array(events.column("actuator").cast("string").to_pylist(), str)
-    every = max(1, -(-len(uav) // _MOST_GAPS))
+    every = max(1, -(-len(uav) // _MAX_GAPS))
     found = {}
     for system in uav_ids:
         for channel, name in enumerate(ACTUATORS):
@@ -75,7 +75,7 @@ class Preview:
         """Gather a flight of a scenario."""
         self._ids = tuple(uav.id for uav in scenario.uavs)
         self._step_us, n = scenario.step_us, len(self._ids)
-        most = max(_MOST_ROWS // n, _LEAST_STEPS)
+        most = max(_MAX_ROWS // n, _MIN_STEPS)
         self._every = -(-scenario.steps // most)
         self._steps = _room(-(-scenario.steps // self._every), n)
         self._count = 0
@@ -126,7 +126,7 @@ class Preview:
         known = np.isfinite(gaps)  # a channel's very first event has no gap
         self._gaps.append(np.array([key, times, gaps])[:, known])
         self._gap_count += len(key)
-        if self._gap_count > _MOST_GAPS:
+        if self._gap_count > _MAX_GAPS:
             every = np.concatenate(self._gaps, axis=1)
             halved = every[:, np.argsort(every[0], kind="stable")][:, ::2]
             self._gaps, self._gap_count = [halved], halved.shape[1]

@@ -18,7 +18,7 @@ from mavlink_defs.config.files import read
 from mavlink_defs.config.models import ConfigError
 
 _POINTS = 160
-_LARGEST = 200_000_000  # bytes of a recording that is read for its curves
+_MAX_BYTES = 200_000_000  # bytes of a recording that is read for its curves
 _WIDTH = 240  # of a thumbnail [px]
 _FIGURES = ("flight.png", "sweep.png", "polar.png", "figures/*.png")
 
@@ -75,7 +75,7 @@ def curves_of(folder: Path) -> dict[str, Any] | None:
     """
     path = folder / TRAJECTORY
     try:
-        if path.stat().st_size > _LARGEST:
+        if path.stat().st_size > _MAX_BYTES:
             return None
         names = [f"error_{name}" for name in QUANTITIES]
         columns = [

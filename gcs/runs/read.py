@@ -19,7 +19,7 @@ from mavlink_defs.config.models import ConfigError
 from mavlink_defs.config.user_files import open_file
 
 _KINDS: Mapping[str, Kind] = {"fly": "flight", "up": "fleet", "ardupilot": "ardupilot"}
-_LONGEST_NOTE = 10_000
+_MAX_NOTE = 10_000
 
 
 def read_run(found: Found) -> Run:
@@ -48,7 +48,7 @@ def read_note(folder: Path) -> str:
     """Return the user's note on a run; "" if there is none."""
     try:
         with open_file(folder / NOTE) as file:
-            return file.read(_LONGEST_NOTE).decode("utf-8", "replace").strip()
+            return file.read(_MAX_NOTE).decode("utf-8", "replace").strip()
     except OSError:
         return ""
 

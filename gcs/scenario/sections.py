@@ -34,7 +34,7 @@ from sitl_plant.simulators.config import PlantSection
 
 Found: TypeAlias = Iterator[Problem | tuple[Loc, str]]
 
-_MOST_EDGES = LAST_SYSTEM * (LAST_SYSTEM - 1) // 2
+_MAX_EDGES = LAST_SYSTEM * (LAST_SYSTEM - 1) // 2
 
 Weight = Annotated[float, quantity("", gt=0.0, doc="Weight in the communication graph.")]
 
@@ -69,7 +69,7 @@ class Network(Model):
     leader_access: Annotated[dict[SystemId, Weight], AtMost(LAST_SYSTEM)] = Field(
         description="h_i of the UAVs that have it."
     )
-    edges: Annotated[tuple[Edge, ...], AtMost(_MOST_EDGES)] = Field(
+    edges: Annotated[tuple[Edge, ...], AtMost(_MAX_EDGES)] = Field(
         default=(), description="Pairs of UAVs that communicate."
     )
 

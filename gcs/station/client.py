@@ -43,7 +43,7 @@ GROUND_STATION = SystemId(255, dialect.MAV_COMP_ID_MISSIONPLANNER)
 _AUTOPILOT = dialect.MAV_COMP_ID_AUTOPILOT1
 _TICK_S = 0.2
 _HEARTBEAT_S = 1.0
-_LONGEST_DATAGRAM = 65535
+_MAX_DATAGRAM = 65535
 _DISCOVERY_S = 1.2  # every vehicle sends a HEARTBEAT within a second
 _FLEET_S = 3.0  # for the answer to which fleet a vehicle is of; others than ours answer, too
 _MEMBERS_S = 5.0  # for members of the fleet that are not heard at once
@@ -311,7 +311,7 @@ class Client(asyncio.DatagramProtocol):
             return
         for _ in range(_MAX_DATAGRAMS):
             try:
-                more = self._sock.recvfrom(_LONGEST_DATAGRAM)
+                more = self._sock.recvfrom(_MAX_DATAGRAM)
             except OSError:  # none is left; an error is reported again to asyncio
                 return
             self._receive(*more)

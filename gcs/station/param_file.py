@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 READ_ONLY = frozenset({"SYSID_THISMAV", "MAV_TYPE", "MAV_AUTOPILOT", "STEP_US", "CTRL_LAW"})
 """Parameters that say what a vehicle is; nobody can set them."""
 _QGC_COLUMNS = 5
-_MOST_NAMED = 5
+_MAX_NAMED = 5
 
 
 def text_of(params: Iterable[Param], title: str) -> str:
@@ -118,7 +118,7 @@ def difference_lines(
 
 def unknown_text(names: Sequence[str]) -> str:
     """Return the names that a vehicle does not have as a text: "2 unknown names (A, B)"."""
-    first = ", ".join([*names[:_MOST_NAMED], *(["..."] if len(names) > _MOST_NAMED else [])])
+    first = ", ".join([*names[:_MAX_NAMED], *(["..."] if len(names) > _MAX_NAMED else [])])
     return f"{counted(len(names), 'unknown name')} ({first})"
 
 

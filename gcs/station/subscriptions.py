@@ -8,7 +8,7 @@ from weakref import WeakSet
 
 _T = TypeVar("_T")
 
-_MOST_WAITING = 10_000  # of what a subscriber has not looked at
+_MAX_WAITING = 10_000  # of what a subscriber has not looked at
 
 
 class Subscription(Generic[_T]):
@@ -19,7 +19,7 @@ class Subscription(Generic[_T]):
 
     def __init__(self, is_of_interest: Callable[[_T], bool]) -> None:
         self._is_of_interest = is_of_interest
-        self._waiting: deque[_T] = deque(maxlen=_MOST_WAITING)
+        self._waiting: deque[_T] = deque(maxlen=_MAX_WAITING)
         self._changed = asyncio.Event()
         self._over = False
 

@@ -30,7 +30,7 @@ _ROLES = {
 }
 _COLUMNS = (GridColumn("UAV", 3), GridColumn("state", 9, "left"), GridColumn("fault", 0, "left"))
 _WIDE_FROM = 92
-_LEAST_FAULT, _LEAST_HISTORY = 42, 30
+_MIN_FAULT, _MIN_HISTORY = 42, 30
 
 
 class FaultTimeline(Grid):
@@ -76,8 +76,8 @@ class FaultTimeline(Grid):
 def _wide(rows: list[Row], room: int) -> tuple[GridColumn, ...]:
     """Return columns, of which the faults' is as wide as its texts, if there is room."""
     longest = max((len(row.cells[2][0]) for row in rows), default=0)
-    left = room - sum(column.width + 1 for column in _COLUMNS[:2]) - 1 - _LEAST_HISTORY
-    width = max(min(longest, left), _LEAST_FAULT)
+    left = room - sum(column.width + 1 for column in _COLUMNS[:2]) - 1 - _MIN_HISTORY
+    width = max(min(longest, left), _MIN_FAULT)
     return (*_COLUMNS[:2], GridColumn("fault", width, "left"), GridColumn("history", 0, "left"))
 
 

@@ -29,7 +29,7 @@ _STATE = (
 )
 _REST = (GridColumn("faults", 6), GridColumn("msg/s", 5))
 _DIAGNOSIS = GridColumn("diagnosis", 16, "left")
-_LEAST_FAULTS = 16
+_MIN_FAULTS = 16
 _PHASE_ROLES = ("muted", "warn", "bad")  # by FTC_PHASE
 _GROUP_WIDTH = sum(width + 1 for _, width, _ in _QUANTITIES)
 _FIXED_WIDTH = sum(column.width + 1 for column in _STATE + _REST)
@@ -54,7 +54,7 @@ class FleetTable(Grid):
         """Show the vehicles."""
         texts = {state.system: _active_text(state) for state in view.states}
         longest = max(map(len, texts.values()), default=0)
-        text = max(longest, _LEAST_FAULTS) + 1 if longest else 0
+        text = max(longest, _MIN_FAULTS) + 1 if longest else 0
         diagnoses = any(state.diagnosis is not None for state in view.states)
         diagnosis = _DIAGNOSIS.width + 1 if diagnoses else 0
         on_path = any(is_on_path(state) for state in view.states)
@@ -65,7 +65,7 @@ class FleetTable(Grid):
         if has_diagnosis:
             columns.append(_DIAGNOSIS)
             left -= diagnosis
-        wide = left >= _LEAST_FAULTS
+        wide = left >= _MIN_FAULTS
         if wide:
             columns.append(GridColumn("active faults", 0, "left"))
         rows = [

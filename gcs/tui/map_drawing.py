@@ -15,7 +15,7 @@ from gcs.tui.labels import MapMark, Place, draw_marks, sheet_of
 from mavlink_defs import dialect
 
 _MARGIN = 1.15  # of what is shown by what is there
-_LEAST_REACH_M = 30.0
+_MIN_REACH_M = 30.0
 _FORMATION_REACH_M = 20.0  # of the middle, at least
 _TRAIL_S = 120.0
 _CIRCLE_POINTS = 60
@@ -77,7 +77,7 @@ class MapWindow:
         low, high = (places.min(axis=0), places.max(axis=0)) if len(places) else (0.0, 0.0)
         middle, half = (np.zeros(2) + low + high) / 2.0, (np.zeros(2) + high - low) / 2.0
         width, height = (max(n - frame, 4) for n, frame in zip(size, _FRAME, strict=True))
-        up = max(half[0], half[1] * 2.0 * height / width, _LEAST_REACH_M) * _MARGIN / self.zoom
+        up = max(half[0], half[1] * 2.0 * height / width, _MIN_REACH_M) * _MARGIN / self.zoom
         reach = up, up * width / (2.0 * height)
         chosen = [place for _, _, place, selected, _ in scene.vehicles if selected]
         if self.follows and chosen:

@@ -24,7 +24,7 @@ _PCAP = {  # magic as read in little endian: byte order, parts of a second
 }
 _PCAPNG = 0x0A0D0D0A  # type of a section header, the same in both byte orders
 _BYTE_ORDER = 0x1A2B3C4D
-_LONGEST_BLOCK = 1 << 26  # bytes; more is a damaged length
+_MAX_BLOCK = 1 << 26  # bytes; more is a damaged length
 _IPV4, _UDP = 0x0800, 17
 _PROTOCOLS = {1: "ICMP", 2: "IGMP", 6: "TCP"}
 _VLAN = {0x8100, 0x88A8}
@@ -97,7 +97,7 @@ def _read_classic(file: BinaryIO, order: str, unit_s: float) -> Iterator[tuple[i
     record = struct.Struct(order + "IIII")
     while not _at_end(file):
         seconds, parts, size, _ = record.unpack(_exactly(file, record.size))
-        if size > _LONGEST_BLOCK:
+        if size > _MAX_BLOCK:
             raise PcapError(f"damaged: a packet of {size} bytes")
         yield link_type, seconds + parts * unit_s, _exactly(file, size)
 
@@ -140,7 +140,7 @@ def _read_blocks(file: BinaryIO) -> Iterator[tuple[int, float, bytes]]:
 
 def _body(file: BinaryIO, order: str, start: bytes, consumed: int) -> bytes:
     size = struct.unpack(order + "I", start[4:])[0]
-    if not 12 <= size <= _LONGEST_BLOCK or size % 4:
+    if not 12 <= size <= _MAX_BLOCK or size % 4:
         raise PcapError(f"damaged: a block of {size} bytes")
     return _exactly(file, size - consumed)[:-4]  # the size once more
 

@@ -32,7 +32,7 @@ NEVER = 2**63 - 1
 EMPTY, OLDER_VERSION = 0, 1
 """Columns of `Counts.dropped` for what is no `DropReason`: no bytes, MAVLink 1."""
 
-_SMALLEST_FRAME = HEADER_SIZE + CRC_SIZE
+_MIN_FRAME = HEADER_SIZE + CRC_SIZE
 _V1_MAGIC: int = dialect.PROTOCOL_MARKER_V1
 _EVENTS: int = dialect.MAVLink_ftc_events_message.id
 _RUNNING: int = dialect.FTC_SIM_FLAGS_RUNNING
@@ -185,7 +185,7 @@ def _indexed(keys: np.ndarray, used: int) -> tuple[np.ndarray, np.ndarray]:
 
 @compiled
 def _most_frames(length: int) -> int:
-    return length // _SMALLEST_FRAME + 1
+    return length // _MIN_FRAME + 1
 
 
 @compiled

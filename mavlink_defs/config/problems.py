@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeAlias
 
 from mavlink_defs.visible import visible
 
-_MOST_SHOWN = 100
+_MAX_SHOWN = 100
 """Problems of one file that an error lists; further ones are counted."""
 
 Loc: TypeAlias = tuple[str | int, ...]
@@ -81,8 +81,8 @@ class ConfigError(ValueError):
     def lines(self) -> list[str]:
         """Each problem in a line, after the place where its value is written, or the file."""
         path = visible(str(self.path))
-        lines = [f"{visible(p.source) or path}: {p}" for p in self.problems[:_MOST_SHOWN]]
-        more = len(self.problems) - _MOST_SHOWN
+        lines = [f"{visible(p.source) or path}: {p}" for p in self.problems[:_MAX_SHOWN]]
+        more = len(self.problems) - _MAX_SHOWN
         return [*lines, f"{path}: and {counted(more, 'more problem')}"] if more > 0 else lines
 
 

@@ -8,7 +8,7 @@ from typing import BinaryIO
 
 from mavlink_defs.config.problems import ConfigError, Problem
 
-LARGEST_FILE = 1_000_000
+MAX_FILE = 1_000_000
 """Most bytes of a scenario, campaign, profile or mission file."""
 
 _KINDS = {
@@ -40,20 +40,20 @@ def read_text(path: Path | str) -> str:
     """Return the text of a regular file in UTF-8.
 
     Raises:
-        ConfigError: It is no regular file, is larger than `LARGEST_FILE`, is no text, or cannot be
+        ConfigError: It is no regular file, is larger than `MAX_FILE`, is no text, or cannot be
             read.
     """
     try:
         with open_file(path) as file:
-            data = file.read(LARGEST_FILE + 1)
+            data = file.read(MAX_FILE + 1)
     except FileNotFoundError as exc:
         raise ConfigError(path, [Problem((), "no such file")]) from exc
     except NotAFileError as exc:
         raise ConfigError(path, [Problem((), str(exc.strerror))]) from exc
     except OSError as exc:
         raise ConfigError(path, [Problem((), f"cannot be read: {exc.strerror}")]) from exc
-    if len(data) > LARGEST_FILE:
-        text = f"expected at most {LARGEST_FILE / 1e6:g} MB, got more"
+    if len(data) > MAX_FILE:
+        text = f"expected at most {MAX_FILE / 1e6:g} MB, got more"
         raise ConfigError(path, [Problem((), text)])
     try:
         return data.decode("utf-8-sig")

@@ -14,7 +14,7 @@ from yaml.composer import Composer
 from mavlink_defs.config.written import WrittenDict, WrittenList
 from mavlink_defs.visible import visible_lines
 
-_MOST_VALUES = 1_000_000
+_MAX_VALUES = 1_000_000
 """Values that a text may stand for: aliases of aliases multiply without end."""
 
 
@@ -81,8 +81,8 @@ class _Loader(Composer, yaml.CSafeLoader):
             raise yaml.MarkedYAMLError(problem=problem, problem_mark=begin)
         else:
             self._values += self._sizes[node]
-        if self._values > _MOST_VALUES:
-            problem = f"its aliases repeat more than {_MOST_VALUES} values"
+        if self._values > _MAX_VALUES:
+            problem = f"its aliases repeat more than {_MAX_VALUES} values"
             raise yaml.MarkedYAMLError(problem=problem, problem_mark=begin)
         return node
 

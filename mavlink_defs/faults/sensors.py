@@ -36,7 +36,7 @@ AXIS_NAMES: tuple[Axis, ...] = get_args(Axis)
 MAX_DELAY_S = 1.0
 """Longest delay of a sensor's samples [s]."""
 
-MOST_INSTANCES = 8
+MAX_INSTANCES = 8
 """Largest number that a sensor can have."""
 
 MAX_SENSOR_FAULTS = 32

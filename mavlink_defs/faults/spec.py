@@ -16,7 +16,7 @@ from mavlink_defs.faults.fault import Fault
 from mavlink_defs.faults.kinds import MAX_FREQUENCY_HZ, Family, Kind, Target
 from mavlink_defs.faults.sensors import (
     AXIS_NAMES,
-    MOST_INSTANCES,
+    MAX_INSTANCES,
     SENSOR_FAULTS,
     Axis,
     Failure,
@@ -154,7 +154,7 @@ class _ActuatorKeys(Model):
 class _SensorKeys(Model):
     sensor: SensorName = Field(description="The sensor that fails.")
     instance: int = whole(
-        "", ge=0, le=MOST_INSTANCES, default=0, doc="Number of the sensor, from 1; 0: all of them."
+        "", ge=0, le=MAX_INSTANCES, default=0, doc="Number of the sensor, from 1; 0: all of them."
     )
     failure: Failure | None = Field(
         default=None,

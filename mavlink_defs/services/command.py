@@ -23,7 +23,7 @@ CommandMessage: TypeAlias = MAVLink_command_long_message | MAVLink_command_int_m
 
 ACK_TIMEOUT_S = 0.5
 MAX_SENDS = 8
-_MOST_DOUBTED_S = 2.0  # less than a command is repeated for: some of its answers count
+_MAX_DOUBTED_S = 2.0  # less than a command is repeated for: some of its answers count
 PROGRESS_TIMEOUT_S = 3.0
 """Time after MAV_RESULT_IN_PROGRESS at which a client sends the command again [s]."""
 
@@ -183,7 +183,7 @@ class CommandClient(Machine[CommandProgress | CommandFinished]):
         only_answer: MAVLink_command_ack_message | None = None,
     ) -> None:
         took_s = 0.0 if event.result is None else now - self._begun_s
-        doubted_until = now + min(max(ACK_TIMEOUT_S, took_s), _MOST_DOUBTED_S)
+        doubted_until = now + min(max(ACK_TIMEOUT_S, took_s), _MAX_DOUBTED_S)
         self._last = _Last(event.command, doubted_until, only_answer)
         self._command = self._deadline = None
         self._happened.append(event)

@@ -6,7 +6,7 @@ import numpy as np
 
 from mavlink_defs.constants import SURFACES
 from sitl_plant.airframe.config import Aircraft, Coefficients
-from sitl_plant.airframe.propulsion import MOST_ROWS, Propulsion
+from sitl_plant.airframe.propulsion import MAX_ROWS, Propulsion
 
 COEFFICIENTS = tuple(Coefficients.model_fields)
 """Aerodynamic coefficients and derivatives, per rad."""
@@ -30,8 +30,8 @@ AIRCRAFT = np.dtype(
         ("thrust_limit", "f8"),  # N
         ("stops", "f8", (3, 2)),  # least and largest aileron, elevator, rudder [rad]
         ("thrust_rows", "i8"),  # of the table of the largest thrust; 0: it is thrust_limit
-        ("thrust_airspeeds", "f8", (MOST_ROWS,)),  # m/s, rising
-        ("thrust_most", "f8", (MOST_ROWS,)),  # N
+        ("thrust_airspeeds", "f8", (MAX_ROWS,)),  # m/s, rising
+        ("thrust_most", "f8", (MAX_ROWS,)),  # N
         ("thrust_arms", "f8", (3,)),  # rolling, pitching, yawing moment by thrust [m]
         ("thrust_lag", "f8"),  # s
     ]

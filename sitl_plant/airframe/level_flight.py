@@ -19,7 +19,7 @@ from sitl_plant.vec3 import Vec3, mul
 
 NEWTONS = 1000.0
 """Unit of thrust in which it is of the order of one [N]."""
-_LARGEST_ANGLE = math.radians(30.0)  # the coefficients are linear, and say nothing beyond
+_MAX_ANGLE = math.radians(30.0)  # the coefficients are linear, and say nothing beyond
 _TOLERANCE = 1e-10  # relative, of what is found
 _LEFT = 1e-6  # m/s², rad/s² and m/s that a steady flight may leave
 _AIRSPEEDS = 25  # at which level flight is looked for
@@ -103,7 +103,7 @@ def level_flight(aircraft: Aircraft, airspeed_m_s: float) -> LevelFlight | None:
 
     record = with_any_thrust(aircraft_record(aircraft))
     found = steady_flight(record, tried, [0.05, 0.0, 0.05, 0.0, 0.0, 0.0, 0.1])
-    if found is None or max(abs(found.alpha), abs(found.beta)) > _LARGEST_ANGLE:
+    if found is None or max(abs(found.alpha), abs(found.beta)) > _MAX_ANGLE:
         return None
     aileron, elevator, rudder = map(math.degrees, found.delta)
     return LevelFlight(

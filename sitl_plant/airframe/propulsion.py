@@ -13,9 +13,9 @@ from pydantic import Field, model_validator
 from mavlink_defs.config.models import AtMost, Model, Problems
 from mavlink_defs.config.quantity import quantity
 
-_LEAST_ROWS, MOST_ROWS = 2, 8
+_MIN_ROWS, MAX_ROWS = 2, 8
 """Rows of a table of thrust, at least and at most."""
-_FASTEST_M_S = 300  # airspeeds at which a propeller is looked at
+_MAX_SPEED_M_S = 300  # airspeeds at which a propeller is looked at
 
 
 _Coefficient = Annotated[float, quantity("", doc="Coefficient of a power of J.")]
@@ -103,16 +103,16 @@ class Propeller(Model):
         return Operation(thrust, torque, speed)
 
     def table(self, air_density_kg_m3: float) -> tuple[ThrustRow, ...]:
-        """Return the largest thrust at `MOST_ROWS` airspeeds, evenly from 0 to where it is zero."""
-        whole = range(1, _FASTEST_M_S + 1)
+        """Return the largest thrust at `MAX_ROWS` airspeeds, evenly from 0 to where it is zero."""
+        whole = range(1, _MAX_SPEED_M_S + 1)
         beyond = (V for V in whole if self.at(float(V), air_density_kg_m3).thrust_n <= 0.0)
-        high = float(next(beyond, _FASTEST_M_S))
+        high = float(next(beyond, _MAX_SPEED_M_S))
         low = high - 1.0
         while high - low > 1e-9 * high:
             middle = (low + high) / 2.0
             pulls = self.at(middle, air_density_kg_m3).thrust_n > 0.0
             low, high = (middle, high) if pulls else (low, middle)
-        airspeeds = np.linspace(0.0, high, MOST_ROWS).tolist()
+        airspeeds = np.linspace(0.0, high, MAX_ROWS).tolist()
         found = [max(self.at(V, air_density_kg_m3).thrust_n, 0.0) for V in airspeeds]
         return tuple(
             ThrustRow(airspeed_m_s=V, thrust_n=T) for V, T in zip(airspeeds, found, strict=True)
@@ -122,7 +122,7 @@ class Propeller(Model):
 class Propulsion(Model):
     """What makes the thrust, which a command asks for in N; without it, any thrust at once."""
 
-    thrust: Annotated[tuple[ThrustRow, ...] | None, AtMost(MOST_ROWS, "row")] = Field(
+    thrust: Annotated[tuple[ThrustRow, ...] | None, AtMost(MAX_ROWS, "row")] = Field(
         default=None,
         description="Largest thrust by airspeed, linear in between, constant beyond the ends.",
     )
@@ -160,8 +160,8 @@ class Propulsion(Model):
         if self.propeller is not None:
             text = "expected thrust or propeller, from which the thrust follows, got both"
             raise Problems([((), f"{text}: leave one out")])
-        if len(rows) < _LEAST_ROWS:
-            text = f"expected {_LEAST_ROWS} to {MOST_ROWS} rows, got {len(rows)}"
+        if len(rows) < _MIN_ROWS:
+            text = f"expected {_MIN_ROWS} to {MAX_ROWS} rows, got {len(rows)}"
             raise Problems([(("thrust",), text)])
         for i in range(1, len(rows)):
             before, airspeed = rows[i - 1].airspeed_m_s, rows[i].airspeed_m_s

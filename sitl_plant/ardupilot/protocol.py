@@ -14,7 +14,7 @@ PORT = 9002
 """UDP port of the physics for the first instance of ArduPilot."""
 PORTS_APART = 10
 """Instance k of ArduPilot (its option -I k) sends to the port so many times k higher."""
-LONGEST_STEP_US = 100_000
+MAX_STEP_US = 100_000
 """ArduPilot does not advance its clock by answers that are so far apart in time, or further."""
 
 _FORMATS = {18458: struct.Struct("<HHI16H"), 29569: struct.Struct("<HHI32H")}  # by magic number

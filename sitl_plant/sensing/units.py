@@ -50,7 +50,7 @@ AnySensor: TypeAlias = Gyro | Accelerometer | Magnetometer | Barometer | Pitot |
 
 _HPA = 0.01  # of one Pa
 _FARTHEST_M = 1e6  # from the origin: what `ftc_autopilot.common.geography` can place
-_FASTEST_M_S = 327.0  # what HIL_GPS can hold
+_MAX_SPEED_M_S = 327.0  # what HIL_GPS can hold
 
 
 class Unit(NamedTuple):
@@ -174,7 +174,7 @@ def _of_accelerometer(accelerometer: Accelerometer, period_s: float) -> SensorEr
 
 
 def _of_gnss(gnss: Gnss) -> SensorErrors:
-    farthest = (_FARTHEST_M,) * 3 + (_FASTEST_M_S,) * 3
+    farthest = (_FARTHEST_M,) * 3 + (_MAX_SPEED_M_S,) * 3
     flat, level = gnss.horizontal_noise_m, gnss.horizontal_velocity_noise_m_s
     return SensorErrors(
         noise=(flat, flat, gnss.vertical_noise_m, level, level, gnss.vertical_velocity_noise_m_s),

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from sitl_plant.simulators.base import SimulatorError
 
 _GRID = 20  # commands on either side of 0
-_LEAST = 1e-6  # rad: angles nearer to each other are the same
+_MIN_ANGLE = 1e-6  # rad: angles nearer to each other are the same
 _DISTURBED = {"ic/p-rad_sec": 0.2, "ic/q-rad_sec": 0.1, "ic/r-rad_sec": 0.1, "ic/theta-rad": 0.1}
 
 
@@ -110,25 +110,25 @@ def _measured(
 
     for position in named.positions:
         angles = [at(value, position) for value in grid]
-        if max(angles) - min(angles) > _LEAST:
+        if max(angles) - min(angles) > _MIN_ANGLE:
             break
     else:
         command.set_double_value(1.0)
         for _ in range(1000):
             checked(fdm.run)
-        moved = any(abs(fdm[p] - angles[0]) > _LEAST for p in named.positions)
+        moved = any(abs(fdm[p] - angles[0]) > _MIN_ANGLE for p in named.positions)
         at(0.0, named.positions[0])
         if moved:
             raise refused(f"the {named.name} follows {named.command} late, by a servo of its own")
         return Surface(command, [], [])
-    if abs(at(1.0, position) - at(1.0, position)) > _LEAST:
+    if abs(at(1.0, position) - at(1.0, position)) > _MIN_ANGLE:
         at(0.0, position)
         raise refused(f"the {named.name} follows {named.command} late, by a servo of its own")
     turned = angles[-1] < angles[0]
     ascending = angles[::-1] if turned else angles
     commands = grid[::-1] if turned else grid
     ascending, commands = _without_ends(ascending, commands)
-    if any(b - a < _LEAST for a, b in pairwise(ascending)):
+    if any(b - a < _MIN_ANGLE for a, b in pairwise(ascending)):
         seen = ", ".join(f"{angle:.3g}" for angle in angles[:: _GRID // 2])
         raise refused(
             f"{named.command} of -1, -0.5, 0, 0.5, 1 gives {position} {seen} rad, which has no "
@@ -150,9 +150,9 @@ def _measured(
 def _without_ends(angles: list[float], commands: list[float]) -> tuple[list[float], list[float]]:
     """Leave out, at both ends, the commands that change nothing any more."""
     first, last = 0, len(angles) - 1
-    while first < last and abs(angles[first + 1] - angles[first]) < _LEAST:
+    while first < last and abs(angles[first + 1] - angles[first]) < _MIN_ANGLE:
         first += 1
-    while last > first and abs(angles[last - 1] - angles[last]) < _LEAST:
+    while last > first and abs(angles[last - 1] - angles[last]) < _MIN_ANGLE:
         last -= 1
     return angles[first : last + 1], commands[first : last + 1]
 
@@ -178,7 +178,7 @@ def _check_alone(
         for key, undisturbed in before.items():
             fdm[key] = undisturbed
         at(value, position)
-        if max(abs(other - angle), abs(later - angle)) > _LEAST:
+        if max(abs(other - angle), abs(later - angle)) > _MIN_ANGLE:
             text = f"the {named.name} moves without {named.command}, by an autopilot of its own"
             raise refused(text)
     at(0.0, position)
@@ -186,7 +186,7 @@ def _check_alone(
     command.set_double_value(0.5)
     checked(fdm.run)
     prompt = fdm[position]
-    if abs(prompt - at(0.5, position)) > _LEAST:
+    if abs(prompt - at(0.5, position)) > _MIN_ANGLE:
         at(0.0, position)
         raise refused(f"the {named.name} follows {named.command} late, by a servo of its own")
     at(0.0, position)

@@ -33,7 +33,7 @@ INTERVAL_S = 0.02  # of FTC_EVENTS
 RESOLUTION_S = 5 * INTERVAL_S  # of times compared
 MEMORY_S = 1.0  # for which a gap excuses being late: what comes after it comes in one burst
 MESSAGES = 50
-LONGEST_S = 40.0  # of a wait: busy loops are no good company
+MAX_WAIT_S = 40.0  # of a wait: busy loops are no good company
 LEVEL = [{"start_s": 0.0, "airspeed_m_s": 40.0, "roll_deg": 0.0, "pitch_deg": 1.0, "yaw_deg": 0.0}]
 CALM = {"faults": [], "profile": LEVEL, "disturbance": {}}
 
@@ -99,17 +99,17 @@ async def starve(hub: str, pid: int, listener: Listener) -> int:
     """
     own, connection = SystemId(255, 78), parse_connection(hub)
     async with Client(connection, on_message=listener.receive, own=own) as client:
-        await client.wait_for((STARVED, OTHER), LONGEST_S)
+        await client.wait_for((STARVED, OTHER), MAX_WAIT_S)
         for system in (STARVED, OTHER):
             vehicle = client.vehicle(system)
             await vehicle.set_interval(dialect.MAVLINK_MSG_ID_FTC_EVENTS, INTERVAL_S)
-        assert await client.until(lambda: len(listener.heard) > MESSAGES, LONGEST_S)
+        assert await client.until(lambda: len(listener.heard) > MESSAGES, MAX_WAIT_S)
         with starving(pid):
             begun = len(listener.heard)
             assert await client.until(
-                lambda: OLD in listener.texts and len(listener.heard) > begun + MESSAGES, LONGEST_S
+                lambda: OLD in listener.texts and len(listener.heard) > begun + MESSAGES, MAX_WAIT_S
             ), listener.texts
-        assert await client.until(lambda: NEW in listener.texts, LONGEST_S), listener.texts
+        assert await client.until(lambda: NEW in listener.texts, MAX_WAIT_S), listener.texts
         vehicle = client.vehicle(STARVED)
         await vehicle.request(dialect.MAVLINK_MSG_ID_FTC_DROPS)
         assert vehicle.state.drops is not None

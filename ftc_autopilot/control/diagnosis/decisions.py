@@ -18,7 +18,7 @@ import numpy as np
 from ftc_autopilot.common.phases import HEALTHY, LOST, SUSPECT
 from ftc_autopilot.control.diagnosis.instrument import (
     LAGS,
-    LONGEST_DEAD_S,
+    MAX_DEAD_S,
     estimate_by_dither,
     lag_steps,
     learn_instrument,
@@ -85,7 +85,7 @@ def decide(
                 actuator["cooldown_s"] = 0.0
                 dead = lag_steps(found.lag, dt) if _is_cleared(found, False, actuator, gains) else 0
         may_be = age > gains["loss_start_s"] and not (
-            is_check and actuator["z_s"] < LONGEST_DEAD_S + limits.confirm
+            is_check and actuator["z_s"] < MAX_DEAD_S + limits.confirm
         )
         later = is_check and found.by_dither > gains["following"] * actuator["effectiveness"]
         excited = moved > enough and not later  # after a dead time that is not known yet

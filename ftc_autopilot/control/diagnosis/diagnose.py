@@ -20,8 +20,8 @@ from sitl_plant.vec3 import clamp
 
 _FIRST_SIGMA = 0.2  # standard deviation of the residual at first, relative to the jump threshold
 _AT_STOP = 0.98  # of the stop
-_LARGEST_OFFSET = 25.0 / 35.0  # of a surface's stop
-_LARGEST_THRUST_OFFSET = 0.35  # of the thrust limit
+_MAX_OFFSET = 25.0 / 35.0  # of a surface's stop
+_MAX_THRUST_OFFSET = 0.35  # of the thrust limit
 _WEAK, _WEAKEST = 0.75, 0.1  # effectiveness taken into account below the first, not below the last
 _LARGE_DELAY_S = 0.003
 _SETTLED = 5.0  # time constants, after which 0.7 % is left
@@ -81,9 +81,9 @@ def diagnose(
         if actuator["lost"] == 0 and state["age"] > gains["offset_start_s"]:
             if j < THROTTLE:
                 _weigh(actuator, limits.prior, limits.excitation, gains["effectiveness_s"], dt)
-                least, largest = _LARGEST_OFFSET * lowest, _LARGEST_OFFSET * highest
+                least, largest = _MAX_OFFSET * lowest, _MAX_OFFSET * highest
             else:
-                largest = _LARGEST_THRUST_OFFSET * highest
+                largest = _MAX_THRUST_OFFSET * highest
                 least = -largest
             most = available_thrust(now.seen.motion.V, aircraft)
             at_a_stop = j == THROTTLE and not 1.0 < held[j] < most - 1.0

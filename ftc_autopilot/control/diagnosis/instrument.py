@@ -27,7 +27,7 @@ from mavlink_defs.runtime.jit import compiled
 LAGS = 6
 """Dead times that are tried: none, and multiples of `LAG_S`."""
 LAG_S = 0.008
-LONGEST_DEAD_S = (LAGS - 1) * LAG_S
+MAX_DEAD_S = (LAGS - 1) * LAG_S
 PAST = 64
 """Steps that are remembered."""
 _TAIL, _Y, _Z = 3, 4, 5
@@ -35,7 +35,7 @@ _U = _Z + LAGS
 TERMS = _U + LAGS
 """Of the offset 1, t, t² and the tail of a jump; y, z of each lag, u of each lag."""
 _UNIT_S = 0.1  # of the trend's time
-_LEAST = 1e-12
+_MIN_SUM = 1e-12
 _CLEARLY = 0.6
 
 
@@ -124,7 +124,7 @@ def estimate_by_dither(
     M = actuator["moments"].copy()
     known = _Y if M[_TAIL, _TAIL] > 0.0 else _TAIL
     for p in range(known):  # sweeps the offset's terms out of the others
-        if M[p, p] <= _LEAST:
+        if M[p, p] <= _MIN_SUM:
             return 1.0, math.inf, 0
         for i in range(p + 1, TERMS):
             share = M[i, p] / M[p, p]
@@ -136,16 +136,16 @@ def estimate_by_dither(
     at_once = left = math.inf  # sums of squares
     for k in range(lags):
         zz, zy, zu = M[_Z + k, _Z + k], M[_Z + k, _Y], M[_U + k, _Z + k]
-        if zz <= _LEAST or zu < 0.3 * zz:
+        if zz <= _MIN_SUM or zu < 0.3 * zz:
             continue
         found = zy / zu
         squares = M[_Y, _Y] - 2.0 * found * M[_U + k, _Y] + found * found * M[_U + k, _U + k]
         squares = max(squares, 0.0)
-        s = squares / actuator["z_samples"] * independent / max(free, _LEAST)
+        s = squares / actuator["z_samples"] * independent / max(free, _MIN_SUM)
         sigma = math.sqrt(s * (filter_s / dt) * zz) / zu if free > 0.0 else math.inf
         if k == 0:
             at_once = squares
-        if found / max(sigma, _LEAST) > best:
-            rho, error, lag, best = found, sigma, k, found / max(sigma, _LEAST)
+        if found / max(sigma, _MIN_SUM) > best:
+            rho, error, lag, best = found, sigma, k, found / max(sigma, _MIN_SUM)
             left = squares
     return rho, error, lag if left < _CLEARLY * at_once else 0

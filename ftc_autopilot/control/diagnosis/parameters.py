@@ -18,7 +18,7 @@ _Angles = tuple[_Angle, _Angle, _Angle]
 _Times = tuple[_Time, _Time, _Time]
 
 _UNLIMITED_DEG_S = 1e6
-_LONGEST_DEAD_TIME_S = 0.1
+_MAX_DEAD_TIME_S = 0.1
 
 
 def _time(default: float, doc: str) -> Any:
@@ -51,7 +51,7 @@ class DiagnosisParameters(Model):
         "s", ge=0.0, le=10.0, default=None, doc="Lag of the thrust; the same."
     )
     throttle_dead_time_s: float | None = quantity(
-        "s", ge=0.0, le=_LONGEST_DEAD_TIME_S, default=None, doc="Dead time of the thrust; the same."
+        "s", ge=0.0, le=_MAX_DEAD_TIME_S, default=None, doc="Dead time of the thrust; the same."
     )
     filter_s: float = quantity(
         "s", gt=0.0, le=1.0, default=0.01, doc="Filter of measurement and command."
@@ -199,7 +199,7 @@ class DiagnosisParameters(Model):
             "servo_lag_s": max(servo.lag_s for servo in surfaces),
             "servo_rate_limit_deg_s": min(limits, default=_UNLIMITED_DEG_S),
             "throttle_lag_s": servos.throttle.lag_s,
-            "throttle_dead_time_s": min(servos.throttle.dead_time_s, _LONGEST_DEAD_TIME_S),
+            "throttle_dead_time_s": min(servos.throttle.dead_time_s, _MAX_DEAD_TIME_S),
         }
         left_open = {key: value for key, value in known.items() if getattr(self, key) is None}
         return self.model_copy(update=left_open)

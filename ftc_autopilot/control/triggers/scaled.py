@@ -30,7 +30,7 @@ _DEPTH = 64
 """Control periods that are remembered, at least P."""
 _DEVIATION = 1.4826
 """Standard deviation of a normal variable by the median of its absolute value."""
-_LEAST = 0.1
+_MIN_SHARE = 0.1
 """By which share of the paper's threshold a median of 0 begins to move."""
 
 
@@ -90,7 +90,7 @@ def scaled(now: Candidates, parameters: np.void, state: np.void) -> int:
         least = threshold(now, i, now.held[i])
         if n >= lag:
             change, brief = u - past[(n - lag) % _DEPTH], u - past[(n - short) % _DEPTH]
-            floor = _LEAST * least
+            floor = _MIN_SHARE * least
             state["slow"][i] = _moved(state["slow"][i], abs(change), share, floor)
             state["fast"][i] = _moved(state["fast"][i], abs(brief), share, floor)
         past[n % _DEPTH] = u

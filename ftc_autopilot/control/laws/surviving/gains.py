@@ -27,7 +27,7 @@ LATERAL = 4
 LONGITUDINAL = 5
 """States V [m/s], α [rad], q [rad/s], θ [rad], its integral [rad s]; the command is thrust [N]."""
 
-_SLOWEST = 1.25  # times the aircraft's lowest airspeed
+_MIN_AIRSPEED = 1.25  # times the aircraft's lowest airspeed
 _DIGITS = 9  # significant; further ones depend on the linear algebra library
 _ALPHA = (-0.5, 0.7)  # angles of attack among which level flight is searched [rad]
 
@@ -69,7 +69,9 @@ def gains_of(aircraft: Aircraft, weights: LoopWeights = _DEFAULT) -> Gains:
 
 def airspeeds_of(aircraft: Aircraft) -> np.ndarray:
     """Return the airspeeds at which gains are computed [m/s], shape (AIRSPEEDS,)."""
-    return np.linspace(_SLOWEST * aircraft.airspeed_min_m_s, aircraft.airspeed_max_m_s, AIRSPEEDS)
+    return np.linspace(
+        _MIN_AIRSPEED * aircraft.airspeed_min_m_s, aircraft.airspeed_max_m_s, AIRSPEEDS
+    )
 
 
 def lateral_gain(aircraft: Aircraft, V: float, weights: LoopWeights = _DEFAULT) -> np.ndarray:

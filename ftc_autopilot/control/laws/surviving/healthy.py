@@ -10,7 +10,7 @@ from mavlink_defs.runtime.jit import inlined
 from sitl_plant.airframe.rigid_body import R2
 from sitl_plant.vec3 import Vec3, clamp, mul, scale, sub, vec3
 
-_LOWEST = -0.75  # of the pitch reference [rad]
+_MIN_PITCH = -0.75  # of the pitch reference [rad]
 _NEAR = math.radians(3.0)  # of the limit of the angle of attack
 
 
@@ -28,7 +28,7 @@ def commanded_rates(now: Step, gains: np.void, state: np.void) -> Vec3:
     over = math.atan2(motion.v[2], motion.v[0]) - gains["alpha_limit_rad"]
     if over > 0.0 or state["pitch_lowered"] < 0.0:
         lowered = state["pitch_lowered"] - gains["pitch_lowering_1_s"] * now.dt * over
-        state["pitch_lowered"] = clamp(lowered, _LOWEST, 0.0)
+        state["pitch_lowered"] = clamp(lowered, _MIN_PITCH, 0.0)
     e = scale(1.0 / errors.lambda_omega, errors.e_prime)
     e = (e[0], e[1] - state["pitch_lowered"], e[2])
     share = clamp(motion.V / gains["full_gain_airspeed_m_s"], 0.3, 1.0)

@@ -18,7 +18,7 @@ from sitl_plant.airframe.stops import range_of
 from sitl_plant.vec3 import Vec3, clamp, mat3, mul
 
 _AT_THE_STOP = 0.92  # of the stop
-_LARGEST_DRIVE = math.radians(25.0)
+_MAX_DRIVE = math.radians(25.0)
 
 
 class LateralTrim(NamedTuple):
@@ -114,7 +114,7 @@ def driven_aileron(now: Step, gains: np.void, state: np.void, stops: tuple[float
     if mean < _AT_THE_STOP * stops[0] or mean > _AT_THE_STOP * stops[1]:
         more = math.copysign(now.dt * gains["driving_rad_s"], state["rudder_mean"])
         driven = state["aileron_driven"] + more
-        state["aileron_driven"] = clamp(driven, -_LARGEST_DRIVE, _LARGEST_DRIVE)
+        state["aileron_driven"] = clamp(driven, -_MAX_DRIVE, _MAX_DRIVE)
     stuck = float(state["diagnosis"]["actuators"][AILERON]["stuck"])
     aileron: float = probed(AILERON, stuck, gains["diagnosis"], state["diagnosis"])
     return aileron + float(state["aileron_driven"])

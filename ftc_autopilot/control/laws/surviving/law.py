@@ -24,7 +24,7 @@ from sitl_plant.airframe.stops import has_actuator, range_of, stop_beside
 from sitl_plant.airframe.thrust import available_thrust
 from sitl_plant.vec3 import mat3, mul, sub
 
-_LEAST_COSINE = 0.3  # of the roll angle, in the turn rate of a trim
+_MIN_COSINE = 0.3  # of the roll angle, in the turn rate of a trim
 
 
 @compiled
@@ -64,7 +64,7 @@ def reconfigured(
         trim = lateral_trim(
             now, AILERON if no_aileron and has_rudder else RUDDER, aircraft, diagnosis
         )
-        rates = rates[0], rates[1], trim.r / max(math.cos(motion.phi[0]), _LEAST_COSINE)
+        rates = rates[0], rates[1], trim.r / max(math.cos(motion.phi[0]), _MIN_COSINE)
     commanded = commanded_acceleration(now, rates, gains, state)
     J = mat3(aircraft["J"])
     by_itself = angular_acceleration(motion.omega, motion.air.N, J, mat3(aircraft["J_inv"]))

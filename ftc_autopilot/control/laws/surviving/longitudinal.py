@@ -16,7 +16,7 @@ from sitl_plant.vec3 import clamp
 
 _ALPHA_MIN, _ALPHA_MAX = -0.1, 0.45  # of a trim [rad]
 _GAMMA = 0.5  # largest flight path angle of a trim [rad]
-_LEAST_LIFT = 0.03  # lift and drag coefficients together
+_MIN_LIFT = 0.03  # lift and drag coefficients together
 _SLOW, _FAST = 0.88, 0.8  # of the least and the largest airspeed with gains
 _INTEGRATED = 0.35  # pitch error [rad]
 _APPROXIMATIONS = 3  # of a trim that the moment of the thrust moves
@@ -55,7 +55,7 @@ def pitch_trim(
     lift = carried(alpha, aircraft)
     load = weight * (math.cos(gamma) - math.tan(alpha) * math.sin(gamma))
     half_rho_S = 0.5 * aircraft["rho"] * aircraft["S"]
-    V = math.sqrt(max(load, 1.0) / max(lift, _LEAST_LIFT) / half_rho_S)
+    V = math.sqrt(max(load, 1.0) / max(lift, _MIN_LIFT) / half_rho_S)
     airspeeds = gains["airspeeds"]
     V = clamp(V, _SLOW * airspeeds[0], _FAST * airspeeds[-1])
     D = drag(half_rho_S * now.motion.V * now.motion.V, alpha, aircraft)
@@ -65,7 +65,7 @@ def pitch_trim(
 @compiled
 def _thrust_coefficient(alpha: float, gamma: float, aircraft: AircraftRecord) -> float:
     """Return T/(q S) of a steady flight: (C_D + C_W sin γ)/cos α, with C_W the weight by q S."""
-    lift = max(carried(alpha, aircraft), _LEAST_LIFT)
+    lift = max(carried(alpha, aircraft), _MIN_LIFT)
     weight = lift / (math.cos(gamma) - math.tan(alpha) * math.sin(gamma))
     return (drag_coefficient(alpha, aircraft) + weight * math.sin(gamma)) / math.cos(alpha)
 

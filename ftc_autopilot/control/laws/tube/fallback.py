@@ -19,7 +19,7 @@ from sitl_plant.airframe.stops import has_actuator
 from sitl_plant.airframe.thrust import reach_of
 from sitl_plant.vec3 import clamp
 
-_MOST_DOUBLINGS = 4
+_MAX_DOUBLINGS = 4
 _CHANGES_OF_SIDE = 2.6  # changes to the other side: four within two seconds, or three within less
 _SWING_SIGMA = 0.3  # standard deviation of a smoothed residual, relative to a jump
 
@@ -64,7 +64,7 @@ def fallback_flies(now: Step, gains: np.void, state: np.void) -> bool:
     for j in range(N_CHANNELS):
         recent[j] *= 1.0 - now.dt
         if recent[j] > gains["storm_events"]:
-            longer = gains["storm_s"] * 2.0 ** min(state["crowded"], _MOST_DOUBLINGS)
+            longer = gains["storm_s"] * 2.0 ** min(state["crowded"], _MAX_DOUBLINGS)
             state["taken_over"] = max(state["taken_over"], longer)
             state["crowded"] += 1
             for i in range(N_CHANNELS):

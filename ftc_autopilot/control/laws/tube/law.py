@@ -24,7 +24,7 @@ from sitl_plant.airframe.aircraft import AircraftRecord
 from sitl_plant.airframe.stops import has_actuator, range_of
 from sitl_plant.vec3 import clamp
 
-_LONGEST_PERIOD_S = 0.03
+_MAX_PERIOD_S = 0.03
 """Of a clock that can send a dither."""
 
 
@@ -124,7 +124,7 @@ def _dither(
         actuator, limits = diagnosis["actuators"][j], limits_of(gains, j)
         lowest, highest = range_of(aircraft, j)
         is_check = diagnosis["age"] < limits.check + limits.suspicion
-        moves = (is_check or actuator["lost"] != 0) and now.clock_s[j] < _LONGEST_PERIOD_S
+        moves = (is_check or actuator["lost"] != 0) and now.clock_s[j] < _MAX_PERIOD_S
         dither = actuator["dither"] if moves else 0.0
         within = clamp(dither, lowest - commands[j], highest - commands[j])
         if now.clock_s[j] > 0.0 and not now.due & (1 << j):

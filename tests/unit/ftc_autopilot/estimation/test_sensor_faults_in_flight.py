@@ -14,7 +14,7 @@ from mavlink_defs.config.inherit import merged
 
 FAULTS = [name for name in bundled_names() if name.startswith("sensor_faults/")]
 SETTLED = 8000  # steps
-LARGEST_DEG = {"sensor_faults/gyro_garbage": 10.0}
+MAX_DEG = {"sensor_faults/gyro_garbage": 10.0}
 """Largest error of roll and pitch, where it is not 2°."""
 
 
@@ -26,7 +26,7 @@ def by_sensors(name: str, **changes: Any) -> Scenario:
 @pytest.mark.parametrize("name", FAULTS)
 def test_estimates_stay_near_the_truth(name: str) -> None:
     flown = estimates_of(by_sensors(name))
-    assert flown.attitude_deg < LARGEST_DEG.get(name, 2.0)
+    assert flown.attitude_deg < MAX_DEG.get(name, 2.0)
     assert flown.airspeed_m_s < 5.0
     assert flown.place_m < 60.0
     assert flown.phase < LOST  # no actuator is blamed for a sensor

@@ -18,7 +18,7 @@ from sitl_plant.airframe.rigid_body import R1
 from sitl_plant.airframe.thrust import available_thrust
 from sitl_plant.vec3 import vec3
 
-DT, MOST = 0.02, math.radians(8.5)
+DT, MAX_CLIMB = 0.02, math.radians(8.5)
 WIDE = HOME._replace(acceleration_max_m_s2=30.0, climb_max_deg=45.0, airspeed_max_m_s=80.0)
 GUIDANCE = PathFollowing(**WIDE._asdict())
 
@@ -72,5 +72,5 @@ def test_a_climb_takes_the_thrust_to_spare(propelled: np.void, V: float) -> None
     lift = 0.5 * propelled["rho"] * airspeed**2 * propelled["S"]
     at_zero, slope = 0.1, 0.25 + 0.5  # C_L and, with the part of the thrust, its slope
     alpha = (weight * math.cos(climb) / lift - at_zero) / slope
-    feedback = min(max(climb - (0.05 - math.atan(0.05)), -MOST), MOST)  # flown level
+    feedback = min(max(climb - (0.05 - math.atan(0.05)), -MAX_CLIMB), MAX_CLIMB)  # flown level
     assert pitch == pytest.approx(climb + alpha + feedback, abs=0.02)

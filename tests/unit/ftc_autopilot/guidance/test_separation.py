@@ -13,8 +13,8 @@ from ftc_autopilot.guidance.places import FORGOTTEN_S, PLACE
 from ftc_autopilot.guidance.separation import keep_apart, nearest
 
 DT = 0.02
-LEAST_M, RATE = 15.0, 0.3
-CALM, SLOWEST_M_S = (0.0, 0.0, 0.0), 30.0
+MIN_M, RATE = 15.0, 0.3
+CALM, MIN_AIRSPEED_M_S = (0.0, 0.0, 0.0), 30.0
 LAG_S = 0.4  # three times in a row, as the reference filter
 Vector = tuple[float, float, float]
 
@@ -45,8 +45,8 @@ def evaded(
 ) -> np.ndarray:
     places, layout = seen(others, own)
     table = np.full(len(places), state, np.uint8)
-    flown = expected, position, velocity, CALM, SLOWEST_M_S
-    return np.array(keep_apart(*flown, places, layout, table, step, DT, LEAST_M, RATE))
+    flown = expected, position, velocity, CALM, MIN_AIRSPEED_M_S
+    return np.array(keep_apart(*flown, places, layout, table, step, DT, MIN_M, RATE))
 
 
 class Uav:
@@ -86,7 +86,7 @@ def least_distance(first: Uav, second: Uav, time_s: float) -> float:
 
 
 angles = st.floats(-math.pi, math.pi)
-MET = 0.9 * LEAST_M
+MET = 0.9 * MIN_M
 """What is left of the least distance when the aircraft are late [m]."""
 
 
@@ -129,7 +129,7 @@ def test_the_approach_asked_for_is_within_the_bound(
         return
     away = away / distance
     mean = 0.5 * float((np.array(velocity) + np.array(theirs)) @ away)
-    bound = mean - 0.5 * RATE * (distance - LEAST_M)
+    bound = mean - 0.5 * RATE * (distance - MIN_M)
     if np.array(expected) @ away >= bound:
         assert asked == pytest.approx(expected)
     else:
@@ -194,9 +194,9 @@ def test_one_that_is_degraded_and_too_slow_to_be_followed_is_passed_above(own: i
         return -float(evaded(expected, behind, expected, theirs, own, state=state)[2])
 
     degraded, usual = 4 * LOST + STAY, 3.0 if own == 0 else -3.0
-    assert climb(SLOWEST_M_S - 5.0, degraded) == pytest.approx(8.0)
-    assert climb(SLOWEST_M_S + 1.0, degraded) == pytest.approx(usual)
-    assert climb(SLOWEST_M_S - 5.0, 0) == pytest.approx(usual)
+    assert climb(MIN_AIRSPEED_M_S - 5.0, degraded) == pytest.approx(8.0)
+    assert climb(MIN_AIRSPEED_M_S + 1.0, degraded) == pytest.approx(usual)
+    assert climb(MIN_AIRSPEED_M_S - 5.0, 0) == pytest.approx(usual)
 
 
 def test_the_nearest_member_is_where_it_has_gone_since_its_message() -> None:

@@ -12,7 +12,7 @@ from pydantic import TypeAdapter
 from scipy import stats
 
 from ftc_lab.campaigns.distributions import Distribution, quantiles, support, value_of
-from ftc_lab.campaigns.draws import MOST_FLIGHTS, dimensions, draw_table
+from ftc_lab.campaigns.draws import MAX_FLIGHTS, dimensions, draw_table
 from ftc_lab.campaigns.model import Campaign
 from gcs.errors import BadInput
 
@@ -130,9 +130,9 @@ def test_a_grid_is_every_combination() -> None:
 @pytest.mark.parametrize(
     "changes",
     [
-        {"draws": MOST_FLIGHTS + 1},
+        {"draws": MAX_FLIGHTS + 1},
         {"draws": 2**22, "design": "saltelli"},
-        {"draws": MOST_FLIGHTS // 2 + 1, "variants": {"a": {}, "b": {}}},
+        {"draws": MAX_FLIGHTS // 2 + 1, "variants": {"a": {}, "b": {}}},
         {
             "draws": None,
             "design": "grid",

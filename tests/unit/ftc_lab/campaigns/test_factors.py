@@ -19,18 +19,18 @@ from ftc_lab.reports.campaign import write_report
 from gcs.scenario.model import load_scenario
 
 DRAWS = 150
-LARGEST = {"loss": 1.0, "bias": 0.4, "stuck": 0.3}
+MAX_VALUES = {"loss": 1.0, "bias": 0.4, "stuck": 0.3}
 ACTUATORS = ("rudder", "throttle")
 
 
-def drawn_faults(largest: dict[str, float] = LARGEST, **changes: object) -> dict[str, object]:
+def drawn_faults(largest: dict[str, float] = MAX_VALUES, **changes: object) -> dict[str, object]:
     kinds = {k: {"kind": "uniform", "low": -high, "high": high} for k, high in largest.items()}
     start = {"kind": "uniform", "low": 1.0, "high": 2.0}
     return {"any": {"kinds": kinds, "start_s": start, "actuators": ACTUATORS} | changes}
 
 
 def flown(
-    offset: dict[str, float], largest: dict[str, float] = LARGEST, **changes: object
+    offset: dict[str, float], largest: dict[str, float] = MAX_VALUES, **changes: object
 ) -> Sample:
     """Flights whose cost grows with the size of the fault, for each kind from an offset on."""
     draws = draw_table(campaign(["a"], DRAWS, faults=drawn_faults(largest, **changes)), [1, 2])
@@ -41,7 +41,7 @@ def flown(
 
 
 @given(
-    st.permutations(sorted(LARGEST)),
+    st.permutations(sorted(MAX_VALUES)),
     st.lists(st.floats(0.05, 1.0), min_size=3, max_size=3),
     st.floats(0.0, 20.0),
 )
@@ -59,7 +59,7 @@ def test_where_larger_faults_are_worse_of_each_kind_no_factor_says_the_contrary(
 
 def test_pooled_severities_would_have_the_other_sign() -> None:
     """Loss has the largest numbers and harms least: the paradox that the test above excludes."""
-    flights = flown({"loss": 0.0, "bias": 2.0, "stuck": 4.0}, largest={**LARGEST, "stuck": 0.1})
+    flights = flown({"loss": 0.0, "bias": 2.0, "stuck": 4.0}, largest={**MAX_VALUES, "stuck": 0.1})
     pooled = stats.spearmanr(
         np.abs(flights.numbers("fault.any.severity")), flights.cost("uav1.iae_roll")
     )
@@ -68,7 +68,7 @@ def test_pooled_severities_would_have_the_other_sign() -> None:
 
 
 def test_each_severity_is_of_its_kind_and_limit_and_every_flight_is_in_one() -> None:
-    flights = flown(dict.fromkeys(LARGEST, 0.0))
+    flights = flown(dict.fromkeys(MAX_VALUES, 0.0))
     kind, actuator = (flights.texts(f"fault.any.{part}") for part in ("kind", "actuator"))
     found = {n.partition("[")[2]: v for n, v in flights.factors() if "severity" in n}
     meant = {
@@ -88,9 +88,9 @@ def test_each_severity_is_of_its_kind_and_limit_and_every_flight_is_in_one() -> 
 
 def test_actuators_with_one_limit_share_a_severity() -> None:
     for own in (["rudder", "aileron"], ["throttle"]):
-        flights = flown(dict.fromkeys(LARGEST, 0.0), actuators=own)
+        flights = flown(dict.fromkeys(MAX_VALUES, 0.0), actuators=own)
         names = [name for name, _ in flights.factors() if "severity" in name]
-        assert names == [f"fault.any.severity[{kind}]" for kind in sorted(LARGEST)]
+        assert names == [f"fault.any.severity[{kind}]" for kind in sorted(MAX_VALUES)]
 
 
 def test_names_have_units() -> None:
@@ -128,7 +128,7 @@ def reported(folder: Path, largest: dict[str, float]) -> Findings:
 
 
 def test_the_report_has_severities_by_kind(tmp_path: Path) -> None:
-    findings = reported(tmp_path, LARGEST)
+    findings = reported(tmp_path, MAX_VALUES)
     text = (tmp_path / "report.md").read_text()
     assert r"fault any: stuck surface \[share of limit\] +0." in text
     assert "flights)" in text

@@ -29,7 +29,7 @@ HELPS = [
 ]
 
 
-LONGEST = 70
+MAX_LINES = 70
 """Lines at 80 columns: `gcs`, and `gcs fault sensor set` with 30 options, have as many."""
 
 
@@ -49,7 +49,7 @@ def test_help(
             assert not re.search(r"<\w|list\[|Path\]|\bNone\b", text)
             assert max(map(len, text.splitlines())) <= columns
             if command[0] == "gcs" and columns == 80:
-                assert len(text.splitlines()) <= LONGEST
+                assert len(text.splitlines()) <= MAX_LINES
                 named = re.findall(r"^│ (?:-\w, )?(--[\w-]+)", text, re.MULTILINE)
                 assert "--help" in named
                 assert len(named) == len(set(named))

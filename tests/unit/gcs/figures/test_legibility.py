@@ -63,8 +63,8 @@ DEUTERANOPIA = np.array(
 PROTANOPIA = np.array(
     [[0.152, 1.053, -0.205], [0.115, 0.786, 0.099], [-0.004, -0.048, 1.052]], float
 )
-LEAST_DISTANCE = {"normal": (np.eye(3), 30.0), "deutan": (DEUTERANOPIA, 15.0)}
-LEAST_DISTANCE["protan"] = (PROTANOPIA, 15.0)
+MIN_DISTANCE = {"normal": (np.eye(3), 30.0), "deutan": (DEUTERANOPIA, 15.0)}
+MIN_DISTANCE["protan"] = (PROTANOPIA, 15.0)
 
 
 def lab(colour: str, seen: np.ndarray) -> np.ndarray:
@@ -80,7 +80,7 @@ def lab(colour: str, seen: np.ndarray) -> np.ndarray:
 
 
 def assert_distinguishable(colours: set[str]) -> None:
-    for reader, (seen, least) in LEAST_DISTANCE.items():
+    for reader, (seen, least) in MIN_DISTANCE.items():
         for a, b in combinations(sorted(colours), 2):
             distance = np.linalg.norm(lab(a, seen) - lab(b, seen))
             assert distance >= least, f"{a} and {b} are {distance:.0f} apart ({reader})"

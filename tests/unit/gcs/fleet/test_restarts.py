@@ -1,6 +1,6 @@
 """When processes that died are started again."""
 
-from gcs.fleet.restarts import MOST_IN_A_ROW, Restarts
+from gcs.fleet.restarts import MAX_IN_A_ROW, Restarts
 
 
 def pause_s(restarts: Restarts, died_at: float) -> float | None:
@@ -23,7 +23,7 @@ def test_at_once_then_with_growing_pauses_and_not_for_ever() -> None:
         pauses.append(pause)
         now += pause + 1.0
     assert pauses == [0.0, 0.5, 1.0, 2.0, 4.0]
-    assert len(pauses) == MOST_IN_A_ROW == restarts.counts["uav1"]
+    assert len(pauses) == MAX_IN_A_ROW == restarts.counts["uav1"]
 
 
 def test_after_a_long_run_there_is_no_pause() -> None:

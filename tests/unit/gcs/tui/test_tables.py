@@ -12,7 +12,7 @@ from tui_bench import Station, at_screen, live, sent
 
 from gcs.tui.app import Dashboard
 from gcs.tui.events import EventTable
-from gcs.tui.fleet_table import _GROUP_WIDTH, _LEAST_FAULTS, FleetTable, diagnosis_text
+from gcs.tui.fleet_table import _GROUP_WIDTH, _MIN_FAULTS, FleetTable, diagnosis_text
 from gcs.tui.grid import GridColumn, Row, _fit
 from gcs.tui.key_bar import KeyBar
 from gcs.tui.wire_panel import WirePanel
@@ -120,7 +120,7 @@ def test_active_faults_are_shown_in_full_and_groups_take_the_room_that_is_left(
         free = table.room - sum(column.width + 1 for column in table.columns)
         if free + _GROUP_WIDTH * (len(groups) - 1) >= len(text):  # beside one group at least
             assert text in drawn
-            assert len(groups) == 5 or free < max(len(text), _LEAST_FAULTS) + _GROUP_WIDTH
+            assert len(groups) == 5 or free < max(len(text), _MIN_FAULTS) + _GROUP_WIDTH
         assert ("diagnosis" in titles) == ("rudder lost" in drawn)
         assert diagnoses or "diagnosis" not in titles
         if diagnoses and len(groups) > 2:

@@ -17,7 +17,7 @@ from gcs.scenario.profile_file import load_profile
 from gcs.station.param_file import read_param_file
 from mavlink_defs.config.files import read
 from mavlink_defs.config.models import ConfigError
-from mavlink_defs.config.user_files import LARGEST_FILE
+from mavlink_defs.config.user_files import MAX_FILE
 from mavlink_defs.framing.signing import SigningError, read_key
 from mavlink_defs.mission_files import read_mission_file
 
@@ -44,7 +44,7 @@ MADE: dict[str, tuple[Callable[[Path], object], str]] = {
     "pipe": (os.mkfifo, "expected a file, got a pipe"),
     "folder": (Path.mkdir, "expected a file, got a folder"),
     "socket": (make_socket, "expected a file, got a socket"),
-    "comment": (lambda path: path.write_text("#" * (LARGEST_FILE + 1)), "expected at most 1 MB"),
+    "comment": (lambda path: path.write_text("#" * (MAX_FILE + 1)), "expected at most 1 MB"),
     "faults": (
         lambda path: path.write_text("faults:\n" + "- {uav: 1}\n" * 200_000),
         "expected at most 1 MB",

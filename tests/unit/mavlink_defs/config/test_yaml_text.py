@@ -7,7 +7,7 @@ import yaml
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from mavlink_defs.config.user_files import LARGEST_FILE
+from mavlink_defs.config.user_files import MAX_FILE
 from mavlink_defs.config.yaml_text import parse_yaml, yaml_of, yaml_problem
 
 REFUSED = (yaml.YAMLError, RecursionError, ValueError)
@@ -39,7 +39,7 @@ def assume_one_key_per_text(tree: Any) -> None:
 
 @pytest.mark.parametrize("opening", ["[", "{a: ", "- ", "? ", "[{", "{? ", "!!seq ["])
 def test_depth_without_end_is_refused(opening: str) -> None:
-    text = opening * (LARGEST_FILE // len(opening))
+    text = opening * (MAX_FILE // len(opening))
     with pytest.raises(REFUSED) as caught:
         parse_yaml(text)
     assert yaml_problem(caught.value)[1] == "not YAML: nested too deeply"
