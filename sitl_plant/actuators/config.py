@@ -7,8 +7,8 @@ so that nothing changes its value within an integration step but what is solved 
 from pydantic import Field
 
 from mavlink_defs.config.models import Model
+from mavlink_defs.config.periods import Found, period_problems
 from mavlink_defs.config.quantity import quantity
-from sitl_plant.periods import Found, period_problems
 
 
 class Servo(Model):

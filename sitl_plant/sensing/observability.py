@@ -1,7 +1,7 @@
 """What a set of sensors can observe, and what it cannot."""
 
 from mavlink_defs.config.models import Loc
-from sitl_plant.periods import Found, period_problems, rate_problems
+from mavlink_defs.config.periods import Found, period_problems, rate_problems
 from sitl_plant.sensing.config import NavigationSensors, Sensor, Sensors
 
 

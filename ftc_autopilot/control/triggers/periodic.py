@@ -8,10 +8,10 @@ from pydantic import Field
 
 from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters, in_steps
 from mavlink_defs.config.models import Loc
+from mavlink_defs.config.periods import period_problems
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.constants import ACTUATORS, N_CHANNELS, Actuator
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.periods import period_problems
 
 Times: TypeAlias = tuple[float, float, float, float]
 """Times of the channels [s], as in FTC_ACTUATOR."""

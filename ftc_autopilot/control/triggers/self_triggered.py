@@ -18,10 +18,10 @@ from pydantic import Field
 
 from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters, in_steps, threshold
 from mavlink_defs.config.models import Loc
+from mavlink_defs.config.periods import period_problems
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.periods import period_problems
 
 
 class SelfTriggered(TriggerParameters):
