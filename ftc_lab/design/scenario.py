@@ -97,7 +97,7 @@ def design_of(
     if problems:
         raise BadInput(f"{law} cannot fly {airframe.name}: {problems[0]}")
     key = aircraft_key or airframe.name
-    return Design(airframe, key, similar, law, given, uavs, plant, warnings)
+    return Design(airframe, key, similar, law, given, uavs, plant, warnings=warnings)
 
 
 def _warnings(airframe: Airframe, law: str) -> Iterator[str]:

@@ -85,14 +85,14 @@ def readings_of(recording: Recording, aircraft: Aircraft, i: int) -> Readings:
         [-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)], axis=1
     )
     return Readings(
-        dt,
-        states[:, 3:6] - recording.wind[:, i],
-        states[:, 9:12],
-        None,
-        applied[:, :THROTTLE],
-        applied[:, THROTTLE],
-        np.concatenate([[0], np.cumsum(jumps)]),
-        (recording.time_s / _GROUP_S).astype(np.int64),
+        dt=dt,
+        v=states[:, 3:6] - recording.wind[:, i],
+        omega=states[:, 9:12],
+        force=None,
+        delta=applied[:, :THROTTLE],
+        thrust=applied[:, THROTTLE],
+        piece=np.concatenate([[0], np.cumsum(jumps)]),
+        group=(recording.time_s / _GROUP_S).astype(np.int64),
         ground=states[:, 3:6],
         gravity=aircraft.gravity_m_s2 * down,
         arms=np.array(aircraft_record(aircraft)["thrust_arms"]),

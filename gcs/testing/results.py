@@ -117,14 +117,14 @@ class UavFlight:
             claimed, channel = summary.channels[name], counted.get(name)
             sent = channel.events if channel else 0
             self.channels[name] = Channel(
-                self.id,
-                name,
-                sent,
-                channel.min_interval_s if channel else None,
-                saving(sent, steps, channels=1),
-                recording.time_s[events & (1 << c) > 0],
-                claimed.events,
-                claimed.repeats,
+                uav=self.id,
+                name=name,
+                sent=sent,
+                min_interval_s=channel.min_interval_s if channel else None,
+                saving=saving(sent, steps, channels=1),
+                times_s=recording.time_s[events & (1 << c) > 0],
+                claimed=claimed.events,
+                repeats=claimed.repeats,
             )
         self.sent = sum(channel.sent for channel in self.channels.values())
         self.saving = saving(self.sent, steps)

@@ -97,7 +97,7 @@ def trim_stuck(
         aileron, elevator, rudder, thrust = controls
         V, turn_rate = (airspeed_m_s, last) if turns else (_METRES_S * last, 0.0)
         delta = aileron, elevator, rudder
-        return Steady(V, alpha, beta, roll, pitch, delta, NEWTONS * thrust, turn_rate)
+        return Steady(V, alpha, beta, roll, pitch, delta, NEWTONS * thrust, turn_rate=turn_rate)
 
     begin = [0.05, 0.0, 0.05, 0.0 if turns else airspeed_m_s / _METRES_S, 0.0, 0.0, 0.0]
     if channel != THROTTLE:
