@@ -105,7 +105,7 @@ def command_of(point: "EntryPoint") -> GcsCommand:
         text = f"{whose} cannot be imported: {type(problem).__name__}: {problem}"
         raise BadInput(text, "mend or remove that package") from problem
     if not isinstance(found, GcsCommand):
-        text = f"{whose}: expected a `gcs.command_list.Command`, got {type(found).__name__}"
+        text = f"{whose}: expected a `gcs.command_list.GcsCommand`, got {type(found).__name__}"
         raise BadInput(text, "mend or remove that package")
     return found
 

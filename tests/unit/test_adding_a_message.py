@@ -38,7 +38,7 @@ EDITS = {
 USE = """
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.hot.state import new_autopilots
-from ftc_autopilot.vehicle.vehicle import Vehicle
+from ftc_autopilot.vehicle.vehicle import VehicleServices
 from gcs.scenario.model import load_scenario
 from gcs.station.telemetry import REQUESTED_S
 from gcs.tui.wire_panel import WirePanel
@@ -49,7 +49,7 @@ config = load_scenario("paper/scenario1").autopilot_config(1)
 autopilots = new_autopilots([config])
 hot = HotState(autopilots)
 hot.measured["velocity"], hot.measured["time_usec"] = (40.0, 0.0, 0.0), 9_000_000
-(telemetry,) = Vehicle(config, hot, autopilots.controllers, 1.8e9).telemetry
+(telemetry,) = VehicleServices(config, hot, autopilots.controllers, 1.8e9).telemetry
 for number, interval_s in REQUESTED_S.items():
     telemetry.set_interval((number, interval_s * 1e6))
 station, packer = Station(1), FramePacker(1, 1)

@@ -9,9 +9,9 @@ import pytest
 
 ROOT = Path(__file__).parents[3]
 COMMAND = """
-from gcs.command_list import Command
-hello = Command("their_hello", "Say hello.")
-fly = Command("their_hello", "Take over.")
+from gcs.command_list import GcsCommand
+hello = GcsCommand("their_hello", "Say hello.")
+fly = GcsCommand("their_hello", "Take over.")
 nothing = 3
 """
 MODULE = '''

@@ -39,4 +39,4 @@ def test_every_key_has_a_description(root: type[BaseModel]) -> None:
 
 def test_the_parts_of_a_scenario_are_found() -> None:
     names = {model.__name__.partition("[")[0] for model in models_of(Scenario, set())}
-    assert {"Aircraft", "Rbf", "Pid", "Window", "Edge", "Outage", "Sinusoid"} <= names
+    assert {"Aircraft", "Rbf", "Pid", "TimedValue", "Edge", "Outage", "Sinusoid"} <= names
