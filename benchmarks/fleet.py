@@ -17,10 +17,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from benchmarks.bare_loop import bare_us_per_step
 from gcs.scenario.model import scenario_tree
+from mavlink_defs.config.yaml_text import yaml_of
 
 STEPS = {1: 24_000, 3: 24_000, 10: 6_000, 30: 2_000, 100: 500}
 """Steps of a flight, by the number of UAVs; a step is 1 ms."""
@@ -53,7 +52,7 @@ def measure(uavs: int, rounds: int = ROUNDS) -> list[Fleet]:
     fleets = [Fleet(uavs, processes, [], []) for processes in numbers]
     with tempfile.TemporaryDirectory() as folder:
         scenario = Path(folder) / "star.yaml"
-        scenario.write_text(yaml.safe_dump(star(uavs, STEPS[uavs] / 1000)))
+        scenario.write_text(yaml_of(star(uavs, STEPS[uavs] / 1000)))
         for _ in range(rounds):
             for fleet in fleets:
                 flight_us, events = fly(scenario, fleet.processes)

@@ -10,9 +10,8 @@ import tempfile
 import time
 from pathlib import Path
 
-import yaml
-
 from benchmarks.fleet import gcs, star
+from mavlink_defs.config.yaml_text import yaml_of
 
 _SETTLING_S, _MEASURED_S = 1.5, 8.0
 _LONG_S = 600.0  # simulated; what is measured must be in flight, which is ended then
@@ -22,7 +21,7 @@ def share_of_a_core(uavs: int = 30) -> float:
     """Fly a fleet once; return the processor time of `gcs fly` per wall-clock time in flight."""
     with tempfile.TemporaryDirectory() as folder:
         scenario, run = Path(folder) / "star.yaml", Path(folder) / "run"
-        scenario.write_text(yaml.safe_dump(star(uavs, _LONG_S)))
+        scenario.write_text(yaml_of(star(uavs, _LONG_S)))
         command = ["fly", str(scenario), "--quiet", "--free-ports", "--out", str(run)]
         with subprocess.Popen(gcs(*command), stderr=subprocess.DEVNULL) as process:
             log = run / "processes" / "plant.log"
