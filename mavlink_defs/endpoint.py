@@ -17,8 +17,6 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 Direction: TypeAlias = Literal["in", "out"]
-EXPOSED = "can be reached from other machines"
-"""Part of each warning about an address that is not loopback."""
 
 _EVERY_INTERFACE, _LOOPBACK = "0.0.0.0", "127.0.0.1"
 _RANDOM = random.SystemRandom()  # processes that look at the same time find different ports
@@ -113,7 +111,7 @@ def exposed(address: UdpAddress | str, signed: bool) -> str:
         address: The address, or its host.
         signed: Whether unsigned frames are refused there.
     """
-    text = f"warning: {address} {EXPOSED}"
+    text = f"warning: {address} can be reached from other machines"
     return (
         f"{text}; signed frames only"
         if signed

@@ -25,8 +25,8 @@ def python_errors() -> Iterator[None]:
 
 def warn(remarks: Iterable[str]) -> None:
     """Warn the caller of our caller of those remarks on a flight that are warnings."""
-    from gcs.flights.remarks import WARNING
+    from gcs.flights.remarks import WARNING, WarningRemark
 
     for text in remarks:
-        if text.startswith(WARNING):
+        if isinstance(text, WarningRemark):
             warnings.warn(text.removeprefix(WARNING), stacklevel=3)

@@ -13,12 +13,12 @@ import typer
 from rich.console import Console
 
 from gcs.commands.options import SigningKeyOption
+from gcs.flights.remarks import ExposureRemark
 from gcs.progress import Task, working
 from gcs.scenario.changes import with_changes
 from gcs.scenario.model import Scenario
 from gcs.scenario.settings import values_of
 from gcs.terminal import console_of
-from mavlink_defs.endpoint import EXPOSED
 
 if TYPE_CHECKING:
     from gcs.flights.preparation import Prepared
@@ -130,7 +130,7 @@ def prepared(
 def tell(remarks: Iterable[str], console: Console) -> None:
     """Print remarks on a flight, a line each; that others can reach it also with ``--quiet``."""
     for text in remarks:
-        output = console_of() if EXPOSED in text else console
+        output = console_of() if isinstance(text, ExposureRemark) else console
         output.print(text, soft_wrap=True)
 
 

@@ -109,7 +109,7 @@ class Prepared:
         scenario: What is flown, with all changes.
         how: How it is flown.
         mark: What its run folder is marked with.
-        remarks: What the user should know; those that warn begin with `WARNING`.
+        remarks: What the user should know; a `WarningRemark` warns.
     """
 
     scenario: Scenario

@@ -10,7 +10,19 @@ from mavlink_defs.endpoint import EndpointError, UdpAddress, exposed, is_loopbac
 from sitl_plant.sensing.observability import observability_warnings
 
 WARNING = "warning: "
-"""What the remarks begin with that warn."""
+"""What people read before a warning."""
+
+
+class WarningRemark(str):
+    """A remark that warns: programs in Python get it as a warning as well."""
+
+    __slots__ = ()
+
+
+class ExposureRemark(WarningRemark):
+    """The warning that other machines can reach a flight: printed with ``--quiet`` as well."""
+
+    __slots__ = ()
 
 
 def remarks_of(scenario: Scenario) -> list[str]:
@@ -22,14 +34,14 @@ def exposures(links: Links, *, with_key: bool) -> Iterator[str]:
     """Yield the warning that other machines can reach the ports of a flight, if they can."""
     with contextlib.suppress(EndpointError):  # binding them will report the error
         if not is_loopback(UdpAddress(links.host, links.gcs_port)):
-            yield exposed(links.host, with_key)
+            yield ExposureRemark(exposed(links.host, with_key))
 
 
 def _one_path(scenario: Scenario) -> Iterator[str]:
     if scenario.mission is None or scenario.formation is not None or len(scenario.uavs) < 2:
         return
     uavs = ", ".join(str(uav.id) for uav in scenario.uavs)
-    yield (
+    yield WarningRemark(
         f"{WARNING}UAVs {uavs} fly one path, and nothing keeps them apart: "
         "give each a slot in the section formation, as missions/hexagon does"
     )
@@ -41,7 +53,7 @@ def _sensors(scenario: Scenario) -> Iterator[str]:
         return
     for loc, text in observability_warnings(scenario.sensors.navigation):
         key = ".".join(["sensors", "navigation", *map(str, loc)])
-        yield f"{WARNING}{key} is false: {text}"
+        yield WarningRemark(f"{WARNING}{key} is false: {text}")
 
 
 def _heading(scenario: Scenario) -> Iterator[str]:

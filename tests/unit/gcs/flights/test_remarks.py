@@ -15,7 +15,7 @@ from gcs.cli import app
 from gcs.commands.common import FleetOptions, changed_scenario, option
 from gcs.commands.common import prepared as on_command_line
 from gcs.flights.preparation import How, prepare
-from gcs.flights.remarks import WARNING, remarks_of
+from gcs.flights.remarks import WARNING, WarningRemark, remarks_of
 from gcs.testing.fixtures import prepared
 
 HEXAGON, PAPER = "missions/hexagon", "paper/scenario1"
@@ -82,7 +82,9 @@ def test_the_command_line_python_and_fixtures_remark_the_same(
     assert list(flight.remarks) == said
     if changes.keys() - {"duration_s", "faults"}:  # else they are of the recording
         assert many[0].remarks == tested.remarks == flight.remarks
-    texts = [text.removeprefix(WARNING) for text in said if text.startswith(WARNING)]
+    texts = [
+        text.removeprefix(WARNING) for text in flight.remarks if isinstance(text, WarningRemark)
+    ]
     assert [str(one.message) for one in warned] == 3 * texts
     assert {one.filename for one in warned} <= {__file__}
 
