@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ftc_autopilot.control.controller import no_signals
 from ftc_autopilot.control.controllers import ReferenceSource
 from ftc_autopilot.control.laws import KINDS
 from ftc_autopilot.control.reference import profile_record
+from ftc_autopilot.control.signals import no_signals
 from ftc_autopilot.control.stepping import (
     broadcast_if_triggered,
     controller_step,

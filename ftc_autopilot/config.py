@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 
 from ftc_autopilot.common.geography import Origin
 from ftc_autopilot.control.config import ControllerConfig
+from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.estimation.parameters import EstimatorParameters
 from mavlink_defs import dialect
 from mavlink_defs.config.models import HostPort, Problems, SystemId, Title
@@ -91,3 +92,20 @@ class AutopilotConfig(ControllerConfig):
         if self.fleet and self.id not in self.fleet:
             raise Problems([(("fleet",), f"expected UAV {self.id} among them")])
         return self
+
+
+def parts_of(law: str, navigation: str, *, on_path: bool) -> list[str]:
+    """Return the parts of the numeric core, of `ftc_autopilot.warm_up.PARTS`, that a UAV flies by.
+
+    Args:
+        law: Its kind. A plug-in is no part.
+        navigation: "true" or "estimated".
+        on_path: Whether it may fly a path.
+    """
+    uses = {
+        "controller": True,
+        f"law {law}": law in LAWS,
+        "estimator": navigation == "estimated",
+        "guidance": on_path,
+    }
+    return [part for part, used in uses.items() if used]

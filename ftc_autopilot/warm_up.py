@@ -3,13 +3,17 @@
 import contextlib
 import math
 import socket
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
-from ftc_autopilot.config import AutopilotConfig
-from ftc_autopilot.control.controllers import new_controllers
-from ftc_autopilot.control.stepping import controller_step
+from ftc_autopilot.config import AutopilotConfig, parts_of
+from ftc_autopilot.control.laws import LAWS
+from ftc_autopilot.control.stepping import PATH_PARTS, controller_step
+from ftc_autopilot.estimation.estimator import estimate
 from ftc_autopilot.guidance.legs import Leg
 from ftc_autopilot.guidance.members import cause_of, policy_of, state_of
 from ftc_autopilot.guidance.path import locate, path_record, point_at
@@ -20,7 +24,9 @@ from ftc_autopilot.hot.state import new_autopilots
 from ftc_autopilot.vehicle.vehicle import VehicleServices
 from mavlink_defs.config.files import load
 from mavlink_defs.config.models import ConfigError
-from mavlink_defs.framing.codec import SIM_STATE
+from mavlink_defs.runtime.apart import apart_in
+from mavlink_defs.runtime.apart import load as load_code
+from mavlink_defs.runtime.code_cache import cold_parts
 from mavlink_defs.runtime.foreign import PluginError
 
 
@@ -30,18 +36,24 @@ def warm_up_with(config_file: Path) -> None:
         call_everything(load(config_file, AutopilotConfig))
 
 
-def call_controller(config: AutopilotConfig) -> None:
-    """Make a control step: what takes longest to compile, and what every flight calls."""
-    controllers, measured = new_controllers([config]), np.zeros(1, SIM_STATE)
-    controllers.uavs["guidance"]["active"] = 1
-    measured["velocity"][:, 0] = 40.0  # m/s
-    controller_step(*controllers.of(0), measured[0], config.step_us)
+PARTS: Mapping[str, Callable[[], None]] = MappingProxyType(
+    {
+        "controller": partial(load_code, controller_step),
+        **{f"law {kind}": partial(load_code, *apart_in(LAWS[kind].__module__)) for kind in LAWS},
+        "estimator": partial(load_code, estimate),
+        "guidance": partial(load_code, *PATH_PARTS),
+    }
+)
+"""What is compiled apart, and how it is compiled, or loaded if it was."""
 
 
 def call_everything(config: AutopilotConfig) -> None:
-    """Call all that a process calls."""
+    """Call all that a process calls; of what is compiled apart, what it may need and is cached."""
     call_loop(config)
     call_messages(config)
+    used = parts_of(config.controller.kind, config.navigation, on_path=True)
+    for part in set(used) - set(cold_parts(used)):
+        PARTS[part]()
 
 
 def call_loop(config: AutopilotConfig) -> None:

@@ -21,7 +21,7 @@ import numpy as np
 
 from gcs.errors import GcsError
 from gcs.fleet.flight import fly_and_record
-from gcs.fleet.precompile import compile_everything
+from gcs.fleet.precompile import compile_parts
 from gcs.results.figures import FlightSummary
 from gcs.results.recording import Recording
 from gcs.results.summary import summarise
@@ -29,7 +29,6 @@ from mavlink_defs import dialect
 from mavlink_defs.capture.tap_report import TapReport
 from mavlink_defs.capture.tlog import read_tlog
 from mavlink_defs.constants import ACTUATORS
-from mavlink_defs.runtime.code_cache import cache_is_cold
 from soak.chapters import Chapter, chapter
 
 
@@ -44,8 +43,7 @@ def main(arguments: list[str] | None = None) -> None:
     story, failed, begin = hashlib.sha256(), 0, time.monotonic()
     for number in range(1, options.chapters + 1):
         drawn = chapter(options.seed, number, options.uavs, options.seconds)
-        if cache_is_cold():
-            compile_everything(drawn.scenario)
+        compile_parts()
         try:
             failures, digest = _fly(drawn)
         except GcsError as problem:

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from gcs.fleet.precompile import compile_everything
+from gcs.fleet.precompile import compile_parts
 from gcs.scenario.model import Scenario, load_scenario
-from mavlink_defs.runtime.code_cache import cache_is_cold
 from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft
 
@@ -38,8 +37,8 @@ def pytest_configure(config: pytest.Config) -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)  # children get Ctrl-C all the same
     if signal.getsignal(signal.SIGHUP) == signal.SIG_IGN:  # under nohup
         signal.signal(signal.SIGHUP, signal.SIG_DFL)
-    if not hasattr(config, "workerinput") and cache_is_cold():
-        compile_everything(load_scenario(SCENARIO_1))
+    if not hasattr(config, "workerinput"):
+        compile_parts()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

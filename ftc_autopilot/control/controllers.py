@@ -13,7 +13,6 @@ from ftc_autopilot.control.config import ControllerConfig
 from ftc_autopilot.control.controller import (
     CONTROLLER,
     PARAMETERS,
-    SIGNALS,
     new_controller,
     parameter_record,
 )
@@ -21,6 +20,7 @@ from ftc_autopilot.control.edges import EDGE
 from ftc_autopilot.control.laws import own_parameters
 from ftc_autopilot.control.plugin_functions import bind
 from ftc_autopilot.control.reference import PROFILE
+from ftc_autopilot.control.signals import SIGNALS
 from ftc_autopilot.control.state_predictor import DELAY
 from ftc_autopilot.guidance.aircraft_limits import for_aircraft
 from ftc_autopilot.guidance.coordination import FORMATION, new_formation

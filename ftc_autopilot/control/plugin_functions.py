@@ -3,10 +3,10 @@
 from typing import Protocol
 
 from ftc_autopilot.common.records import record_dtype
-from ftc_autopilot.control.controller import SIGNALS
 from ftc_autopilot.control.laws import LAWS, own_parameters
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.laws.plugin import LAW
+from ftc_autopilot.control.signals import SIGNALS
 from ftc_autopilot.control.step import ParametersRecord
 from ftc_autopilot.control.triggers import TRIGGERS
 from ftc_autopilot.control.triggers.base import TriggerParameters

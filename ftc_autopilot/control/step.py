@@ -19,7 +19,7 @@ ParametersRecord: TypeAlias = np.void
 ControllerRecord: TypeAlias = np.void
 """Record of dtype `ftc_autopilot.control.controller.CONTROLLER`, updated in place."""
 SignalsRecord: TypeAlias = np.void
-"""Record of dtype `ftc_autopilot.control.controller.SIGNALS`: what a step computed, written."""
+"""Record of dtype `ftc_autopilot.control.signals.SIGNALS`: what a step computed, written."""
 
 
 class Thresholds(NamedTuple):

@@ -10,30 +10,27 @@ import numpy as np
 from ftc_autopilot.common.motion import MeasuredMotion, fill_neighbour_state, motion_of
 from ftc_autopilot.common.tuples import four, replaced, rows_of
 from ftc_autopilot.control import state_predictor
-from ftc_autopilot.control.controller import (
-    Inputs,
-    Records,
-    control_step,
-    count_events,
-    no_signals,
-)
-from ftc_autopilot.control.controllers import NOT_STARTED, ReferenceSource
+from ftc_autopilot.control.controller import Inputs, Records, control_step, count_events
+from ftc_autopilot.control.controllers import NOT_STARTED, UAV, ReferenceSource
+from ftc_autopilot.control.edges import EDGE
 from ftc_autopilot.control.neighbour_messages import (
     extrapolate,
     is_message_due,
     refer_to_reference,
 )
 from ftc_autopilot.control.reference import profile_value
+from ftc_autopilot.control.signals import no_signals
 from ftc_autopilot.control.step import Seen
 from ftc_autopilot.guidance.coordination import no_coordination
 from ftc_autopilot.guidance.formation_flight import fly_in_formation, tell_place
 from ftc_autopilot.guidance.laws import guide
 from ftc_autopilot.guidance.laws.base import Situation
-from ftc_autopilot.guidance.path import locate, point_at
+from ftc_autopilot.guidance.path import PATH, locate, point_at
 from ftc_autopilot.guidance.places import note_relayed, take_in
 from ftc_autopilot.plugins.models import PLUGIN
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
-from mavlink_defs.framing.codec import RELAYED_AT, REPORT_AT
+from mavlink_defs.framing.codec import RELAYED_AT, REPORT_AT, SIM_STATE
+from mavlink_defs.runtime.apart import apart
 from mavlink_defs.runtime.jit import compiled, inlined
 from mavlink_defs.runtime.memory import copy_record
 from sitl_plant.airframe.rigid_body import R1
@@ -56,7 +53,7 @@ def publish_own_state(uav: np.void, measured: np.void) -> None:
     copy_record(uav["last_broadcast"], uav["own_state"])
 
 
-@inlined
+@apart(uav=UAV, edges=np.zeros(1, EDGE), path=PATH, measured=SIM_STATE)
 def controller_step(
     uav: np.void, edges: np.ndarray, path: np.void, measured: np.void, step_us: int
 ) -> int:
@@ -248,7 +245,7 @@ def _control(
     return mask
 
 
-@compiled
+@apart(uav=UAV, edges=np.zeros(1, EDGE), path=PATH, measured=SIM_STATE)
 def _guide(
     uav: np.void,
     edges: np.ndarray,
@@ -303,6 +300,10 @@ def _guide(
         guidance["command"][k] = command[k]
     guidance["path_position"] = s
     guidance["guided_step"] = step
+
+
+PATH_PARTS = (_guide, tell_place)
+"""What a UAV flies a path by, and no profile."""
 
 
 @inlined

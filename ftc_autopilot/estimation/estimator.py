@@ -42,8 +42,9 @@ from ftc_autopilot.estimation.state import (
     N,
 )
 from mavlink_defs.constants import BAROMETER, GNSS, MAGNETOMETER, PITOT
-from mavlink_defs.framing.codec import copy_step
+from mavlink_defs.framing.codec import HIL_GPS, HIL_SENSOR, SIM_STATE, SIM_STEP, copy_step
 from mavlink_defs.origin import EARTH_RADIUS_M
+from mavlink_defs.runtime.apart import apart
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.memory import copy_record
 from sitl_plant.sensing.config import MAX_IMUS
@@ -96,7 +97,14 @@ def new_estimator(config: EstimatorConfig) -> Estimator:
     return Estimator(state, np.zeros((config.sensors.imus, entries, TRAVEL)))
 
 
-@compiled
+@apart(
+    estimator=ESTIMATOR,
+    history=np.zeros((1, 1, 1)),
+    imus=np.zeros(1, HIL_SENSOR),
+    gps=HIL_GPS,
+    sim_step=SIM_STEP,
+    measured=SIM_STATE,
+)
 def estimate(
     estimator: np.void,
     history: np.ndarray,

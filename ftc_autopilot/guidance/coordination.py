@@ -136,7 +136,7 @@ def coordinate(
         now: Progress of the own UAV.
         edges: What is known of each neighbour, dtype `ftc_autopilot.control.edges.EDGE`, shape
             (degree,).
-        signals: Of the step before, dtype `ftc_autopilot.control.controller.SIGNALS`.
+        signals: Of the step before, dtype `ftc_autopilot.control.signals.SIGNALS`.
         layout: Record of dtype `ftc_autopilot.guidance.formation.LAYOUT`.
         gains: Record made of `ftc_autopilot.guidance.formation.FormationParameters`.
         state: Record of dtype `FORMATION`, updated in place.

@@ -6,11 +6,14 @@ import numpy as np
 
 from ftc_autopilot.common.motion import MeasuredMotion
 from ftc_autopilot.common.tuples import replaced
-from ftc_autopilot.guidance.coordination import Coordination, Progress, coordinate
+from ftc_autopilot.guidance.coordination import FORMATION, Coordination, Progress, coordinate
+from ftc_autopilot.guidance.formation import LAYOUT
 from ftc_autopilot.guidance.laws import intention_of, pace_of
 from ftc_autopilot.guidance.laws.base import Intention, Situation
 from ftc_autopilot.guidance.places import choose_relayed, relay
 from ftc_autopilot.guidance.separation import keep_apart, nearest
+from mavlink_defs.framing.codec import NEIGHBOUR, SIM_STATE
+from mavlink_defs.runtime.apart import apart
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.airframe.rigid_body import R1
 from sitl_plant.vec3 import Vec3, mul, sub, vec3
@@ -45,7 +48,7 @@ def fly_in_formation(
         path: Record of dtype `ftc_autopilot.guidance.path.PATH`.
         edges: What is known of each neighbour, dtype `ftc_autopilot.control.edges.EDGE`, shape
             (degree,).
-        signals: Of the step before, dtype `ftc_autopilot.control.controller.SIGNALS`.
+        signals: Of the step before, dtype `ftc_autopilot.control.signals.SIGNALS`.
         layout: Record of dtype `ftc_autopilot.guidance.formation.LAYOUT`.
         parameters: Record of dtype `ftc_autopilot.control.controller.PARAMETERS`.
         law: State of the guidance law, dtype `ftc_autopilot.guidance.laws.GUIDANCE_STATE`.
@@ -103,7 +106,7 @@ def fly_in_formation(
     )
 
 
-@compiled
+@apart(message=NEIGHBOUR, measured=SIM_STATE, layout=LAYOUT, state=FORMATION)
 def tell_place(
     message: np.void,
     path_id: int,

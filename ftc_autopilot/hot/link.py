@@ -10,7 +10,7 @@ state to the neighbours if it is due, and in lockstep report the step done.
 
 import numpy as np
 
-from ftc_autopilot.control.controller import SIGNALS
+from ftc_autopilot.control.signals import SIGNALS
 from ftc_autopilot.control.stepping import publish_own_state
 from ftc_autopilot.hot.acknowledgement import ACKNOWLEDGEMENT, note_delay, note_events
 from ftc_autopilot.hot.formation_link import (

@@ -21,7 +21,7 @@ from ftc_lab.campaigns.workers import (
     Flown,
     Workers,
     cluster,
-    compile_for,
+    compile_core,
     local_workers,
 )
 
@@ -61,7 +61,7 @@ def fly_missing(
         workers: Workers
         if scheduler is None:
             if planned.example is not None:
-                compile_for(planned.example)
+                compile_core()
             count = min(jobs or os.cpu_count() or 1, len(missing))
             local = local_workers(count, planned.flights)
             workers = stack.enter_context(contextlib.closing(local))

@@ -147,7 +147,7 @@ class ClusterWorkers:
         if scenario is not None:
             first_of_host = {address.rpartition(":")[0]: address for address in sorted(found)}
             futures = [
-                self._client.submit(compile_for, scenario, workers=[address], pure=False)
+                self._client.submit(compile_core, workers=[address], pure=False)
                 for address in first_of_host.values()
             ]
             self._client.gather(futures)
@@ -201,13 +201,11 @@ def cluster(address: str, flights: Flights) -> Iterator[ClusterWorkers]:
         yield stack.enter_context(contextlib.closing(ClusterWorkers(client, flights)))
 
 
-def compile_for(scenario: Scenario) -> None:
+def compile_core() -> None:
     """Compile the numeric core on this host, unless it is cached."""
-    from gcs.fleet.precompile import compile_everything
-    from mavlink_defs.runtime.code_cache import cache_is_cold
+    from gcs.fleet.precompile import compile_parts
 
-    if cache_is_cold():
-        compile_everything(scenario)
+    compile_parts()
 
 
 def _fly_on_cluster(flights: bytes, batch: bytes, digest: str) -> Flown:

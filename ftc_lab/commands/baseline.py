@@ -145,7 +145,7 @@ def baseline(scenario: ScenarioArgument, *, options: BaselineOptions) -> None:
     remarks = checked(triggered)
     folder = make_run_folder(options.out, f"baseline-{triggered.name}")
     tell(remarks, console)
-    warm_up(triggered, console)
+    warm_up(None, console)
     pool = ThreadPoolExecutor(options.jobs or os.cpu_count() or 1)
     try:
         with working(console) as work:

@@ -198,7 +198,7 @@ def _fly(made: "Design", scenario: "Scenario", output: Terminal, console: Termin
     from gcs.flights.warm_up import warm_up
     from gcs.results.summary import summarise
 
-    warm_up(scenario, console)
+    warm_up(scenario, console, in_process=True)
     with flight_progress(scenario, console) as on_progress:
         recording = fly_in_process(scenario, on_progress)
     summary = summarise(recording, scenario)

@@ -61,7 +61,7 @@ def fly_plan(
     if left < total:
         console.print(f"{total - left} of {total} flights already flown")
     if left and scheduler is None and planned.example is not None:
-        warm_up(planned.example, console)
+        warm_up(None, console)
     with working(console) as work:
         shown = _Shown(work, work.add("flying", total, "flights", done=total - left))
         fly_missing(planned, folder, scheduler, jobs, shown.flown, enough)

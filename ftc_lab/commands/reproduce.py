@@ -82,7 +82,7 @@ def reproduce(*, options: ReproduceOptions) -> None:
     loaded = work.load_all(options.scenarios)
     folder = make_run_folder(options.out, "reproduce")
     console = console_of(quiet=options.quiet)
-    warm_up(loaded["scenario1"], console)
+    warm_up(None, console)
     begin = time.monotonic()
     try:
         with working(console) as shown:

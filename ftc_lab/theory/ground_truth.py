@@ -41,7 +41,7 @@ class Known:
     Attributes:
         time_s: Shape (n,).
         period_s: Control period.
-        signals: Shape (n,), dtype `ftc_autopilot.control.controller.SIGNALS`.
+        signals: Shape (n,), dtype `ftc_autopilot.control.signals.SIGNALS`.
         present: Steps that the autopilot made and of which every number is finite, (n,).
         reported: Present steps for which `neighbours` is also known, (n,); none in real time,
             where the age of the neighbours' reports is not recorded.

@@ -54,7 +54,7 @@ def campaign(
         warn(remarks)
         console = console_of(quiet=not progress)
         if planned.example is not None:
-            warm_up(planned.example, console)
+            warm_up(None, console)
         folder = Path(out or load_lab("campaigns.folder").default_folder(planned.mark))
         with working(console) as work:
             task = work.add("flying", planned.draws.num_rows, "flights")

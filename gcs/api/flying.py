@@ -102,7 +102,7 @@ def fly(
         )
         flight = prepare(scenario, how, additions=overlays, values=changes, signing_key=signing_key)
         warn(flight.remarks)
-        warm_up(flight.scenario, console_of())
+        warm_up(flight.scenario, console_of(), in_process=not over_udp)
         folder = None if out is None else make_run_folder(Path(out), flight.scenario.name)
         summary = None
         try:
@@ -173,7 +173,7 @@ def fly_many(
             return []
         warn(dict.fromkeys(text for one in prepared for text in one.remarks))
         console = console_of(quiet=not progress)
-        warm_up(prepared[0].scenario, console)
+        warm_up(None, console)
         count = min(jobs or os.cpu_count() or 1, len(prepared))
         done: dict[int, Done] = {}
         with (

@@ -79,7 +79,7 @@ def config(
         for uav_id, file in files.items():
             dump(_autopilot(loaded, uav_id, moved), file)
     tell(prepare_plugins(loaded), console_of())
-    warm_up(loaded, console_of())
+    warm_up(None, console_of())
     for name, address in hosts.items():
         program = {"plant": "sitl-plant", "gcs": "gcs"}.get(name, "ftc-autopilot")
         station = f"--connect udpin:{address}:{loaded.links.gcs_port}"

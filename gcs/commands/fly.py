@@ -126,7 +126,7 @@ def fly(
     try:
         with recorded(flight, folder) as recorder:
             tell(flight.remarks, console)
-            warm_up(loaded, console)
+            warm_up(loaded, console, in_process=options.in_process)
             with flight_progress(loaded, console) as shown:
                 ending = fly_prepared(flight, recorder, folder, shown, shown.starts)
             _report(recorder, ending, loaded, folder, console, options)

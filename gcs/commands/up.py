@@ -153,7 +153,7 @@ def up(scenario: ScenarioArgument, options: UpOptions) -> None:
     try:
         with marked(folder, loaded, flight.mark):
             tell(flight.remarks, console)
-            warm_up(loaded, console)
+            warm_up(None, console)
             if options.free_ports:
                 on_free_ports(loaded, fly)
             else:

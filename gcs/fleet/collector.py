@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ftc_autopilot.control.controller import SIGNALS, no_signals
+from ftc_autopilot.control.signals import SIGNALS, no_signals
 from ftc_autopilot.hot.navigation import ESTIMATED
 from gcs.errors import FlightLost
 from gcs.results.recording import Ending, Mode, Recording, Steps

@@ -33,7 +33,7 @@ import sitl_plant.loop.process
 import sitl_plant.loop.warm_up
 from gcs.scenario.model import load_scenario
 from mavlink_defs.config.models import ConfigError
-from mavlink_defs.runtime.code_cache import cache_is_cold
+from mavlink_defs.runtime.code_cache import cold_parts
 
 _PLANT, _AUTOPILOT = "sitl-plant", "ftc-autopilot"
 _MAIN = {_PLANT: sitl_plant.loop.process.main, _AUTOPILOT: ftc_autopilot.process.main}
@@ -84,9 +84,9 @@ def main() -> None:
 def _load_compiled_code() -> None:
     """Load what is in the cache, while the ground station still reads what to fly."""
     try:
-        is_cold = cache_is_cold()
+        is_cold = cold_parts(("plant", "autopilot", "messages"))
     except ConfigError:  # which the ground station reports
-        is_cold = True
+        return
     if is_cold:
         return
     scenario = load_scenario("paper/scenario1")

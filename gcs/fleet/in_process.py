@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ftc_autopilot.config import parts_of
 from ftc_autopilot.control.controllers import (
     Controllers,
     ReferenceSource,
@@ -27,6 +28,7 @@ from ftc_autopilot.control.stepping import (
 )
 from ftc_autopilot.estimation.estimator import estimate
 from ftc_autopilot.hot.navigation import estimator_of, write_estimate
+from ftc_autopilot.warm_up import PARTS
 from gcs.errors import BadInput
 from gcs.results.figures import FlightSummary
 from gcs.results.path_following import paths_of
@@ -136,6 +138,9 @@ def begin(scenario: Scenario) -> InProcessFlight:
     """
     ids = tuple(uav.id for uav in scenario.uavs)
     configs = [scenario.autopilot_config(uav_id) for uav_id in ids]
+    on_path = scenario.mission is not None
+    for part in parts_of(scenario.controller.kind, scenario.navigation, on_path=on_path):
+        PARTS[part]()
     try:
         controllers = new_controllers(configs)
     except PluginError as problem:

@@ -1,28 +1,33 @@
 """Compile the numeric core ahead of its first use, once for all processes."""
 
 import contextlib
+import functools
 import gc
 import os
-import pickle
 import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
-from types import FrameType
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from types import FrameType, MappingProxyType
 
 import llvmlite
 import numpy as np
 
-from ftc_autopilot.warm_up import call_controller, call_loop, call_messages, endless_path
-from gcs.fleet.in_process import fly_in_process
+from ftc_autopilot.warm_up import PARTS as AUTOPILOT_PARTS
+from ftc_autopilot.warm_up import call_loop, call_messages, endless_path
+from gcs.fleet.in_process import fly_in_process, room_of
 from gcs.results.path_following import PathFigures
+from gcs.results.recording import Ending, Recording
 from gcs.results.summary import summarise
-from gcs.scenario.model import Scenario
+from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.capture import relay_loop
 from mavlink_defs.capture.impairing import new_directions
 from mavlink_defs.capture.tap_counts import new_counts
-from mavlink_defs.runtime.code_cache import mark_cache_warm, not_cached
+from mavlink_defs.constants import N_CHANNELS
+from mavlink_defs.runtime.apart import load
+from mavlink_defs.runtime.code_cache import EVERYTHING, cold_parts, mark_warm, not_cached
+from sitl_plant.air.turbulence import advance_turbulence
 from sitl_plant.loop.warm_up import call_everything as call_plant
 
 _COMPILER = os.path.dirname(llvmlite.__file__) + os.sep
@@ -30,24 +35,36 @@ _LATER_S = 0.02
 _OBJECTS = 200_000  # made between two searches for garbage
 
 
-def compile_everything(scenario: Scenario) -> None:
-    """Call every compiled entry point once, so that its machine code is in the cache.
-
-    Two processes share the work.
+def compile_parts(
+    parts: Sequence[str] | None = None, on_progress: Callable[[int], None] = lambda _: None
+) -> None:
+    """Compile parts of the numeric core that are not cached yet, on all processors.
 
     Args:
-        scenario: Any scenario; a few steps of it are flown in process.
+        parts: Keys of `PARTS`; None: all of them.
+        on_progress: Called with the number of parts that were begun before.
 
     Raises:
         ConfigError: The cache cannot be written.
         OSError: Too many files are open.
     """
     try:
-        with _seldom_collected():
-            _call_everything(scenario)
-        mark_cache_warm()
+        cold = [part for part in PARTS if part in cold_parts(PARTS if parts is None else parts)]
+        with _seldom_collected(), _shared_out(cold) as taken:
+            for k in taken:
+                on_progress(k)
+                _compile(cold[k])
+        for name in cold_parts(cold):  # which another process failed to compile
+            _compile(name)
+        if parts is None:
+            mark_warm(EVERYTHING)
     except OSError as problem:
         raise not_cached(problem) from problem
+
+
+def _compile(name: str) -> None:
+    PARTS[name]()
+    mark_warm(name)
 
 
 @contextlib.contextmanager
@@ -59,6 +76,40 @@ def _seldom_collected() -> Iterator[None]:
         yield
     finally:
         gc.set_threshold(*before)
+
+
+@contextlib.contextmanager
+def _shared_out(names: Sequence[str]) -> Iterator[Iterator[int]]:
+    """Share parts out to a process for each processor; yield the numbers of those left to us.
+
+    Whoever reads a byte from the common pipe takes the part with that number. The processes end
+    with ours.
+    """
+    queue, to_queue = os.pipe()
+    os.write(to_queue, bytes(range(len(names))))
+    os.close(to_queue)
+    command = [sys.executable, "-m", __spec__.name if __spec__ else __name__, str(queue), *names]
+    quiet = subprocess.DEVNULL
+    others = [
+        subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet, pass_fds=[queue]
+        )
+        for _ in range(min(os.cpu_count() or 1, len(names)) - 1)
+    ]
+    try:
+        yield _taken(queue)
+        for other in others:
+            other.wait()
+    finally:
+        os.close(queue)
+        for other in others:
+            other.kill()
+            other.communicate()
+
+
+def _taken(queue: int) -> Iterator[int]:
+    while number := os.read(queue, 1):
+        yield number[0]
 
 
 @contextlib.contextmanager
@@ -96,49 +147,51 @@ def _in_compiler(frame: FrameType | None) -> bool:
     return False
 
 
-def _call_everything(scenario: Scenario) -> None:
-    short = scenario.model_copy(update={"duration_s": 2 * scenario.step_us / 1e6})
-    with _other_process(short):
-        call_plant(short.plant_config(speed=None))
-        _call_relay()
-        call_loop(short.autopilot_config(short.uavs[0].id))
-    _call_rest(short)
+@functools.cache
+def _example() -> Scenario:
+    """Return any scenario, of two steps: what compiled code is given has the same types in all."""
+    scenario = load_scenario("paper/scenario1")
+    return scenario.model_copy(update={"duration_s": 2 * scenario.step_us / 1e6})
 
 
-@contextlib.contextmanager
-def _other_process(scenario: Scenario) -> Iterator[subprocess.Popen[bytes]]:
-    """Compile the rest elsewhere meanwhile: the flight in process, messages.
-
-    What fails there is left to the caller. It begins with the controller, which the caller needs
-    last and then finds in the cache.
-    """
-    command = [sys.executable, "-m", __spec__.name if __spec__ else __name__]
-    quiet = subprocess.DEVNULL
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet) as child:
-        assert child.stdin is not None
-        try:
-            pickle.dump(scenario.model_dump(), child.stdin)
-            child.stdin.flush()
-            yield child
-            child.wait()
-        except BrokenPipeError:
-            return
-        finally:
-            child.kill()
+def _call_autopilot() -> None:
+    call_loop(_example().autopilot_config(_example().uavs[0].id))
 
 
-def _call_rest(scenario: Scenario) -> None:
-    call_messages(scenario.autopilot_config(scenario.uavs[0].id))
-    flight = fly_in_process(scenario)
-    summarise(flight, scenario)
-    paths = np.stack([endless_path()] * len(scenario.uavs))
-    PathFigures(paths, (0,), scenario.step_us).add(flight.steps)  # without a mission, too
+def _call_messages() -> None:
+    call_messages(_example().autopilot_config(_example().uavs[0].id))
+
+
+def _call_results() -> None:
+    scenario, n = _example(), len(_example().uavs)
+    steps = room_of(scenario, scenario.steps)
+    repeats = np.zeros((n, N_CHANNELS), np.int64)
+    ending = Ending(mode="in_process", steps=scenario.steps, repeats=repeats, wall_s=1.0, loss=None)
+    ids = tuple(uav.id for uav in scenario.uavs)
+    summarise(Recording.of(steps, ending, ids, scenario.step_us), scenario)
+    paths = np.stack([endless_path()] * n)
+    PathFigures(paths, (0,), scenario.step_us).add(steps)
 
 
 def _call_relay() -> None:
     relay = relay_loop.new_relay_state(-1, [], [], [], new_directions([]))
     relay_loop.pause(relay)
     relay_loop.run(relay, new_counts(window_s=1.0))
+
+
+PARTS: Mapping[str, Callable[[], object]] = MappingProxyType(
+    {
+        "autopilot": _call_autopilot,
+        "plant": lambda: call_plant(_example().plant_config(speed=None)),
+        **AUTOPILOT_PARTS,
+        "in process": lambda: fly_in_process(_example()),
+        "results": _call_results,
+        "messages": _call_messages,
+        "relay": _call_relay,
+        "turbulence": lambda: load(advance_turbulence),
+    }
+)
+"""What is compiled apart: each calls, or loads, a part of the numeric core. The largest first."""
 
 
 def _end_with_parent() -> None:
@@ -148,8 +201,7 @@ def _end_with_parent() -> None:
 
 
 if __name__ == "__main__":
-    given = Scenario.model_validate(pickle.load(sys.stdin.buffer))
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with _seldom_collected():
-        call_controller(given.autopilot_config(given.uavs[0].id))
-        _call_rest(given)
+        for index in _taken(int(sys.argv[1])):
+            _compile(sys.argv[2 + index])

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ftc_autopilot.control.controller import SIGNALS
+from ftc_autopilot.control.signals import SIGNALS
 from gcs.results.quantities import QUANTITIES
 from gcs.results.recording import Steps
 from mavlink_defs.constants import ACTUATORS

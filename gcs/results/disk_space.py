@@ -3,7 +3,7 @@
 import shutil
 from pathlib import Path
 
-from ftc_autopilot.control.controller import SIGNALS
+from ftc_autopilot.control.signals import SIGNALS
 from ftc_autopilot.hot.recorder import RECORD_ROWS
 from ftc_autopilot.vehicle.telemetry import DEFAULT_INTERVALS_US
 from gcs.errors import BadInput

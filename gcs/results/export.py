@@ -16,7 +16,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 
 from ftc_autopilot.common.geography import Origin, place_of
-from ftc_autopilot.control.controller import SIGNALS
+from ftc_autopilot.control.signals import SIGNALS
 from gcs.errors import BadInput
 from gcs.results.channels import EVENT, LOCATION, ChannelKind, encoded, nanoseconds, state_kind
 from gcs.results.choices import Format

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftc_autopilot.control.controller import SIGNALS
+from ftc_autopilot.control.signals import SIGNALS
 from gcs.results.columns import COLUMNS
 from gcs.results.recording import Ending, Events, Recording, Steps
 from gcs.scenario.model import Scenario

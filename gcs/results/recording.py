@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple, Self, TypeAlias
 import numpy as np
 
 from ftc_autopilot.common.angles import wrap
-from ftc_autopilot.control.controller import SIGNALS
+from ftc_autopilot.control.signals import SIGNALS
 from ftc_autopilot.hot.navigation import ESTIMATED
 from mavlink_defs.constants import ACTUATORS, N_CHANNELS
 from mavlink_defs.runtime.jit import compiled
@@ -107,7 +107,7 @@ class Recording:
         wind: Shape (steps, n, 3), velocity of the air at the start of each step, body axes [m/s].
         applied: Shape (steps, n, 4), applied at the start of each period: aileron, elevator,
             rudder, thrust.
-        signals: Shape (steps, n), dtype `ftc_autopilot.control.controller.SIGNALS`; NaN where an
+        signals: Shape (steps, n), dtype `ftc_autopilot.control.signals.SIGNALS`; NaN where an
             autopilot received no state, and what the law computes also while it is disarmed.
         repeats: Shape (n, 4), events sent again because the plant had not applied them.
         wall_s: Wall-clock time that the simulated time took [s].
@@ -245,7 +245,7 @@ def events_of(
     """Return the events of consecutive steps as columns of equal length, ordered by time.
 
     Args:
-        signals: Shape (steps, n), dtype `ftc_autopilot.control.controller.SIGNALS`.
+        signals: Shape (steps, n), dtype `ftc_autopilot.control.signals.SIGNALS`.
         first: Number of the first step.
         uav_ids: System ids, length n.
         step_us: Control period [µs].

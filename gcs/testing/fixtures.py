@@ -40,7 +40,7 @@ def prepared(
         how = How(over_udp=mode == "wire", speed=speed, free_ports=True)
         flight = prepare(path, how, values=changes)
     warn(flight.remarks)
-    warm_up(flight.scenario, console_of(quiet=True))
+    warm_up(flight.scenario, console_of(quiet=True), in_process=not how.over_udp)
     return flight
 
 

@@ -10,7 +10,7 @@ it.
 
 The cache lies in ``$NUMBA_CACHE_DIR``, or ``$XDG_CACHE_HOME/ftc-sitl``, or
 ``~/.cache/ftc-sitl``. Where it cannot be written, every process compiles for itself what it
-calls, and the error of `cache_is_cold` names the remedy.
+calls, and the error of `cold_parts` names the remedy.
 
 On x86 the code is made for any processor since about 2013 (x86-64-v3), so that machines can share
 it; ``NUMBA_CPU_NAME`` chooses another. The bits of results do not depend on it.
@@ -46,6 +46,8 @@ _ROOT = Path(__file__).resolve().parents[2]
 _GENERATED = {_ROOT / "mavlink_defs" / "dialect.py": _ROOT / "mavlink_defs" / "ftc.xml"}
 _IMPORT = re.compile(r"^from ([\w.]+) import (\([^)]*\)|.*)|^import ([\w.]+)", re.MULTILINE)
 _WARM = "warm-"
+EVERYTHING = "everything"
+"""All parts of the numeric core."""
 _KEPT_DAYS = 14
 _COMMON_CPU = "x86-64-v3"
 _FURTHER_LOCATORS = (
@@ -109,7 +111,7 @@ def sources_of(file: Path) -> list[Path]:
 
 def forget_sources() -> None:
     """Read files again: one of another project has changed while this process runs."""
-    for known in (_content_digest, _digest_with_imports, _imports):
+    for known in (_content_digest, _digest_with_imports, _imports, _digest_of_all):
         known.cache_clear()
 
 
@@ -134,18 +136,21 @@ def forget_unreadable() -> bool:
     return bool(unreadable)
 
 
-def cache_is_cold() -> bool:
-    """Return whether the next flight has to compile the numeric core first.
+def cold_parts(parts: Iterable[str]) -> list[str]:
+    """Return those parts of the numeric core that are still to be compiled.
+
+    Args:
+        parts: As `gcs.fleet.precompile` names them.
 
     Raises:
         ConfigError: The cache cannot be written: every process would have to.
         OSError: Too many files are open.
     """
     if _settings["DISABLE_JIT"]:
-        return False
+        return []
     if _obstacle is not None:
         raise not_cached(_obstacle)
-    return not _warm_mark().exists()
+    return [part for part in parts if not _warm_mark(part).exists()]
 
 
 def not_cached(problem: OSError) -> ConfigError | OSError:
@@ -160,16 +165,16 @@ def not_cached(problem: OSError) -> ConfigError | OSError:
     return ConfigError(_cache_folder, [Problem((), f"{text}; {advice}")])
 
 
-def mark_cache_warm() -> None:
-    """Note that every compiled function now lies in the cache; forget code of old sources."""
+def mark_warm(part: str) -> None:
+    """Note that a part of the numeric core lies in the cache; forget code of old sources."""
     if _settings["DISABLE_JIT"]:
         return
     in_use = [_cache_folder / _digest_with_imports(source) for source in _compiled_sources()]
-    for place in [*in_use, _warm_mark()]:
-        place.parent.mkdir(parents=True, exist_ok=True)
+    _cache_folder.mkdir(parents=True, exist_ok=True)
+    _warm_mark(part).touch()
+    for place in in_use:
         if place.exists():
             os.utime(place)
-    _warm_mark().touch()
     oldest = time.time() - _KEPT_DAYS * 86400
     for place in _cache_folder.iterdir():
         with contextlib.suppress(FileNotFoundError):  # another process forgets it, too
@@ -277,13 +282,19 @@ def _first(source: Path, top: Path) -> str:
 @functools.cache
 def _compiled_sources() -> list[Path]:
     sources = (path for package in _PACKAGES for path in (_ROOT / package).rglob("*.py"))
-    return sorted(path for path in sources if re.search(rb"@(compiled|inlined)", path.read_bytes()))
+    mark = re.compile(rb"@(compiled|inlined|apart)")
+    return sorted(path for path in sources if mark.search(path.read_bytes()))
 
 
-def _warm_mark() -> Path:
-    """Return the empty file that stands for a cache with every compiled function."""
+def _warm_mark(part: str) -> Path:
+    """Return the empty file that stands for a cache with a part of the numeric core."""
+    return _cache_folder / f"{_WARM}{_digest_of_all()}-{part.replace(' ', '-')}"
+
+
+@functools.cache
+def _digest_of_all() -> str:
     digests = "".join(map(_digest_with_imports, _compiled_sources()))
-    return _cache_folder / f"{_WARM}{hashlib.sha256(digests.encode()).hexdigest()[:16]}"
+    return hashlib.sha256(digests.encode()).hexdigest()[:16]
 
 
 def _find_cache_folder() -> Path:

@@ -17,6 +17,8 @@ _F = TypeVar("_F", bound=Callable[..., object])
 
 _njit: Any = numba.njit  # whose types leave out some of its options
 _compiled_functions: set[Callable[..., object]] = set()
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True}
+"""Of all compiled code: division by zero gives inf or NaN, as in numpy."""
 
 
 def compiled(function: _F) -> _F:
@@ -34,6 +36,11 @@ def is_compiled(function: Callable[..., object]) -> bool:
     return function in _compiled_functions or is_jitted(function)
 
 
+def compiled_for_python(function: _F) -> _F:
+    """Compile a function as `compiled` does; how compiled code calls it is said elsewhere."""
+    return _compiled(function, forceinline=False, inside=False)
+
+
 def inlined(function: _F) -> _F:
     """Compile a function as `compiled` does, into the machine code of each caller.
 
@@ -43,7 +50,7 @@ def inlined(function: _F) -> _F:
     return _compiled(function, forceinline=True)
 
 
-def _compiled(function: _F, forceinline: bool) -> _F:
+def _compiled(function: _F, forceinline: bool, inside: bool = True) -> _F:
     """Return a function for Python; compiled code calls a variant that Python cannot.
 
     That variant takes half the time to compile: what unpacks Python's objects is often longer than
@@ -54,8 +61,7 @@ def _compiled(function: _F, forceinline: bool) -> _F:
         return function
     inner = _renamed(function, f"{function.__qualname__}.inner")
     options: dict[str, Any] = {
-        "error_model": "numpy",
-        "nogil": True,
+        **OPTIONS,
         "no_cfunc_wrapper": True,
         "forceinline": forceinline,
         "cache": add_to_cache(function, inner),
@@ -74,8 +80,10 @@ def _compiled(function: _F, forceinline: bool) -> _F:
                 raise
             return entry(*arguments, **keywords)
 
-    options_inside: Any = options | {"no_cpython_wrapper": True}
-    overload(call, jit_options=options_inside, strict=False)(lambda *_, **__: inner)
+    if inside:  # what is compiled into its caller is cached with that
+        inside_options: Any = options | {"no_cpython_wrapper": True}
+        inside_options["cache"] = options["cache"] and not forceinline
+        overload(call, jit_options=inside_options, strict=False)(lambda *_, **__: inner)
     _compiled_functions.add(call)
     return cast(_F, call)
 

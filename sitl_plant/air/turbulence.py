@@ -17,6 +17,7 @@ import math
 
 import numpy as np
 
+from mavlink_defs.runtime.apart import apart
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.air.config import Dryden
 from sitl_plant.air.gaussian import normal
@@ -94,7 +95,7 @@ def start_turbulence(air: np.void, V: float, seed: int, aircraft: int) -> None:
     _read_rates(air, V)
 
 
-@compiled
+@apart(air=TURBULENCE)
 def advance_turbulence(
     air: np.void, V: float, dt: float, seed: int, aircraft: int, step: int
 ) -> None:

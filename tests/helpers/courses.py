@@ -16,7 +16,6 @@ from edges import edges_of
 
 from ftc_autopilot.common.motion import MeasuredMotion, fill_neighbour_state, motion_of
 from ftc_autopilot.control.controller import (
-    SIGNALS,
     Inputs,
     Records,
     control_step,
@@ -24,6 +23,7 @@ from ftc_autopilot.control.controller import (
     parameter_record,
 )
 from ftc_autopilot.control.controllers import GUIDANCE
+from ftc_autopilot.control.signals import SIGNALS
 from ftc_autopilot.control.step import Seen
 from gcs.scenario.model import Scenario
 from mavlink_defs.framing.codec import ACTUATORS, NEIGHBOUR, SIM_STATE

@@ -7,10 +7,11 @@ import numpy as np
 
 from ftc_autopilot.common.motion import MeasuredMotion
 from ftc_autopilot.common.tuples import four
-from ftc_autopilot.control.controller import SIGNALS, Inputs, Records, control_step
+from ftc_autopilot.control.controller import Inputs, Records, control_step
 from ftc_autopilot.control.controllers import GUIDANCE
 from ftc_autopilot.control.edges import EDGE
 from ftc_autopilot.control.reference import Reference
+from ftc_autopilot.control.signals import SIGNALS
 from ftc_autopilot.control.step import Seen, Step, Thresholds
 from ftc_autopilot.control.synchronisation_errors import FormationErrors
 from ftc_autopilot.guidance.coordination import no_coordination

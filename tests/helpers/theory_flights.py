@@ -9,7 +9,7 @@ import pytest
 
 import ftc_autopilot.control.laws as all_laws
 from ftc_autopilot.control import controller, stepping
-from ftc_autopilot.control.controller import SIGNALS
+from ftc_autopilot.control.signals import SIGNALS
 from gcs.fleet import in_process
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree

@@ -244,14 +244,14 @@ def test_all_that_is_no_code_comes_along(programs: Path, folder: Path) -> None:
 def test_an_installation_shares_the_compiled_code_of_equal_sources(
     programs: Path, folder: Path
 ) -> None:
-    cache = "from mavlink_defs.runtime.code_cache import cache_is_cold, mark_cache_warm"
-    code = f"{cache}; print(cache_is_cold()); mark_cache_warm()"
+    cache = "from mavlink_defs.runtime.code_cache import cold_parts, mark_warm"
+    code = f"{cache}; print(cold_parts(['plant'])); mark_warm('plant')"
     changes = {"NUMBA_DISABLE_JIT": "0", "NUMBA_CACHE_DIR": str(folder / "cache")}
-    assert run_well(programs, folder, "python", "-c", code, **changes) == "True\n"
+    assert run_well(programs, folder, "python", "-c", code, **changes) == "['plant']\n"
     here = subprocess.run(
         [sys.executable, "-c", code], env=environment(**changes), check=True, capture_output=True
     )
-    assert here.stdout == b"False\n"
+    assert here.stdout == b"[]\n"
 
 
 def test_a_new_project_is_installed_beside_it_with_its_law_scenarios_and_aircraft(

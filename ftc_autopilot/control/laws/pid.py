@@ -14,8 +14,9 @@ from pydantic import Field
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.step import ALL, Command, Step
 from mavlink_defs.config.quantity import quantity
+from mavlink_defs.runtime.apart import apart
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.airframe.aircraft import AircraftRecord
+from sitl_plant.airframe.aircraft import AIRCRAFT, AircraftRecord
 from sitl_plant.airframe.config import Aircraft
 from sitl_plant.airframe.rigid_body import R2
 from sitl_plant.airframe.stops import range_of
@@ -81,7 +82,7 @@ class Pid(LawParameters):
             yield "the aircraft has no rudder to hold the heading"
 
 
-@compiled
+@apart(aircraft=AIRCRAFT, gains=Pid.record(), state=Pid.STATE)
 def pid_law(now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void) -> Command:
     """Evaluate the loops and advance their integrals, which stop while an actuator is at its stop.
 

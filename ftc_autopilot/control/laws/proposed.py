@@ -15,11 +15,13 @@ from ftc_autopilot.control.attitude import (
 )
 from ftc_autopilot.control.laws.base import TABLE_III_K1, TABLE_III_K2, Gains, LawParameters
 from ftc_autopilot.control.rbf import Rbf, basis_norm
+from ftc_autopilot.control.signals import SIGNALS
 from ftc_autopilot.control.speed import SpeedLaw, speed_law
 from ftc_autopilot.control.step import ALL, Command, SignalsRecord, Step
 from mavlink_defs.config.quantity import quantity
+from mavlink_defs.runtime.apart import apart
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.airframe.aircraft import AircraftRecord
+from sitl_plant.airframe.aircraft import AIRCRAFT, AircraftRecord
 from sitl_plant.airframe.config import Aircraft
 from sitl_plant.vec3 import clamp_each, sub, vec3
 
@@ -97,7 +99,7 @@ class Proposed(LawParameters):
             yield "the aircraft has no rudder to hold the heading"
 
 
-@compiled
+@apart(aircraft=AIRCRAFT, gains=Proposed.record(), state=Proposed.STATE, signals=SIGNALS)
 def proposed_law(
     now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void, signals: SignalsRecord
 ) -> Command:

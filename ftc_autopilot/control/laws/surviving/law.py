@@ -15,10 +15,13 @@ from ftc_autopilot.control.laws.surviving.lateral import (
     waiting_rudder,
 )
 from ftc_autopilot.control.laws.surviving.longitudinal import pitch_trim, thrust_for_pitch
+from ftc_autopilot.control.laws.surviving.parameters import Surviving
+from ftc_autopilot.control.signals import SIGNALS
 from ftc_autopilot.control.step import ALL, Command, SignalsRecord, Step, Thresholds
 from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
+from mavlink_defs.runtime.apart import apart
 from mavlink_defs.runtime.jit import compiled, inlined
-from sitl_plant.airframe.aircraft import AircraftRecord
+from sitl_plant.airframe.aircraft import AIRCRAFT, AircraftRecord
 from sitl_plant.airframe.rigid_body import angular_acceleration
 from sitl_plant.airframe.stops import has_actuator, range_of, stop_beside
 from sitl_plant.airframe.thrust import available_thrust
@@ -27,7 +30,7 @@ from sitl_plant.vec3 import mat3, mul, sub
 _MIN_COSINE = 0.3  # of the roll angle, in the turn rate of a trim
 
 
-@compiled
+@apart(aircraft=AIRCRAFT, gains=Surviving.record(), state=Surviving.STATE, signals=SIGNALS)
 def surviving_law(
     now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void, signals: SignalsRecord
 ) -> Command:

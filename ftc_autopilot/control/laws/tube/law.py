@@ -16,11 +16,14 @@ from ftc_autopilot.control.laws.tube.fallback import (
     triggered,
 )
 from ftc_autopilot.control.laws.tube.observer import observe
+from ftc_autopilot.control.laws.tube.parameters import Tube
+from ftc_autopilot.control.signals import SIGNALS
 from ftc_autopilot.control.step import Command, SignalsRecord, Step
 from ftc_autopilot.control.triggers.base import in_steps
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
+from mavlink_defs.runtime.apart import apart
 from mavlink_defs.runtime.jit import compiled, inlined
-from sitl_plant.airframe.aircraft import AircraftRecord
+from sitl_plant.airframe.aircraft import AIRCRAFT, AircraftRecord
 from sitl_plant.airframe.stops import has_actuator, range_of
 from sitl_plant.vec3 import clamp
 
@@ -28,7 +31,7 @@ _MAX_PERIOD_S = 0.03
 """Of a clock that can send a dither."""
 
 
-@inlined
+@apart(aircraft=AIRCRAFT, gains=Tube.record(), state=Tube.STATE, signals=SIGNALS)
 def tube_law(
     now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void, signals: SignalsRecord
 ) -> Command:

@@ -10,7 +10,7 @@ from steps import NOTHING, step_alone, step_of
 from ftc_autopilot.common.motion import motion_of
 from ftc_autopilot.common.records import fill, record_dtype
 from ftc_autopilot.common.tuples import four
-from ftc_autopilot.control.controller import SIGNALS, new_controller, parameter_record
+from ftc_autopilot.control.controller import new_controller, parameter_record
 from ftc_autopilot.control.controllers import new_controllers
 from ftc_autopilot.control.diagnosis import DIAGNOSIS, DiagnosisParameters, diagnose
 from ftc_autopilot.control.diagnosis.measurement import measure
@@ -28,6 +28,7 @@ from ftc_autopilot.control.laws.tube import Tube
 from ftc_autopilot.control.laws.tube.check import trim
 from ftc_autopilot.control.laws.tube.observer import observe as observe_disturbance
 from ftc_autopilot.control.reference import Reference
+from ftc_autopilot.control.signals import SIGNALS
 from ftc_autopilot.control.state_predictor import DELAY, note_commands, thrust_believed
 from ftc_autopilot.control.stepping import controller_step
 from ftc_autopilot.control.triggers.periodic import Periodic

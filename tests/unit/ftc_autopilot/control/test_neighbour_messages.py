@@ -8,13 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ftc_autopilot.control.config import FormationTrigger
-from ftc_autopilot.control.controller import SIGNALS, parameter_record
+from ftc_autopilot.control.controller import parameter_record
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.neighbour_messages import (
     extrapolate,
     is_message_due,
     refer_to_reference,
 )
+from ftc_autopilot.control.signals import SIGNALS
 from ftc_autopilot.control.triggers.static import PerChannel
 from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE
 from mavlink_defs.framing.codec import NEIGHBOUR

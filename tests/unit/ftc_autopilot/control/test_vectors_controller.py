@@ -8,7 +8,6 @@ from edges import edges_of
 
 from ftc_autopilot.common.motion import fill_neighbour_state, motion_of
 from ftc_autopilot.control.controller import (
-    SIGNALS,
     Inputs,
     Records,
     control_step,
@@ -16,6 +15,7 @@ from ftc_autopilot.control.controller import (
     parameter_record,
 )
 from ftc_autopilot.control.laws.proposed import Proposed
+from ftc_autopilot.control.signals import SIGNALS
 from ftc_autopilot.control.step import Seen
 from ftc_autopilot.control.triggers.static import PerChannel
 from gcs.scenario.model import Scenario

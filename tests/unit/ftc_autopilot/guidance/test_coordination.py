@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ftc_autopilot.common.records import fill, record_dtype
-from ftc_autopilot.control.controller import SIGNALS
 from ftc_autopilot.control.diagnosis import LOST as LOST_ACTUATOR
+from ftc_autopilot.control.signals import SIGNALS
 from ftc_autopilot.guidance.coordination import (
     Coordination,
     Progress,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from theory_flights import SHORT, python_loop, scenario_with, synthetic
 
-from ftc_autopilot.control.controller import SIGNALS
+from ftc_autopilot.control.signals import SIGNALS
 from ftc_lab.theory import Theory, check_theory, theory_sentences
 from ftc_lab.theory.judgement import TheoremVerdict
 from gcs.fleet import in_process

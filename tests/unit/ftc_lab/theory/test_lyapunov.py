@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from theory_flights import DT, SCENARIOS, scenario_with
 
-from ftc_autopilot.control.controller import SIGNALS
 from ftc_autopilot.control.laws.proposed import Proposed
+from ftc_autopilot.control.signals import SIGNALS
 from ftc_lab.theory import check_theory, theory_sentences
 from ftc_lab.theory.equality import ROUNDING
 from ftc_lab.theory.ground_truth import Known, known_quantities, solve

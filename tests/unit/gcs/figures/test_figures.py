@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-from ftc_autopilot.control.controller import no_signals
+from ftc_autopilot.control.signals import no_signals
 from ftc_lab.figures.events import fig7, fig8, fig9
 from ftc_lab.figures.trajectories import fig5
 from gcs.figures.flown import PlottedFlight, fault_windows

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ftc_autopilot.control.controller import SIGNALS, no_signals
+from ftc_autopilot.control.signals import SIGNALS, no_signals
 from ftc_autopilot.hot.link import RECORD
 from gcs.errors import FlightLost
 from gcs.fleet.collector import Collector

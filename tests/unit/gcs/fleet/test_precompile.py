@@ -3,13 +3,12 @@
 Each case has a process of its own: an interrupt that goes astray would end the one that tests.
 """
 
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
-
-from gcs.fleet.precompile import _other_process
-from gcs.scenario.model import Scenario
 
 CALLED_BACK = """
 import ctypes, signal, sys, time
@@ -61,7 +60,43 @@ def test_ctrl_c_interrupts_the_compiler(moment: str) -> None:
     assert output(INTERRUPTED.format(moment)) == "interrupted True"
 
 
-def test_the_other_process_compiles_to_its_end(scenario1: Scenario) -> None:
-    """Nobody would notice: what it fails to compile, the caller compiles in twice the time."""
-    with _other_process(scenario1.model_copy(update={"duration_s": 0.002})) as child:
+SHARED = """
+import sys
+from gcs.fleet import precompile
+from mavlink_defs.runtime.code_cache import cold_parts
+
+compiled, compile_one = [], precompile._compile
+precompile._compile = lambda part: (compiled.append(part), compile_one(part))
+precompile.os.cpu_count = lambda: 2
+precompile._taken = {taken}
+begun = []
+precompile.compile_parts(["turbulence"], begun.append)
+print(compiled, begun, cold_parts(["turbulence", "relay"]))
+"""
+OURS = "precompile._taken"
+NONE = "lambda queue: iter(())"
+
+
+@pytest.mark.parametrize(
+    ("taken", "printed"),
+    [(OURS, "['turbulence'] [0] ['relay']"), (NONE, "['turbulence'] [] ['relay']")],
+)
+def test_what_no_process_has_compiled_the_caller_does(
+    taken: str, printed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert output(SHARED.format(taken=taken)) == printed
+
+
+def test_the_others_compile_to_their_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody would notice: what they fail to compile, the caller compiles in twice the time."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    queue, to_queue = os.pipe()
+    os.write(to_queue, bytes([1]))
+    os.close(to_queue)
+    command = [sys.executable, "-m", "gcs.fleet.precompile", str(queue), "relay", "turbulence"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, pass_fds=[queue]) as child:
+        os.close(queue)
         assert child.wait(300.0) == 0
+    (mark,) = (tmp_path / "core").glob("warm-*")
+    assert mark.name.endswith("-turbulence")

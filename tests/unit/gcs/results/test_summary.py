@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from ftc_autopilot.control.controller import SIGNALS, no_signals
+from ftc_autopilot.control.signals import SIGNALS, no_signals
 from gcs.reports.flight import flight_tables
 from gcs.results.figures import FlightSummary
 from gcs.results.recording import Recording

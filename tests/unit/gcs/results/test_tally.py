@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
-from ftc_autopilot.control.controller import SIGNALS, no_signals
 from ftc_autopilot.control.diagnosis import LOST
+from ftc_autopilot.control.signals import SIGNALS, no_signals
 from gcs.results.quantities import integrated_error
 from gcs.results.recording import Ending, Recording, Steps
 from gcs.results.tally import Tally

@@ -1,0 +1,186 @@
+"""Compiled functions that each flight needs few of: a law, guidance along a path, an estimator.
+
+Compiled code calls them by an address, so that a caller is compiled without them: what a scenario
+does not use is not compiled, and what it uses is compiled once, not into each level above it. A
+first call makes the code, or loads it from the cache; `load` does that ahead of a flight.
+"""
+
+import ctypes
+import inspect
+import os
+import signal
+import threading
+import traceback
+from collections.abc import Callable
+from typing import Any, TypeVar, cast, get_args, get_origin, get_type_hints
+
+import llvmlite.binding
+import numba
+import numpy as np
+from llvmlite import ir
+from numba.core import types as numba_types
+from numba.extending import lower_builtin, type_callable
+
+from mavlink_defs.runtime.code_cache import add_to_cache, forget_unreadable
+from mavlink_defs.runtime.jit import OPTIONS, compiled_for_python
+
+_F = TypeVar("_F", bound=Callable[..., object])
+_types: Any = numba_types  # without annotations
+_cfunc: Any = numba.cfunc
+_typeof: Any = numba.typeof
+_LATER_S = 0.02
+
+_parts: dict[Callable[..., Any], "_Part"] = {}
+
+
+def apart(**memory: np.dtype | np.ndarray) -> Callable[[_F], _F]:
+    """Compile a function as `compiled` does, but apart from what calls it.
+
+    It is for functions of which a flight needs few, or whose code would be repeated in several
+    callers: a call costs a few nanoseconds more than one of `compiled`.
+
+    Args:
+        memory: The dtype of each argument that is a record, an example of one that is an array.
+            The others are numbers and tuples of such, and so is what it returns, as annotated;
+            none has a default.
+    """
+
+    def decorate(function: _F) -> _F:
+        call = compiled_for_python(function)
+        if call is function:  # plain Python
+            return function
+        _parts[call] = _Part(function, call, memory)
+        return call
+
+    return decorate
+
+
+def load(*functions: Callable[..., Any]) -> None:
+    """Have functions ready, whose first calls would else compile or load them.
+
+    Raises:
+        OSError: The cache cannot be read.
+    """
+    for function in functions:
+        if function in _parts:
+            _parts[function].resolve()
+
+
+def apart_in(module: str) -> list[Callable[..., Any]]:
+    """Return the functions that are compiled apart of a module, and of the package around it."""
+    place = module.removesuffix(".parameters")
+    return [one for one in _parts if one.__module__.startswith(place)]
+
+
+class _Part:
+    """A function that is called by its address, which is 0 before it is ready."""
+
+    def __init__(
+        self,
+        function: Callable[..., Any],
+        call: Callable[..., Any],
+        memory: dict[str, np.dtype | np.ndarray],
+    ) -> None:
+        """Let compiled code call it in place of `call`."""
+        self._function, self._memory = function, memory
+        self._address, self._code = ctypes.c_void_p(0), None
+        self._resolver = ctypes.CFUNCTYPE(None)(self._resolve_in_flight)
+        self._symbol = f"ftc_sitl.{function.__module__}.{function.__qualname__}"
+        add_symbol = cast(Any, llvmlite.binding).add_symbol
+        add_symbol(self._symbol, ctypes.addressof(self._address))
+        resolver = ctypes.cast(self._resolver, ctypes.c_void_p).value
+        add_symbol(f"{self._symbol}.resolve", resolver)
+        self._signature: Any = None
+        parameters = inspect.signature(function)
+
+        def typer(_context: Any) -> Any:
+            def of_call(*arguments: Any, **keywords: Any) -> Any:
+                given, typed = parameters.bind(*arguments, **keywords).args, self._typed()
+                return typed.return_type(*map(_like_in_memory, given, typed.args))
+
+            vars(of_call)["__signature__"] = parameters
+            return of_call
+
+        cast(Any, type_callable)(call)(typer)
+        cast(Any, lower_builtin)(call, _types.VarArg(_types.Any))(self._lower)
+
+    def resolve(self) -> None:
+        if self._code is None:
+            add_to_cache(self._function)
+            make = _cfunc(self._typed(), **OPTIONS, cache=True)
+            try:
+                self._code = make(self._function)
+            except (AttributeError, ModuleNotFoundError):
+                if not forget_unreadable():
+                    raise
+                self._code = make(self._function)
+        self._address.value = cast(Any, self._code).address
+
+    def _resolve_in_flight(self) -> None:
+        """Resolve it from compiled code, into which no error can be raised."""
+        interrupted = False
+        while not self._address.value:
+            try:
+                self.resolve()
+            except KeyboardInterrupt:
+                interrupted = True
+            except BaseException:
+                traceback.print_exc()
+                os._exit(1)
+        if interrupted:
+            again = threading.Timer(
+                _LATER_S, signal.pthread_kill, [threading.get_ident(), signal.SIGINT]
+            )
+            again.daemon = True
+            again.start()
+
+    def _typed(self) -> Any:
+        if self._signature is None:
+            hints = get_type_hints(self._function)
+            result = _type_of(hints.pop("return"))
+            given = [self._memory.get(name, hint) for name, hint in hints.items()]
+            self._signature = result(*map(_type_of, given))
+        return self._signature
+
+    def _lower(self, context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        typed, module = self._typed(), builder.module
+        given = [context.get_value_type(one) for one in typed.args]
+        pointer = ir.FunctionType(context.get_value_type(typed.return_type), given).as_pointer()
+        address = module.globals.get(self._symbol) or ir.GlobalVariable(
+            module, pointer, self._symbol
+        )
+        resolver = module.globals.get(f"{self._symbol}.resolve") or ir.Function(
+            module, ir.FunctionType(ir.VoidType(), []), f"{self._symbol}.resolve"
+        )
+        unknown = builder.icmp_unsigned("==", builder.load(address), ir.Constant(pointer, None))
+        with builder.if_then(unknown, likely=False):
+            builder.call(resolver, [])
+        return builder.call(builder.load(address), arguments)
+
+
+def _like_in_memory(given: Any, declared: Any) -> Any:
+    """Return the type as which an argument is passed: an array in a record is an array, too."""
+    if isinstance(given, _types.Array) and isinstance(declared, _types.Array):
+        alike = ((one.dtype, one.ndim, one.layout) for one in (given, declared))
+        return given if next(alike) == next(alike) else declared
+    return declared
+
+
+def _type_of(kind: Any) -> Any:
+    """Return the compiler's type of what `apart` or an annotation names."""
+    if isinstance(kind, np.dtype):
+        return _typeof(np.zeros(1, kind)[0])
+    if isinstance(kind, np.ndarray):
+        return _typeof(kind)
+    if kind in {None, type(None)}:
+        return _types.none
+    if kind in {bool, int, float}:
+        return {bool: _types.boolean, int: _types.int64, float: _types.float64}[kind]
+    if get_origin(kind) is tuple:
+        return _types.BaseTuple.from_types([_type_of(part) for part in get_args(kind)])
+    parts = [_type_of(part) for part in get_type_hints(kind).values()]
+    return (
+        _types.NamedTuple(parts, kind)
+        if len(set(parts)) > 1
+        else _types.NamedUniTuple(parts[0], len(parts), kind)
+    )
