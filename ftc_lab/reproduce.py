@@ -20,7 +20,7 @@ from ftc_lab.reports.markdown import html_of, save_markdown
 from ftc_lab.reports.paper import CONTROLLERS, MODES, PaperResults, paper_report
 from ftc_lab.reports.published_values import FIG_9
 from ftc_lab.reports.theory import theory_section
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.figures.flown import PlottedFlight
 from gcs.figures.style import save
 from gcs.figures.tracking import fig6, fig10, fig11

@@ -17,7 +17,7 @@ from ftc_lab.campaigns.plan import Plan, load_plan, plan
 from ftc_lab.campaigns.until import begin_campaign
 from ftc_lab.campaigns.workers import Flown, check_scheduler
 from ftc_lab.reports.campaign import write_report
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.flights.preparation import checked
 from gcs.scenario.bundled import find_scenario
 from gcs.scenario.settings import plain

@@ -15,11 +15,11 @@ from typer.core import TyperCommand, TyperGroup
 
 from gcs.command_list import OWN, GcsCommand, command_of, load, registered
 from gcs.commands.options import ConnectOption, ThemeOption
-from gcs.errors import BadInput, GcsError, Interrupted
-from gcs.extras import missing
-from gcs.outputs import remove_empty
-from gcs.stopping import ending_at_once, stop_as_ctrl_c
-from gcs.terminal import print_line
+from gcs.console.errors import BadInput, GcsError, Interrupted
+from gcs.console.extras import missing
+from gcs.console.outputs import remove_empty
+from gcs.console.stopping import ending_at_once, stop_as_ctrl_c
+from gcs.console.terminal import print_line
 from mavlink_defs.config.problems import ConfigError
 from mavlink_defs.runtime.foreign import PluginError
 

@@ -11,7 +11,7 @@ import numpy as np
 from ftc_lab.campaigns.mark import MARK, Mark, mark_of
 from ftc_lab.campaigns.store import planned_rows, read_results
 from ftc_lab.campaigns.until import noted_conditions
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.results.flight_mark import is_locked
 from gcs.results.quantities import QUANTITIES
 from gcs.runs.run import utc

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gcs.commands.common import QuietOption
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
+from gcs.console.terminal import console_of, numbers, print_json, print_line, table_of, texts
 from gcs.scenario.bundled import aircraft_names
-from gcs.terminal import console_of, numbers, print_json, print_line, table_of, texts
 
 if TYPE_CHECKING:
     from ftc_autopilot.control.airframe_checks import AirframeCheck

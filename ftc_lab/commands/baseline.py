@@ -22,9 +22,9 @@ from gcs.commands.common import (
     tell,
 )
 from gcs.commands.options import options_of, with_options
-from gcs.errors import BadInput, FlightLost, Interrupted
-from gcs.progress import working
-from gcs.terminal import console_of, numbers, print_json, table_of, texts
+from gcs.console.errors import BadInput, FlightLost, Interrupted
+from gcs.console.progress import working
+from gcs.console.terminal import console_of, numbers, print_json, table_of, texts
 
 if TYPE_CHECKING:
     from ftc_lab.baselines.baseline import Baseline, Uncertain

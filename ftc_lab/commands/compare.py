@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gcs.commands.options import options_of, with_options
-from gcs.errors import BadInput
-from gcs.outputs import check_file, write_file
-from gcs.terminal import console_of, print_json
+from gcs.console.errors import BadInput
+from gcs.console.outputs import check_file, write_file
+from gcs.console.terminal import console_of, print_json
 from mavlink_defs.visible import visible_lines
 
 if TYPE_CHECKING:

@@ -11,10 +11,10 @@ from ftc_autopilot.control.laws import KINDS
 from ftc_lab.written_files import check_out
 from gcs.commands.common import QuietOption, flight_progress
 from gcs.commands.options import options_of, with_options
-from gcs.errors import BadInput, FlightLost
-from gcs.outputs import write_file
+from gcs.console.errors import BadInput, FlightLost
+from gcs.console.outputs import write_file
+from gcs.console.terminal import Terminal, console_of, numbers, print_line, table_of, texts
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES, UNITS, percent
-from gcs.terminal import Terminal, console_of, numbers, print_line, table_of, texts
 from mavlink_defs.config.yaml_text import parse_yaml
 
 if TYPE_CHECKING:

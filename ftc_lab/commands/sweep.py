@@ -8,10 +8,10 @@ from rich.console import Console
 
 from ftc_lab.commands.flights import JobsOption, fly_plan, interruptible
 from gcs.commands.common import QuietOption, tell
-from gcs.errors import GcsError
-from gcs.progress import working
+from gcs.console.errors import GcsError
+from gcs.console.progress import working
+from gcs.console.terminal import console_of
 from gcs.scenario.settings import parse_axes
-from gcs.terminal import console_of
 
 if TYPE_CHECKING:
     from ftc_lab.campaigns.points import Point

@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gcs.api.errors import python_errors, warn
-from gcs.extras import load_lab
+from gcs.console.extras import load_lab
+from gcs.console.progress import working
+from gcs.console.terminal import console_of
 from gcs.flights.warm_up import warm_up
-from gcs.progress import working
-from gcs.terminal import console_of
 
 if TYPE_CHECKING:
     import pyarrow as pa

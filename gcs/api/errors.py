@@ -4,7 +4,7 @@ import contextlib
 import warnings
 from collections.abc import Iterable, Iterator
 
-from gcs.errors import BadInput, GcsError
+from gcs.console.errors import BadInput, GcsError
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.runtime.foreign import PluginError
 

@@ -17,11 +17,11 @@ from gcs.commands.common import (
     tell,
 )
 from gcs.commands.station import systems_in
-from gcs.errors import FlightLost, Interrupted, NoAnswer
-from gcs.progress import working
+from gcs.console.errors import FlightLost, Interrupted, NoAnswer
+from gcs.console.progress import working
+from gcs.console.terminal import console_of, print_json
 from gcs.results.choices import Record
 from gcs.scenario.settings import values_of
-from gcs.terminal import console_of, print_json
 from mavlink_defs.endpoint import UdpAddress
 from sitl_plant.ardupilot.protocol import PORT, PORTS_APART
 

@@ -13,12 +13,12 @@ import typer
 from rich.console import Console
 
 from gcs.commands.options import SigningKeyOption
+from gcs.console.progress import Task, working
+from gcs.console.terminal import console_of
 from gcs.flights.remarks import ExposureRemark
-from gcs.progress import Task, working
 from gcs.scenario.changes import with_changes
 from gcs.scenario.model import Scenario
 from gcs.scenario.settings import values_of
-from gcs.terminal import console_of
 
 if TYPE_CHECKING:
     from gcs.flights.preparation import Prepared

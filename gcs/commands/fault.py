@@ -8,7 +8,7 @@ from gcs.commands import fault_sensor
 from gcs.commands.fault_command import ForOption, number_options, set_fault, time_s
 from gcs.commands.options import with_options
 from gcs.commands.station import EXIT_STATUS, StationOptions, station_command
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.station.vehicle import Vehicle
 from mavlink_defs.constants import Actuator
 from mavlink_defs.faults.fault import Fault

@@ -9,7 +9,7 @@ import typer
 from pydantic import ValidationError
 
 from gcs.commands.station import StationOptions
-from gcs.errors import BadInput, NoAnswer
+from gcs.console.errors import BadInput, NoAnswer
 from gcs.station.vehicle import Vehicle
 from mavlink_defs import dialect
 from mavlink_defs.config.files import problems_of

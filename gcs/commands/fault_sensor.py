@@ -7,7 +7,7 @@ import typer
 from gcs.commands.fault_command import ForOption, number_options, set_fault
 from gcs.commands.options import with_options
 from gcs.commands.station import EXIT_STATUS, StationOptions, station_command
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.station.vehicle import Vehicle
 from mavlink_defs.faults.sensors import (
     FAILURES,

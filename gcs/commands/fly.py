@@ -16,12 +16,12 @@ from gcs.commands.common import (
     tell,
 )
 from gcs.commands.options import options_of, with_options
-from gcs.errors import BadInput, FlightLost, Interrupted
-from gcs.extras import load_lab
-from gcs.progress import working
+from gcs.console.errors import BadInput, FlightLost, Interrupted
+from gcs.console.extras import load_lab
+from gcs.console.progress import working
+from gcs.console.terminal import console_of, print_json
 from gcs.results.choices import Record
 from gcs.scenario.model import Scenario
-from gcs.terminal import console_of, print_json
 
 if TYPE_CHECKING:
     from gcs.results.figures import FlightSummary

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import foxglove
 from foxglove.channels import FrameTransformsChannel, SceneUpdateChannel
 
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.fleet.foxglove_layout import layout_of
 from gcs.fleet.foxglove_scene import FormationScene
 from gcs.fleet.live_channels import LiveChannels, all_channels

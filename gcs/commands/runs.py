@@ -13,15 +13,23 @@ from rich.text import Text
 from typer.core import TyperGroup
 
 from gcs.commands.common import QuietOption
-from gcs.errors import BadInput
-from gcs.outputs import check_file
-from gcs.progress import working
+from gcs.console.errors import BadInput
+from gcs.console.outputs import check_file
+from gcs.console.progress import working
+from gcs.console.terminal import (
+    MAX_WORD,
+    console_of,
+    numbers,
+    print_json,
+    print_line,
+    table_of,
+    texts,
+)
 from gcs.results.quantities import percent
 from gcs.runs.index import list_runs
 from gcs.runs.run import Run
 from gcs.runs.scan import NOTE, scan
 from gcs.runs.select import chosen, conditions_of, order_of
-from gcs.terminal import MAX_WORD, console_of, numbers, print_json, print_line, table_of, texts
 from mavlink_defs.config.output_files import write_text
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from ftc_autopilot.control.controller import no_signals
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.fleet.in_process import add_faults
 from gcs.results.recording import Ending, Steps
 from gcs.scenario.model import Scenario

@@ -6,11 +6,11 @@ import socket
 import time
 from collections.abc import Callable, Iterator, Sequence
 
-from gcs.errors import NoAnswer, bad_endpoint
+from gcs.console.errors import NoAnswer, bad_endpoint
+from gcs.console.stopping import noting_ctrl_c
 from gcs.fleet.ardupilot_faults import FaultStation
 from gcs.fleet.ardupilot_flight import ArduPilotFlight
 from gcs.scenario.model import Scenario
-from gcs.stopping import noting_ctrl_c
 from mavlink_defs.endpoint import EndpointError, UdpAddress, bind_udp
 from sitl_plant.ardupilot.protocol import PORT, PORTS_APART
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ftc_autopilot.plugins.loading import without_code
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.fleet.ardupilot_flight import ArduPilotFlight
 from gcs.fleet.ardupilot_sockets import Served, serve
 from gcs.flights.preparation import How, Prepared, check_simulators

@@ -10,8 +10,8 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
+from gcs.console.stopping import noting_ctrl_c
 from gcs.fleet.in_process import OnProgress
-from gcs.stopping import noting_ctrl_c
 
 LOOK_S = 0.1
 """Between two looks at whether the calling task is cancelled [s]."""

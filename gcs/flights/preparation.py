@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.fleet.ports import check_ports
 from gcs.flights.remarks import exposures, remarks_of
 from gcs.results.choices import Record

@@ -2,7 +2,7 @@
 
 from rich.console import Console
 
-from gcs.progress import working
+from gcs.console.progress import working
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.runtime.code_cache import cache_is_cold
 

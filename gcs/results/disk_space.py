@@ -6,7 +6,7 @@ from pathlib import Path
 from ftc_autopilot.control.controller import SIGNALS
 from ftc_autopilot.hot.recorder import RECORD_ROWS
 from ftc_autopilot.vehicle.telemetry import DEFAULT_INTERVALS_US
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.results.choices import Record
 from gcs.results.recorder import trajectory_bytes
 from gcs.scenario.model import Scenario

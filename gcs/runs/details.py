@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.results.quantities import QUANTITIES
 from gcs.results.run_folder import SCENARIO
 from gcs.results.store import EVENTS, TRAJECTORY, batches

@@ -11,7 +11,8 @@ from rich.table import Table
 
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.triggers import TRIGGERS
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
+from gcs.console.terminal import numbers, table_of, texts
 from gcs.results.figures import UAV_FIGURES, Figure, FlightSummary, UavSummary
 from gcs.results.flight_mark import FLIGHT, is_under_way, read_mark
 from gcs.results.quantities import QUANTITIES
@@ -19,7 +20,6 @@ from gcs.results.run_folder import read_summary
 from gcs.runs.details import leaves, scenario_keys
 from gcs.runs.read import outcome_of
 from gcs.runs.scan import SUMMARY
-from gcs.terminal import numbers, table_of, texts
 
 _NAMES = ("messages", "events", "saving", "neighbour_messages")
 _BY_QUANTITY = ("iae", "max_error")

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from gcs.errors import BadInput, GcsError
+from gcs.console.errors import BadInput, GcsError
 from gcs.results.figures import FlightSummary
 from gcs.runs.read import read_run
 from gcs.runs.run import Run

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import quote
 
-from gcs.outputs import write_file
+from gcs.console.outputs import write_file
 from gcs.results.quantities import IAE_UNITS, QUANTITIES, UNITS
 from gcs.runs.details import curves_of, figure_of, own_keys, scenario_keys, thumbnail
 from gcs.runs.run import Run

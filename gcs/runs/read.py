@@ -6,8 +6,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from gcs.errors import BadInput
-from gcs.extras import load_lab
+from gcs.console.errors import BadInput
+from gcs.console.extras import load_lab
 from gcs.results.figures import FlightSummary
 from gcs.results.flight_mark import DONE, INTERRUPTED, FlightMark, is_under_way, read_mark
 from gcs.results.quantities import QUANTITIES

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.results.store import EVENTS, TRAJECTORY, batches, is_complete
 from mavlink_defs.capture.saving import saving
 from mavlink_defs.constants import ACTUATORS

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.results.quantities import QUANTITIES
 from gcs.runs.run import KINDS, OUTCOMES, Run
 

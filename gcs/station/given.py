@@ -7,7 +7,7 @@ import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.station.mission import Mission
 from mavlink_defs.faults.fault import Fault
 from mavlink_defs.profile import Segment

@@ -26,7 +26,7 @@ from ftc_lab.campaigns.faults import LOSS
 from ftc_lab.campaigns.model import Campaign
 from ftc_lab.campaigns.store import OUTCOMES
 from gcs.cli import _EXIT_DEFECT, whole_command
-from gcs.errors import GcsError
+from gcs.console.errors import GcsError
 from gcs.scenario.model import load_scenario
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS, MODE_NAMES

@@ -13,7 +13,7 @@ from packaging.utils import canonicalize_name
 from typer.testing import CliRunner
 
 from gcs.cli import app
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 
 ROOT = Path(__file__).parents[3]
 EXTRAS = set(

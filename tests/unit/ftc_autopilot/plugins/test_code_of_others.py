@@ -9,7 +9,7 @@ import pytest
 from own_laws import PLAIN
 
 from gcs.api.errors import python_errors
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.fleet.in_process import fly_and_summarise
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from mavlink_defs.runtime.foreign import ForeignCode

@@ -159,7 +159,7 @@ def test_datasets_have_names_and_units(full: Flight) -> None:
 
 
 def test_what_is_missing_is_named(monkeypatch: pytest.MonkeyPatch, full: Flight) -> None:
-    monkeypatch.setattr("gcs.extras.find_spec", lambda _: None)
+    monkeypatch.setattr("gcs.console.extras.find_spec", lambda _: None)
     for ask, package in ((full.frame, "pandas"), (full.dataset, "xarray")):
         with pytest.raises(BadInput, match=f"needs {package}, not installed") as refused:
             ask()

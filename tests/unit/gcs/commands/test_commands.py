@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from gcs import cli
 from gcs.cli import app, whole_command
 from gcs.command_list import OWN, command_of, registered
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.framing.signing import make_key
 

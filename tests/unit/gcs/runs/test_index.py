@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from run_folders import make_run
 
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.runs.index import INDEX, Listing, list_runs
 
 NAMES = ("a", "b", "sub/c", "sub/d")

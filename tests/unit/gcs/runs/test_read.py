@@ -20,7 +20,7 @@ from ftc_lab.campaigns.mark import MARK
 from ftc_lab.campaigns.plan import rows_of
 from ftc_lab.campaigns.store import alone_in, append_results, read_results
 from gcs.cli import app
-from gcs.errors import BadInput, FlightLost, Interrupted
+from gcs.console.errors import BadInput, FlightLost, Interrupted
 from gcs.results.flight_mark import FLIGHT, FlightMark, is_under_way, marked, read_mark
 from gcs.results.run_folder import read_summary, save_summary
 from gcs.results.store import EVENTS, TRAJECTORY, EventStream, read_table

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.runs.run import OUTCOMES, Run
 from gcs.runs.select import KEYS, chosen, conditions_of
 

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 from run_folders import make_run
 
-from gcs import outputs
 from gcs.cli import main, whole_command
+from gcs.console import outputs
 
 SHORT = "--set duration_s=0.02"
 FLY = f"paper/scenario1 {SHORT} --in-process --no-figures"

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from gcs import progress
 from gcs.cli import app
-from gcs.progress import Task, working
-from gcs.terminal import console_of
+from gcs.console import progress
+from gcs.console.progress import Task, working
+from gcs.console.terminal import console_of
 from mavlink_defs.config.yaml_text import yaml_of
 
 NOW = 100.0
@@ -20,9 +20,9 @@ NOW = 100.0
 def task_after(seconds: float, monkeypatch: pytest.MonkeyPatch, **options: Any) -> Task:
     """A task of 20 flights that began some seconds ago."""
     settings = {"total": 20.0, "unit": "flights", "done": 0.0, "rated": True, **options}
-    monkeypatch.setattr("gcs.progress.time.monotonic", lambda: NOW - seconds)
+    monkeypatch.setattr("gcs.console.progress.time.monotonic", lambda: NOW - seconds)
     task = Task("flying", **settings)
-    monkeypatch.setattr("gcs.progress.time.monotonic", lambda: NOW)
+    monkeypatch.setattr("gcs.console.progress.time.monotonic", lambda: NOW)
     return task
 
 
@@ -78,7 +78,7 @@ def test_silence_is_counted_over_all_that_a_command_does(monkeypatch: pytest.Mon
 
     monkeypatch.setattr(Task, "line", line)
     monkeypatch.setattr(progress.Work, "last_line_s", 0.0)
-    monkeypatch.setattr("gcs.progress.time.monotonic", lambda: now)
+    monkeypatch.setattr("gcs.console.progress.time.monotonic", lambda: now)
     with working(console_of(), "the first half"):
         now = 0.8 * progress.EVERY_S
     with working(console_of(), "the second half"):

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 from itertools import takewhile
 from pathlib import Path
 
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from mavlink_defs.config.output_files import write_text
 
 _made: list[Path] = []

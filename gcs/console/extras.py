@@ -5,7 +5,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
 
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 
 LAB_PACKAGES = ("SALib", "distributed", "jinja2")
 """What campaigns and reports import besides what the core brings: the extra `lab`."""

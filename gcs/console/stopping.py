@@ -16,8 +16,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType
 
-from gcs.errors import Interrupted
-from gcs.terminal import print_line
+from gcs.console.errors import Interrupted
+from gcs.console.terminal import print_line
 
 _LONG_S = 5.0
 
