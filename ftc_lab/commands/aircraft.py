@@ -100,7 +100,7 @@ def aircraft(
     shown = _shown(name, load_aircraft(name), airspeed)
     if out is not None:
         from ftc_lab.figures.polar import draw_polar
-        from gcs.figures.style import save
+        from gcs.reports.figures.style import save
         from gcs.results.run_folder import make_run_folder
 
         save(draw_polar(shown.aircraft, shown.flight), make_run_folder(out, ""), "polar")

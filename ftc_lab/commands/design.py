@@ -131,7 +131,7 @@ def design(
     aircraft` that it does not meet.
     """
     from ftc_lab.design.scenario import plain, text_of, tree_of
-    from gcs.flights.preparation import check_simulators
+    from gcs.fleet.preparation import check_simulators
     from gcs.scenario.model import scenario_of
 
     check_out(options.out, _MARK, "a design")
@@ -195,7 +195,7 @@ def _section(text: str | None) -> dict[str, Any] | None:
 
 def _fly(made: "Design", scenario: "Scenario", output: Terminal, console: Terminal) -> None:
     from gcs.fleet.in_process import fly_in_process
-    from gcs.flights.warm_up import warm_up
+    from gcs.fleet.warm_up import warm_up
     from gcs.results.summary import summarise
 
     warm_up(scenario, console)

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from gcs.console.errors import Interrupted
 from gcs.console.progress import Task, Work, working
-from gcs.flights.warm_up import warm_up
+from gcs.fleet.warm_up import warm_up
 
 if TYPE_CHECKING:
     from ftc_lab.campaigns.plan import Plan

@@ -13,7 +13,7 @@ from gcs.commands.options import options_of, with_options
 from gcs.console.errors import FlightLost, Interrupted
 from gcs.console.progress import working
 from gcs.console.terminal import console_of
-from gcs.flights.warm_up import warm_up
+from gcs.fleet.warm_up import warm_up
 from gcs.scenario.bundled import SCENARIOS
 
 if TYPE_CHECKING:

@@ -71,7 +71,7 @@ def sweep(
     from ftc_lab.campaigns.folder import default_folder, open_folder
     from ftc_lab.campaigns.grid import plan_grid
     from ftc_lab.campaigns.points import choose_uav, read_points
-    from gcs.flights.preparation import checked
+    from gcs.fleet.preparation import checked
 
     console = console_of(quiet=quiet)
     grid = plan_grid(scenarios, parse_axes(settings or []))

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 import numpy as np
 
 from gcs.api import tables
-from gcs.api.errors import python_errors
-from gcs.console.errors import BadInput, FlightLost
+from gcs.console.errors import BadInput, FlightLost, python_errors
 from gcs.console.extras import load_package
 from gcs.console.terminal import as_html, as_text
 from gcs.results.columns import COLUMNS
@@ -233,8 +232,8 @@ class Flight:
         Raises:
             BadInput: It was not recorded, or has no mission.
         """
-        from gcs.figures.mission import mission_figure
-        from gcs.figures.overview import overview
+        from gcs.reports.figures.mission import mission_figure
+        from gcs.reports.figures.overview import overview
         from gcs.results.path_following import leaders_of, paths_of
         from gcs.results.preview import recorded_gaps
 

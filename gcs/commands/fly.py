@@ -105,9 +105,9 @@ def fly(
     trajectory.arrows and the figures. With --campaign and --row, a flight of a campaign is flown
     again, and compared with its row of the table, bit for bit.
     """
-    from gcs.flights.flying import fly as fly_prepared
-    from gcs.flights.flying import recorded
-    from gcs.flights.warm_up import warm_up
+    from gcs.fleet.flying import fly as fly_prepared
+    from gcs.fleet.flying import recorded
+    from gcs.fleet.warm_up import warm_up
     from gcs.results.run_folder import make_run_folder
 
     flight = prepared(
@@ -182,8 +182,8 @@ def _report(
 
 
 def _draw(recorder: "FlightRecorder", ending: "Ending", scenario: Scenario, folder: Path) -> None:
-    from gcs.figures.mission import draw_mission
-    from gcs.figures.overview import draw_flight
+    from gcs.reports.figures.mission import draw_mission
+    from gcs.reports.figures.overview import draw_flight
     from gcs.results.path_following import leaders_of, paths_of
 
     preview = recorder.preview

@@ -128,7 +128,7 @@ def up(scenario: ScenarioArgument, options: UpOptions) -> None:
     """
     options.check()
     from gcs.fleet.ports import on_free_ports
-    from gcs.flights.warm_up import warm_up
+    from gcs.fleet.warm_up import warm_up
     from gcs.results.flight_mark import marked
     from gcs.results.run_folder import make_run_folder
 

@@ -9,7 +9,12 @@ GcsError            1  something could not be done
 └── Interrupted   130  Ctrl-C, as shells have it; 143 SIGTERM, 129 SIGHUP
 """
 
+import contextlib
+from collections.abc import Iterator
+
+from mavlink_defs.config.problems import ConfigError
 from mavlink_defs.endpoint import EndpointError, PortTaken
+from mavlink_defs.runtime.foreign import PluginError
 from mavlink_defs.visible import visible_lines
 
 
@@ -66,3 +71,17 @@ class Interrupted(GcsError):  # noqa: N818 - the name says it
     """The user stopped the command; signals other than Ctrl-C set their own status."""
 
     exit_status = 130
+
+
+@contextlib.contextmanager
+def python_errors() -> Iterator[None]:
+    """Raise what the command line prints as an error of these, with its hint as a note."""
+    try:
+        yield
+    except (ConfigError, PluginError) as problem:
+        raise BadInput(str(problem)) from None
+    except GcsError as problem:
+        note = f"hint: {problem.hint}"
+        if problem.hint and note not in getattr(problem, "__notes__", ()):
+            problem.add_note(note)
+        raise

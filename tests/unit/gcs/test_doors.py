@@ -19,7 +19,7 @@ from ftc_autopilot import autopilot, process
 from ftc_lab.campaigns.gate import Check
 from ftc_lab.reports.gate import gate_markdown, junit
 from ftc_lab.reports.markdown import html_of, save_markdown
-from gcs import cli
+from gcs.commands import cli
 from gcs.commands.wire import _named_port
 from gcs.console.errors import BadInput, CommandRefused
 from gcs.scenario.model import scenario_of, scenario_tree

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from ftc_lab.campaigns.gate import DEFAULT, Check, gate, parse_rules
 from ftc_lab.campaigns.samples import Sample, same_draws, samples_of
-from gcs.cli import app
+from gcs.commands.cli import app
 from gcs.console.errors import BadInput
 
 GOOD = ["completed"] * 40

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 import gcs
 from ftc_lab.campaigns.flights import figures_of
 from gcs import BadInput, Flight, FlightLost, fly, open_run
-from gcs.cli import app
+from gcs.commands.cli import app
 from gcs.commands.common import changed_scenario
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.columns import COLUMNS, LIGHT

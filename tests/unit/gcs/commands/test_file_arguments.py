@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from gcs.cli import app, whole_command
+from gcs.commands.cli import app, whole_command
 from gcs.console.errors import BadInput
 from mavlink_defs.config.problems import ConfigError
 

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from run_folders import make_run
 
-from gcs.cli import main, whole_command
+from gcs.commands.cli import main, whole_command
 from gcs.console import outputs
 
 SHORT = "--set duration_s=0.02"

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from gcs.cli import app
+from gcs.commands.cli import app
 from gcs.console import progress
 from gcs.console.progress import Task, working
 from gcs.console.terminal import console_of
