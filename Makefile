@@ -78,6 +78,6 @@ $(READY): requirements.txt pyproject.toml hatch_build.py mavlink_defs/ftc.xml
 	$(PYTHON) -m venv .venv
 	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes --no-deps -r requirements.txt
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable '.[lab,jsbsim,python,foxglove,web]'
-	@$(BIN)/python -c 'from rich.console import Console; from gcs.flights.warm_up import warm_up; from gcs.scenario.model import load_scenario; warm_up(load_scenario("paper/scenario1"), Console())'
+	@$(BIN)/python -c 'from rich.console import Console; from gcs.fleet.warm_up import warm_up; from gcs.scenario.model import load_scenario; warm_up(load_scenario("paper/scenario1"), Console())'
 	@$(BIN)/python -m compileall -q gcs ftc_lab ftc_autopilot sitl_plant mavlink_defs
 	touch $@

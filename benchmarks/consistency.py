@@ -20,8 +20,8 @@ from scipy.stats import chi2
 
 from ftc_autopilot.estimation.estimator import Estimator, EstimatorConfig, estimate, new_estimator
 from ftc_autopilot.estimation.state import AIDING, SIDESLIP, N
-from gcs.figures.style import SINGLE, decimated, draw_legend, letter, new_figure, save, tidy
 from gcs.fleet.in_process import fly_in_process
+from gcs.reports.figures.style import SINGLE, decimated, draw_legend, letter, new_figure, save, tidy
 from gcs.results.recording import Recording
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.constants import BAROMETER, GNSS, MAGNETOMETER

@@ -27,8 +27,8 @@ import numpy as np
 
 from ftc_autopilot.control.reference import profile_record, profile_value
 from ftc_lab.reports.published_values import TABLE_IV
-from gcs.figures.style import SMALL, draw_curve, new_figure, save, style, tidy
 from gcs.fleet.in_process import fly_in_process
+from gcs.reports.figures.style import SMALL, draw_curve, new_figure, save, style, tidy
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES, UNITS, in_degrees
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.config.output_files import write_text

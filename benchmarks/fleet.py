@@ -116,7 +116,7 @@ def print_table(fleets: list[Fleet]) -> None:
 
 def draw(fleets: list[Fleet], file: Path) -> None:
     """Draw the time per UAV and step."""
-    from gcs.figures.style import new_figure, style, tidy
+    from gcs.reports.figures.style import new_figure, style, tidy
 
     figure = new_figure(3.0)
     axes = figure.add_subplot()

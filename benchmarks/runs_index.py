@@ -16,8 +16,8 @@ from gcs.results.choices import Record
 from gcs.results.flight_mark import FlightMark, marked
 from gcs.results.recorder import FlightRecorder
 from gcs.results.run_folder import save_summary
-from gcs.runs.index import INDEX, list_runs
-from gcs.runs.page import save_page
+from gcs.results.runs.index import INDEX, list_runs
+from gcs.results.runs.page import save_page
 from gcs.scenario.model import load_scenario
 
 SCENARIO = Path(__file__).parent.parent / "scenarios" / "paper" / "scenario1.yaml"

@@ -1,7 +1,7 @@
 """The commands of the lab, as `gcs` finds them by entry points of `ftc_sitl.commands`."""
 
 from gcs.command_list import GcsCommand
-from gcs.extras import LAB_PACKAGES
+from gcs.console.extras import LAB_PACKAGES
 
 
 def _command(name: str, line: str, panel: str, needs_packages: bool = False) -> GcsCommand:

@@ -20,11 +20,11 @@ from ftc_lab.reports.markdown import html_of, save_markdown
 from ftc_lab.reports.paper import CONTROLLERS, MODES, PaperResults, paper_report
 from ftc_lab.reports.published_values import FIG_9
 from ftc_lab.reports.theory import theory_section
-from gcs.errors import BadInput
-from gcs.figures.flown import PlottedFlight
-from gcs.figures.style import save
-from gcs.figures.tracking import fig6, fig10, fig11
+from gcs.console.errors import BadInput
 from gcs.fleet.in_process import fly_in_process
+from gcs.reports.figures.flown import PlottedFlight
+from gcs.reports.figures.style import save
+from gcs.reports.figures.tracking import fig6, fig10, fig11
 from gcs.results.choices import Format, Record
 from gcs.results.export import convert
 from gcs.results.figures import UAV_FIGURES, FlightSummary

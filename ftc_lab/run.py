@@ -17,8 +17,8 @@ from ftc_lab.campaigns.plan import Plan, load_plan, plan
 from ftc_lab.campaigns.until import begin_campaign
 from ftc_lab.campaigns.workers import Flown, check_scheduler
 from ftc_lab.reports.campaign import write_report
-from gcs.errors import BadInput
-from gcs.flights.preparation import checked
+from gcs.console.errors import BadInput
+from gcs.fleet.preparation import checked
 from gcs.scenario.bundled import find_scenario
 from gcs.scenario.settings import plain
 from mavlink_defs.config.files import validate

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from gcs.errors import BadInput
-from gcs.outputs import check_file
+from gcs.console.errors import BadInput
+from gcs.console.outputs import check_file
 from mavlink_defs.config.user_files import read_text
 
 

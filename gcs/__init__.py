@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from gcs.api.flight import Flight, open_run
     from gcs.api.flying import fly, fly_many
     from gcs.api.station import Station, Uav, connect
-    from gcs.errors import BadInput, CommandRefused, FlightLost, GcsError, NoAnswer
+    from gcs.console.errors import BadInput, CommandRefused, FlightLost, GcsError, NoAnswer
     from gcs.scenario.model import Scenario, load_scenario
 
 __all__ = [
@@ -42,7 +42,7 @@ _HOMES = {
     "gcs.api.flight": ("Flight", "open_run"),
     "gcs.api.flying": ("fly", "fly_many"),
     "gcs.api.station": ("Station", "Uav", "connect"),
-    "gcs.errors": ("BadInput", "CommandRefused", "FlightLost", "GcsError", "NoAnswer"),
+    "gcs.console.errors": ("BadInput", "CommandRefused", "FlightLost", "GcsError", "NoAnswer"),
     "gcs.scenario.model": ("Scenario", "load_scenario"),
 }
 

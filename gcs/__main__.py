@@ -21,7 +21,7 @@ def main() -> None:
         from gcs.fleet.forked import start_server_ahead
 
         start_server_ahead()
-    from gcs.cli import main as command_line
+    from gcs.commands.cli import main as command_line
 
     command_line()
 

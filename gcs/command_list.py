@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from gcs.errors import BadInput
-from gcs.extras import WEB_PACKAGES, check_packages
+from gcs.console.errors import BadInput
+from gcs.console.extras import WEB_PACKAGES, check_packages
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint

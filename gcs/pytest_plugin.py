@@ -142,7 +142,7 @@ def pytest_runtest_makereport(
 @contextmanager
 def _plainly() -> Iterator[None]:
     """Report errors of a scenario or its fleet without a traceback through our code."""
-    from gcs.errors import GcsError
+    from gcs.console.errors import GcsError
 
     try:
         yield

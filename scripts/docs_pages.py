@@ -14,7 +14,7 @@ import typer
 import yaml
 from typer.cli import get_docs_for_click
 
-from gcs.cli import whole_command
+from gcs.commands.cli import whole_command
 from scripts.docs_dialect import commands, enums, messages
 from scripts.docs_keys import keys, parameters
 

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gcs.errors import GcsError
+from gcs.console.errors import GcsError
 from gcs.fleet.flight import fly_and_record
 from gcs.fleet.precompile import compile_parts
 from gcs.results.figures import FlightSummary

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from importlinter.cli import EXIT_STATUS_SUCCESS, lint_imports
 
-from gcs.extras import LAB_PACKAGES
+from gcs.console.extras import LAB_PACKAGES
 
 ROOT = Path(__file__).parent.parent
 WITHOUT = """

@@ -28,7 +28,7 @@ from ftc_lab.campaigns.draws import draw_table
 from ftc_lab.campaigns.flights import Flights
 from ftc_lab.campaigns.model import Campaign
 from ftc_lab.campaigns.plan import rows_of
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.results.figures import FlightSummary
 from gcs.scenario.model import Scenario
 from gcs.scenario.settings import plain

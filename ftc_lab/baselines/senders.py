@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 
 from ftc_autopilot.control.triggers.base import TriggerParameters
 from ftc_autopilot.control.triggers.periodic import Periodic
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.results.figures import FlightSummary, UavSummary
 from gcs.results.quantities import QUANTITIES
 from gcs.scenario.model import Scenario, scenario_of

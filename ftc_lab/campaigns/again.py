@@ -13,7 +13,7 @@ from ftc_lab.campaigns.mark import mark_of
 from ftc_lab.campaigns.model import Kept
 from ftc_lab.campaigns.plan import row_of
 from ftc_lab.campaigns.store import OUTCOMES, Results, read_draws, read_results
-from gcs.errors import BadInput, GcsError
+from gcs.console.errors import BadInput, GcsError
 from gcs.results.figures import FlightSummary
 from gcs.scenario.code import code_digest
 from gcs.scenario.model import Scenario

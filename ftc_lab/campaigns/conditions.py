@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from ftc_lab.campaigns.store import OUTCOMES
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from mavlink_defs.config.files import problems_of
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import quantity

@@ -15,7 +15,7 @@ import numpy as np
 from ftc_lab.campaigns.distributions import Choice, Distribution, quantiles
 from ftc_lab.campaigns.faults import DrawnFault, DrawnSensorFault
 from ftc_lab.campaigns.model import Campaign
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 
 if TYPE_CHECKING:
     import pyarrow as pa

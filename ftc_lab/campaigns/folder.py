@@ -10,8 +10,8 @@ from typing import Any
 from ftc_lab.campaigns.mark import MARK, Mark, mark_of, unfinished, write_mark
 from ftc_lab.campaigns.plan import Plan
 from ftc_lab.campaigns.store import alone_in, planned_rows, read_draws, write_draws
-from gcs.errors import BadInput
-from gcs.outputs import make_folder
+from gcs.console.errors import BadInput
+from gcs.console.outputs import make_folder
 from gcs.scenario.settings import plain
 from mavlink_defs.config.models import shown
 from mavlink_defs.config.yaml_text import yaml_of

@@ -24,7 +24,7 @@ from ftc_lab.campaigns.statistics import (
     proportion,
     quantile,
 )
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import quantity
 

@@ -13,7 +13,7 @@ from ftc_lab.campaigns.mark import Mark
 from ftc_lab.campaigns.model import Campaign, Factor
 from ftc_lab.campaigns.plan import Plan, rows_of
 from ftc_lab.campaigns.store import results_schema
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.scenario.code import code_digest, code_version
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from gcs.scenario.plugins import with_choices

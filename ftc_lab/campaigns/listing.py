@@ -11,10 +11,10 @@ import numpy as np
 from ftc_lab.campaigns.mark import MARK, Mark, mark_of
 from ftc_lab.campaigns.store import planned_rows, read_results
 from ftc_lab.campaigns.until import noted_conditions
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.results.flight_mark import is_locked
 from gcs.results.quantities import QUANTITIES
-from gcs.runs.run import utc
+from gcs.results.runs.run import utc
 from gcs.scenario.model import Scenario
 from gcs.scenario.settings import label
 
@@ -26,7 +26,7 @@ _NAMED = 4
 
 
 def facts_of(folder: Path) -> dict[str, Any]:
-    """Return the attributes of `gcs.runs.run.Run` that a campaign's folder has.
+    """Return the attributes of `gcs.results.runs.run.Run` that a campaign's folder has.
 
     Raises:
         BadInput: It is no campaign, or its files cannot be read.

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from ftc_lab.campaigns.model import Campaign
-from gcs.errors import BadInput
-from gcs.outputs import all_or_none
+from gcs.console.errors import BadInput
+from gcs.console.outputs import all_or_none
 from gcs.scenario.settings import plain
 from mavlink_defs.config.files import parse, read
 from mavlink_defs.config.output_files import naming, write_text

@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 
 from ftc_lab.campaigns.grid import SweepGrid
 from ftc_lab.campaigns.store import read_results
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.scenario.model import Scenario
 from gcs.scenario.settings import label
 

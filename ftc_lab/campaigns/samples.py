@@ -13,7 +13,7 @@ from ftc_lab.campaigns.conditions import happened
 from ftc_lab.campaigns.factors import SEVERITY, DrawnValue, drawn_columns, fault_of
 from ftc_lab.campaigns.faults import LOSS
 from ftc_lab.campaigns.store import Results
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.results.figures import better_of
 
 if TYPE_CHECKING:

@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Literal, get_args
 
 from ftc_lab.campaigns.mark import MARK, mark_of
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.results.figures import FLIGHT_FIGURES, UAV_FIGURES, Figure
 from mavlink_defs.config.output_files import naming
 

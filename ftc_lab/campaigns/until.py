@@ -15,7 +15,7 @@ from ftc_lab.campaigns.plan import Plan
 from ftc_lab.campaigns.samples import samples_of
 from ftc_lab.campaigns.stopping import Verdict, judge, leading
 from ftc_lab.campaigns.store import read_results
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from mavlink_defs.config.output_files import write_text
 from mavlink_defs.config.user_files import open_file
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
 
 from ftc_lab.campaigns.flights import Flights, Row, fly_rows
-from gcs.errors import BadInput, GcsError
+from gcs.console.errors import BadInput, GcsError
 from gcs.fleet.local_workers import LocalWorkers
 from gcs.scenario.code import code_digest, code_version
 from gcs.scenario.model import Scenario

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gcs.commands.common import QuietOption
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
+from gcs.console.terminal import console_of, numbers, print_json, print_line, table_of, texts
 from gcs.scenario.bundled import aircraft_names
-from gcs.terminal import console_of, numbers, print_json, print_line, table_of, texts
 
 if TYPE_CHECKING:
     from ftc_autopilot.control.airframe_checks import AirframeCheck
@@ -100,7 +100,7 @@ def aircraft(
     shown = _shown(name, load_aircraft(name), airspeed)
     if out is not None:
         from ftc_lab.figures.polar import draw_polar
-        from gcs.figures.style import save
+        from gcs.reports.figures.style import save
         from gcs.results.run_folder import make_run_folder
 
         save(draw_polar(shown.aircraft, shown.flight), make_run_folder(out, ""), "polar")

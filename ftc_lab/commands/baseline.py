@@ -22,9 +22,9 @@ from gcs.commands.common import (
     tell,
 )
 from gcs.commands.options import options_of, with_options
-from gcs.errors import BadInput, FlightLost, Interrupted
-from gcs.progress import working
-from gcs.terminal import console_of, numbers, print_json, table_of, texts
+from gcs.console.errors import BadInput, FlightLost, Interrupted
+from gcs.console.progress import working
+from gcs.console.terminal import console_of, numbers, print_json, table_of, texts
 
 if TYPE_CHECKING:
     from ftc_lab.baselines.baseline import Baseline, Uncertain
@@ -132,8 +132,8 @@ def baseline(scenario: ScenarioArgument, *, options: BaselineOptions) -> None:
     """
     from ftc_lab.baselines.baseline import Search, find_baseline, find_robust
     from ftc_lab.baselines.senders import periodic_base
-    from gcs.flights.preparation import checked
-    from gcs.flights.warm_up import warm_up
+    from gcs.fleet.preparation import checked
+    from gcs.fleet.warm_up import warm_up
     from gcs.results.run_folder import make_run_folder
     from gcs.scenario.settings import values_of
 

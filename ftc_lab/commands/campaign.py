@@ -9,9 +9,9 @@ import typer
 
 from ftc_lab.commands.flights import JobsOption, fly_plan, interruptible
 from gcs.commands.common import QuietOption, option, tell
-from gcs.errors import GcsError
-from gcs.progress import working
-from gcs.terminal import Terminal, console_of, numbers, table_of, texts
+from gcs.console.errors import GcsError
+from gcs.console.progress import working
+from gcs.console.terminal import Terminal, console_of, numbers, table_of, texts
 
 if TYPE_CHECKING:
     from ftc_lab.campaigns.plan import Plan

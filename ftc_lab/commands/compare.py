@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gcs.commands.options import options_of, with_options
-from gcs.errors import BadInput
-from gcs.outputs import check_file, write_file
-from gcs.terminal import console_of, print_json
+from gcs.console.errors import BadInput
+from gcs.console.outputs import check_file, write_file
+from gcs.console.terminal import console_of, print_json
 from mavlink_defs.visible import visible_lines
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def compare(
     Of two flights: what was set, figures of every UAV, decisions of the diagnosis, and the keys in
     which their scenarios differ. Nothing is tested, so of the options only --json and --all apply.
     """
-    from gcs.runs.difference import is_flight
+    from gcs.results.runs.difference import is_flight
 
     for folder in (old, new):
         if not folder.exists():
@@ -132,7 +132,7 @@ def _compare_flights(old: Path, new: Path, options: CompareOptions) -> None:
     Raises:
         BadInput: One of them is none, or has not ended; or an option is for campaigns.
     """
-    from gcs.runs.difference import EndedFlight, difference, difference_data, is_flight
+    from gcs.results.runs.difference import EndedFlight, difference, difference_data, is_flight
 
     for folder, other in ((old, new), (new, old)):
         if not is_flight(other):

@@ -11,10 +11,10 @@ from ftc_autopilot.control.laws import KINDS
 from ftc_lab.written_files import check_out
 from gcs.commands.common import QuietOption, flight_progress
 from gcs.commands.options import options_of, with_options
-from gcs.errors import BadInput, FlightLost
-from gcs.outputs import write_file
+from gcs.console.errors import BadInput, FlightLost
+from gcs.console.outputs import write_file
+from gcs.console.terminal import Terminal, console_of, numbers, print_line, table_of, texts
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES, UNITS, percent
-from gcs.terminal import Terminal, console_of, numbers, print_line, table_of, texts
 from mavlink_defs.config.yaml_text import parse_yaml
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ def design(
     aircraft` that it does not meet.
     """
     from ftc_lab.design.scenario import plain, text_of, tree_of
-    from gcs.flights.preparation import check_simulators
+    from gcs.fleet.preparation import check_simulators
     from gcs.scenario.model import scenario_of
 
     check_out(options.out, _MARK, "a design")
@@ -195,7 +195,7 @@ def _section(text: str | None) -> dict[str, Any] | None:
 
 def _fly(made: "Design", scenario: "Scenario", output: Terminal, console: Terminal) -> None:
     from gcs.fleet.in_process import fly_in_process
-    from gcs.flights.warm_up import warm_up
+    from gcs.fleet.warm_up import warm_up
     from gcs.results.summary import summarise
 
     warm_up(scenario, console, in_process=True)

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from gcs.errors import Interrupted
-from gcs.flights.warm_up import warm_up
-from gcs.progress import Task, Work, working
+from gcs.console.errors import Interrupted
+from gcs.console.progress import Task, Work, working
+from gcs.fleet.warm_up import warm_up
 
 if TYPE_CHECKING:
     from ftc_lab.campaigns.plan import Plan

@@ -10,11 +10,11 @@ import typer
 
 from gcs.commands.common import QuietOption
 from gcs.commands.options import options_of, with_options
-from gcs.errors import FlightLost, Interrupted
-from gcs.flights.warm_up import warm_up
-from gcs.progress import working
+from gcs.console.errors import FlightLost, Interrupted
+from gcs.console.progress import working
+from gcs.console.terminal import console_of
+from gcs.fleet.warm_up import warm_up
 from gcs.scenario.bundled import SCENARIOS
-from gcs.terminal import console_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -8,10 +8,10 @@ from rich.console import Console
 
 from ftc_lab.commands.flights import JobsOption, fly_plan, interruptible
 from gcs.commands.common import QuietOption, tell
-from gcs.errors import GcsError
-from gcs.progress import working
+from gcs.console.errors import GcsError
+from gcs.console.progress import working
+from gcs.console.terminal import console_of
 from gcs.scenario.settings import parse_axes
-from gcs.terminal import console_of
 
 if TYPE_CHECKING:
     from ftc_lab.campaigns.points import Point
@@ -71,7 +71,7 @@ def sweep(
     from ftc_lab.campaigns.folder import default_folder, open_folder
     from ftc_lab.campaigns.grid import plan_grid
     from ftc_lab.campaigns.points import choose_uav, read_points
-    from gcs.flights.preparation import checked
+    from gcs.fleet.preparation import checked
 
     console = console_of(quiet=quiet)
     grid = plan_grid(scenarios, parse_axes(settings or []))

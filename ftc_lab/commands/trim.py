@@ -15,9 +15,9 @@ from gcs.commands.common import (
     WithOption,
     changed_scenario,
 )
-from gcs.errors import BadInput
-from gcs.progress import working
-from gcs.terminal import Terminal, console_of, numbers, print_json, table_of, texts
+from gcs.console.errors import BadInput
+from gcs.console.progress import working
+from gcs.console.terminal import Terminal, console_of, numbers, print_json, table_of, texts
 from mavlink_defs.constants import Actuator
 
 if TYPE_CHECKING:

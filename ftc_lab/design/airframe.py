@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from functools import cache, cached_property
 
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.scenario.aircraft_file import load_aircraft
 from mavlink_defs.constants import SURFACES
 from sitl_plant.airframe.aerodynamics import lateral, rate_damping

@@ -6,7 +6,7 @@ from ftc_autopilot.control.laws import KINDS
 from ftc_lab.design.airframe import airframe_of
 from ftc_lab.design.rules import Conditions
 from ftc_lab.design.scenario import design_of, plain, tree_of
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.scenario.model import scenario_of
 from mavlink_defs.config.models import ConfigError
 from sitl_plant.airframe.config import Aircraft

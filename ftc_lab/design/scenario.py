@@ -15,7 +15,7 @@ from ftc_lab.design.airframe import Airframe, home
 from ftc_lab.design.parameters import Line, Tree, parameters_of
 from ftc_lab.design.rules import Conditions, Rules
 from ftc_lab.design.similarity import Similarity, similarity
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from mavlink_defs.config.yaml_text import yaml_of
 from sitl_plant.airframe.aerodynamics import Lateral, lateral
 from sitl_plant.airframe.aircraft import aircraft_record

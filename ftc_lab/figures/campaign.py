@@ -8,8 +8,8 @@ import numpy as np
 
 from ftc_lab.campaigns.findings import FIGURES, Findings
 from ftc_lab.campaigns.importance import Importance, SobolIndex
-from gcs.figures.flown import literal
-from gcs.figures.style import (
+from gcs.reports.figures.flown import literal
+from gcs.reports.figures.style import (
     GREY,
     SINGLE,
     SMALL,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from ftc_autopilot.control.laws import KINDS
 from ftc_autopilot.control.triggers import MODES
 from ftc_lab.baselines.combinations import AIRCRAFT, Combination, on_the_front
-from gcs.figures.style import GREY, SMALL, STYLES, new_figure, note, tidy
+from gcs.reports.figures.style import GREY, SMALL, STYLES, new_figure, note, tidy
 from gcs.results.quantities import IAE_UNITS, QUANTITIES
 
 if TYPE_CHECKING:

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.figures.flown import PlottedFlight
-from gcs.figures.style import (
+from gcs.reports.figures.flown import PlottedFlight
+from gcs.reports.figures.style import (
     GREY,
     SINGLE,
     SMALL,

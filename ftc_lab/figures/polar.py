@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.figures.style import draw_legend, new_figure, style, tidy
+from gcs.reports.figures.style import draw_legend, new_figure, style, tidy
 from sitl_plant.airframe.aerodynamics import aerodynamics
 from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft

@@ -8,8 +8,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ftc_lab.campaigns.points import Dimension, Point, dimensions_of, position, uav_of
-from gcs.figures.flown import literal
-from gcs.figures.style import GREY, SMALL, STYLES, logarithmic_if_wide, new_figure, save, tidy
+from gcs.reports.figures.flown import literal
+from gcs.reports.figures.style import (
+    GREY,
+    SMALL,
+    STYLES,
+    logarithmic_if_wide,
+    new_figure,
+    save,
+    tidy,
+)
 from gcs.results.quantities import IAE_UNITS, QUANTITIES
 
 if TYPE_CHECKING:

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gcs.figures.flown import PlottedFlight
-from gcs.figures.style import SMALL, draw_legend, new_figure, style
+from gcs.reports.figures.flown import PlottedFlight
+from gcs.reports.figures.style import SMALL, draw_legend, new_figure, style
 from sitl_plant.airframe.rigid_body import R1
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ftc_lab.identification.readings import Readings
 from ftc_lab.identification.trim import STEP_S, SimulatorTrim, acceleration, motion_at
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from sitl_plant.simulators.base import Simulator
 from sitl_plant.vec3 import Vec3
 

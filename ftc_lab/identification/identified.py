@@ -14,7 +14,7 @@ from ftc_lab.identification.experiment import experiment, stall_of
 from ftc_lab.identification.fit import CoefficientEstimate, Fit, fit
 from ftc_lab.identification.readings import windows_of
 from ftc_lab.identification.trim import SimulatorTrim, trim
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from mavlink_defs.config.files import problems_of
 from mavlink_defs.config.quantity import describe
 from mavlink_defs.config.yaml_text import yaml_of

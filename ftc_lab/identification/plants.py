@@ -2,7 +2,7 @@
 
 from importlib.metadata import version
 
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.scenario.aircraft_file import load_aircraft
 from sitl_plant.simulators import new_simulator
 from sitl_plant.simulators.base import Simulator, SimulatorError

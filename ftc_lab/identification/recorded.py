@@ -8,7 +8,7 @@ from ftc_lab.design.airframe import cruise_of
 from ftc_lab.identification.fit import fit
 from ftc_lab.identification.identified import Identified, finished, within_bounds
 from ftc_lab.identification.readings import WINDOW_S, Readings, windows_of
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.results.recording import Recording
 from gcs.results.store import read_recording
 from mavlink_defs.constants import THROTTLE

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from sitl_plant.airframe.level_flight import velocity_at
 from sitl_plant.simulators.base import Motion, Simulator
 from sitl_plant.vec3 import Vec3

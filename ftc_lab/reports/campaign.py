@@ -25,7 +25,7 @@ from ftc_lab.reports.markdown import (
     render,
     save_markdown,
 )
-from gcs.figures.style import save
+from gcs.reports.figures.style import save
 from mavlink_defs.config.output_files import write_text
 
 _CAPTIONS = {

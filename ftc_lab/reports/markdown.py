@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from ftc_lab.campaigns.statistics import Estimate
-from gcs.extras import load_package
+from gcs.console.extras import load_package
 from mavlink_defs.config.output_files import write_text
 from mavlink_defs.visible import visible_lines
 

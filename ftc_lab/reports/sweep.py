@@ -14,9 +14,9 @@ from rich.table import Table
 
 from ftc_lab.campaigns.points import FILE, Point, dimensions_of, position, uav_of
 from ftc_lab.reports.markdown import save_markdown, table
+from gcs.console.terminal import numbers, table_of, texts
 from gcs.results.figures import UAV_FIGURES, shown_figure
 from gcs.results.quantities import IAE_UNITS, QUANTITIES
-from gcs.terminal import numbers, table_of, texts
 from mavlink_defs.config.output_files import naming
 from mavlink_defs.visible import visible
 

@@ -4,11 +4,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gcs.api.errors import python_errors, warn
-from gcs.extras import load_lab
-from gcs.flights.warm_up import warm_up
-from gcs.progress import working
-from gcs.terminal import console_of
+from gcs.console.errors import python_errors
+from gcs.console.extras import load_lab
+from gcs.console.progress import working
+from gcs.console.terminal import console_of
+from gcs.fleet.remarks import warn
+from gcs.fleet.warm_up import warm_up
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 import numpy as np
 
 from gcs.api import tables
-from gcs.api.errors import python_errors
-from gcs.errors import BadInput, FlightLost
-from gcs.extras import load_package
+from gcs.console.errors import BadInput, FlightLost, python_errors
+from gcs.console.extras import load_package
+from gcs.console.terminal import as_html, as_text
 from gcs.results.columns import COLUMNS
 from gcs.results.figures import FLIGHT_FIGURES, UAV_FIGURES, FlightSummary
 from gcs.results.quantities import percent
@@ -19,7 +19,6 @@ from gcs.results.recording import Ending, Recording
 from gcs.results.run_folder import SCENARIO, read_summary
 from gcs.results.store import EVENTS, TRAJECTORY, is_complete, read_table
 from gcs.scenario.model import Scenario, read_scenario
-from gcs.terminal import as_html, as_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -233,8 +232,8 @@ class Flight:
         Raises:
             BadInput: It was not recorded, or has no mission.
         """
-        from gcs.figures.mission import mission_figure
-        from gcs.figures.overview import overview
+        from gcs.reports.figures.mission import mission_figure
+        from gcs.reports.figures.overview import overview
         from gcs.results.path_following import leaders_of, paths_of
         from gcs.results.preview import recorded_gaps
 

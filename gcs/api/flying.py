@@ -7,24 +7,24 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
-from gcs.api.errors import python_errors, warn
 from gcs.api.flight import Flight, Source, open_run
-from gcs.errors import BadInput, FlightLost, GcsError
+from gcs.console.errors import BadInput, FlightLost, GcsError, python_errors
+from gcs.console.progress import working
+from gcs.console.terminal import console_of
+from gcs.fleet.event_loops import LOOK_S, raise_if_cancelled
+from gcs.fleet.flying import fly as fly_prepared
+from gcs.fleet.flying import recorded
 from gcs.fleet.in_process import OnProgress, fly_and_summarise, fly_in_steps
 from gcs.fleet.local_workers import LocalWorkers
-from gcs.flights.event_loops import LOOK_S, raise_if_cancelled
-from gcs.flights.flying import fly as fly_prepared
-from gcs.flights.flying import recorded
-from gcs.flights.preparation import How, Prepared, prepare
-from gcs.flights.warm_up import warm_up
-from gcs.progress import working
+from gcs.fleet.preparation import How, Prepared, prepare
+from gcs.fleet.remarks import warn
+from gcs.fleet.warm_up import warm_up
 from gcs.results.choices import Record
 from gcs.results.figures import FlightSummary
 from gcs.results.recorder import FlightRecorder
 from gcs.results.run_folder import make_run_folder
 from gcs.scenario.changes import ScenarioLike
 from gcs.scenario.model import Scenario
-from gcs.terminal import console_of
 
 if TYPE_CHECKING:
     import pyarrow as pa

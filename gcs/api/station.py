@@ -5,7 +5,7 @@ import contextlib
 from collections.abc import AsyncIterator, Collection, Iterator, Mapping
 from pathlib import Path
 
-from gcs.api.errors import python_errors
+from gcs.console.errors import python_errors
 from gcs.station.client import Client
 from gcs.station.connection import choose_connection, own_identity
 from gcs.station.notifications import Notification

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gcs.errors import BadInput
-from gcs.extras import load_package
+from gcs.console.errors import BadInput
+from gcs.console.extras import load_package
 from gcs.results.quantities import PAPER_ORDER
 
 if TYPE_CHECKING:

@@ -1,1 +1,1 @@
-"""The subcommands of ``gcs``, one module each: options in, output and exit status out."""
+"""The command line ``gcs``, one module for each command: options in, output and exit status out."""

@@ -17,16 +17,16 @@ from gcs.commands.common import (
     tell,
 )
 from gcs.commands.station import systems_in
-from gcs.errors import FlightLost, Interrupted, NoAnswer
-from gcs.progress import working
+from gcs.console.errors import FlightLost, Interrupted, NoAnswer
+from gcs.console.progress import working
+from gcs.console.terminal import console_of, print_json
 from gcs.results.choices import Record
 from gcs.scenario.settings import values_of
-from gcs.terminal import console_of, print_json
 from mavlink_defs.endpoint import UdpAddress
 from sitl_plant.ardupilot.protocol import PORT, PORTS_APART
 
 if TYPE_CHECKING:
-    from gcs.flights.ardupilot import ArduPilotFlown
+    from gcs.fleet.ardupilot.recorded import ArduPilotFlown
 
 EPILOG = """
 Examples:
@@ -100,10 +100,10 @@ def ardupilot(
     then the time of the scenario, and of its faults, begins. Changes of the outputs are counted as
     the events of our autopilots are.
     """
-    from gcs.fleet.ardupilot_sockets import bound, how_to_start
-    from gcs.flights.ardupilot import ArduPilotFlown, prepare_ardupilot
-    from gcs.flights.preparation import begun
-    from gcs.flights.warm_up import warm_up
+    from gcs.fleet.ardupilot.recorded import ArduPilotFlown, prepare_ardupilot
+    from gcs.fleet.ardupilot.sockets import bound, how_to_start
+    from gcs.fleet.preparation import begun
+    from gcs.fleet.warm_up import warm_up
     from gcs.results.run_folder import make_run_folder
 
     flight = prepare_ardupilot(
@@ -169,7 +169,7 @@ def _report(flown: "ArduPilotFlown", console: Console, *, no_figures: bool, as_j
     served = flown.served
     summary, ending = flown.finish()
     if ending.steps and not no_figures:
-        from gcs.figures.overview import draw_flight
+        from gcs.reports.figures.overview import draw_flight
 
         with working(console, "drawing the flight"):
             preview = flown.recorder.preview

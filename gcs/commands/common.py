@@ -13,15 +13,15 @@ import typer
 from rich.console import Console
 
 from gcs.commands.options import SigningKeyOption
-from gcs.flights.remarks import ExposureRemark
-from gcs.progress import Task, working
+from gcs.console.progress import Task, working
+from gcs.console.terminal import console_of
+from gcs.fleet.remarks import ExposureRemark
 from gcs.scenario.changes import with_changes
 from gcs.scenario.model import Scenario
 from gcs.scenario.settings import values_of
-from gcs.terminal import console_of
 
 if TYPE_CHECKING:
-    from gcs.flights.preparation import Prepared
+    from gcs.fleet.preparation import Prepared
 
 ScenarioArgument = Annotated[
     Path, typer.Argument(help="Scenario: a file, or a bundled one.", metavar="SCENARIO")
@@ -108,7 +108,7 @@ def prepared(
     scenario: Scenario | Path, options: FleetOptions, command: str, name: str = "", **how: Any
 ) -> "Prepared":
     """Prepare the flight of a command; arguments and errors as of `prepare` and `How`."""
-    from gcs.flights.preparation import How, prepare
+    from gcs.fleet.preparation import How, prepare
 
     asked = How(
         free_ports=options.free_ports,

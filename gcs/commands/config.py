@@ -15,13 +15,13 @@ from gcs.commands.common import (
     tell,
 )
 from gcs.commands.options import InsecureOption, SigningKeyOption
-from gcs.errors import BadInput
-from gcs.flights.warm_up import warm_up
-from gcs.outputs import all_or_none, make_folder
+from gcs.console.errors import BadInput
+from gcs.console.outputs import all_or_none, make_folder
+from gcs.console.terminal import console_of, print_line
+from gcs.fleet.warm_up import warm_up
 from gcs.scenario.model import Scenario
 from gcs.scenario.plugins import prepare_plugins
 from gcs.scenario.signing_key import refuse_unsigned, signed
-from gcs.terminal import console_of, print_line
 from mavlink_defs.config.files import dump
 from mavlink_defs.endpoint import EndpointError, parse_address
 from sitl_plant.config import PlantConfig

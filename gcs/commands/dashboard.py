@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 from gcs.commands.options import SIGNING_KEY_VARIABLE
 from gcs.commands.station import run_interruptible
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
+from gcs.console.stopping import end_with_session
 from gcs.station.client import Client
 from gcs.station.connection import choose_connection, own_identity
-from gcs.stopping import end_with_session
 
 if TYPE_CHECKING:
     from gcs.tui.app import Dashboard
@@ -90,7 +90,7 @@ async def _run(app: "Dashboard") -> None:
     loop = asyncio.get_running_loop()
     end_with_session(partial(loop.call_soon_threadsafe, app.exit))  # the terminal as it was found
     await app.run_async()
-    from gcs.terminal import print_line
+    from gcs.console.terminal import print_line
 
     for text, error in app.failures.items():
         print_line(f"warning: {text}", stderr=True)

@@ -5,10 +5,10 @@ from typing import Annotated
 
 import typer
 
-from gcs.errors import FlightLost
-from gcs.outputs import all_or_none, make_folder
+from gcs.console.errors import FlightLost
+from gcs.console.outputs import all_or_none, make_folder
+from gcs.console.terminal import console_of
 from gcs.results.choices import Format
-from gcs.terminal import console_of
 
 EPILOG = """
 Examples:

@@ -1,24 +1,39 @@
 """``gcs fault set|clear|list|sensor``: faults of actuators and sensors while the fleet is up."""
 
-from typing import Annotated
+import inspect
+import math
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any
 
 import typer
+from pydantic import ValidationError
 
-from gcs.commands import fault_sensor
-from gcs.commands.fault_command import ForOption, number_options, set_fault, time_s
 from gcs.commands.options import with_options
 from gcs.commands.station import EXIT_STATUS, StationOptions, station_command
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput, NoAnswer
 from gcs.station.vehicle import Vehicle
+from mavlink_defs import dialect
+from mavlink_defs.config.files import problems_of
+from mavlink_defs.config.quantity import describe
 from mavlink_defs.constants import Actuator
 from mavlink_defs.faults.fault import Fault
-from mavlink_defs.faults.sensors import Axis, Failure, SensorName
-from mavlink_defs.faults.spec import SPECS, ActuatorFaultSpec, SensorFaultSpec
+from mavlink_defs.faults.sensors import (
+    FAILURES,
+    MAX_INSTANCES,
+    SENSOR_NAMES,
+    Axis,
+    Failure,
+    SensorName,
+)
+from mavlink_defs.faults.spec import SPECS, ActuatorFaultSpec, FaultSpec, SensorFaultSpec
 
 app = typer.Typer(help="Set, clear and list faults of actuators and sensors.", no_args_is_help=True)
-app.add_typer(fault_sensor.app, name="sensor")
+of_sensors = typer.Typer(help="Set and clear faults of sensors.", no_args_is_help=True)
+app.add_typer(of_sensors, name="sensor")
 
-_NAMES = "aileron, elevator, rudder or throttle"
+_ACTUATORS = "aileron, elevator, rudder or throttle"
+_SENSORS = ", ".join(SENSOR_NAMES[:-1]) + f" or {SENSOR_NAMES[-1]}"
+_ZERO_IS_NONE = {"frequency_hz", "instance"}
 
 _SET_EPILOG = f"""
 Examples:
@@ -43,26 +58,92 @@ Examples:
 - gcs fault list --uav 3 --json | jq '.[].faults[] | select(.active)'
 {EXIT_STATUS}"""
 
+_SET_SENSOR_EPILOG = f"""
+Examples:
+
+- gcs fault sensor set airspeed --failure stuck --uav 3
+- gcs fault sensor set gyro --instance 1 --bias-deg-s 3 --for-s 20
+- gcs fault sensor set airspeed --fade-s 60
+{EXIT_STATUS}"""
+
+_CLEAR_SENSOR_EPILOG = f"""
+Examples:
+
+- gcs fault sensor clear gyro --instance 1
+- gcs fault sensor clear airspeed --uav 3
+{EXIT_STATUS}"""
+
+_ForOption = Annotated[
+    float | None,
+    typer.Option(metavar="S", help="Duration in simulated time [s], instead of --end-s."),
+]
+_SensorArgument = Annotated[SensorName, typer.Argument(metavar="SENSOR", help=_SENSORS)]
+_InstanceOption = Annotated[
+    int,
+    typer.Option(
+        min=0,
+        max=MAX_INSTANCES,
+        metavar="N",
+        help="Number of the sensor, from 1; 0: all of them.",
+    ),
+]
 # the way in which `gcs fault sensor` was written before, for one version
-_SensorOption = Annotated[SensorName | None, typer.Option(hidden=True)]
-_InstanceOption = Annotated[int, typer.Option(min=0, hidden=True)]
+_HiddenSensor = Annotated[SensorName | None, typer.Option(hidden=True)]
+_HiddenInstance = Annotated[int, typer.Option(min=0, hidden=True)]
+
+
+def _numbers(model: type[FaultSpec], *, hidden: bool = False) -> Iterator[inspect.Parameter]:
+    """Yield an option for each number of a fault; hidden, only what no fault of an actuator has."""
+    for name, field in model.model_fields.items():
+        number = describe(field)
+        if (
+            number is None
+            or name == "instance"
+            or (hidden and name in ActuatorFaultSpec.model_fields)
+        ):
+            continue
+        limits = number.range() if number.le is not None else f"[{number.unit}]"
+        metavar = (number.unit or ("share" if model is ActuatorFaultSpec else "factor")).upper()
+        doc = f"{number.doc.rstrip('.')} {limits}."
+        option = typer.Option(metavar=metavar, help=doc, hidden=hidden)
+        yield _parameter(name, Annotated[float | None, option], field.default)
+
+
+def _of_a_sensor(*, hidden: bool = False) -> Iterator[inspect.Parameter]:
+    """Yield the options of a fault of a sensor."""
+    failure = typer.Option(
+        metavar="TYPE", help=f"How it fails: {', '.join(FAILURES)}.", hidden=hidden
+    )
+    axis = typer.Option(
+        metavar="AXIS",
+        help="Axis that is wrong: x, y or z; of a GPS north, east, down.",
+        hidden=hidden,
+    )
+    yield _parameter("failure", Annotated[Failure | None, failure])
+    yield _parameter("instance", _HiddenInstance if hidden else _InstanceOption, 0)
+    yield _parameter("axis", Annotated[Axis | None, axis])
+    yield from _numbers(SensorFaultSpec, hidden=hidden)
+
+
+def _parameter(name: str, annotation: Any, default: Any = None) -> inspect.Parameter:
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    return inspect.Parameter(name, keyword, default=default, annotation=annotation)
 
 
 @app.command(name="set", epilog=_SET_EPILOG)
 @station_command
-@with_options("options", number_options(ActuatorFaultSpec), dict)
-@with_options("of_sensor", number_options(SensorFaultSpec, hidden=True), dict)
+@with_options("options", _numbers(ActuatorFaultSpec), dict)
+@with_options("of_sensor", _of_a_sensor(hidden=True), dict)
 def set_(
     station: StationOptions,
-    actuator: Annotated[Actuator | None, typer.Argument(metavar="ACTUATOR", help=_NAMES)] = None,
+    actuator: Annotated[
+        Actuator | None, typer.Argument(metavar="ACTUATOR", help=_ACTUATORS)
+    ] = None,
     *,
-    options: dict[str, float | None],
-    for_s: ForOption = None,
-    sensor: _SensorOption = None,
-    failure: Annotated[Failure | None, typer.Option(hidden=True)] = None,
-    instance: _InstanceOption = 0,
-    axis: Annotated[Axis | None, typer.Option(hidden=True)] = None,
-    of_sensor: dict[str, float | None],
+    options: dict[str, Any],
+    for_s: _ForOption = None,
+    sensor: _HiddenSensor = None,
+    of_sensor: dict[str, Any],
 ) -> None:
     """Set a fault of an actuator, applied = effectiveness · commanded + bias.
 
@@ -72,13 +153,29 @@ def set_(
     if (actuator is None) == (sensor is None):
         got = "got none" if sensor is None else f"got {actuator} and the sensor {sensor}"
         raise BadInput(
-            f"expected an actuator ({_NAMES}), {got}",
-            f"of a sensor ({fault_sensor.SENSORS}): gcs fault sensor set SENSOR",
+            f"expected an actuator ({_ACTUATORS}), {got}",
+            f"of a sensor ({_SENSORS}): gcs fault sensor set SENSOR",
         )
-    named = {"failure": failure, "instance": instance or None, "axis": axis}
-    given = {key: value for key, value in (named | of_sensor).items() if value is not None}
     key, name = ("actuator", str(actuator)) if sensor is None else ("sensor", str(sensor))
-    set_fault(station, SPECS[key], {key: name}, options | given, for_s)
+    _set(station, key, name, options | of_sensor, for_s)
+
+
+@of_sensors.command(name="set", epilog=_SET_SENSOR_EPILOG)
+@station_command
+@with_options("options", _of_a_sensor(), dict)
+def set_of_sensor(
+    station: StationOptions,
+    sensor: _SensorArgument,
+    *,
+    options: dict[str, Any],
+    for_s: _ForOption = None,
+) -> None:
+    """Set a fault of a sensor.
+
+    It fails in one of the ways of MAV_CMD_INJECT_FAILURE; a value says how much, else its default
+    applies. A fault replaces older ones of the same sensor that overlap it in time.
+    """
+    _set(station, "sensor", sensor, options, for_s)
 
 
 @app.command(epilog=_CLEAR_EPILOG)
@@ -87,10 +184,10 @@ def clear(
     station: StationOptions,
     actuator: Annotated[
         Actuator | None,
-        typer.Option(metavar="ACTUATOR", help=f"Clear faults of this actuator only: {_NAMES}."),
+        typer.Option(metavar="ACTUATOR", help=f"Clear faults of this actuator only: {_ACTUATORS}."),
     ] = None,
-    sensor: _SensorOption = None,
-    instance: _InstanceOption = 0,
+    sensor: _HiddenSensor = None,
+    instance: _HiddenInstance = 0,
 ) -> None:
     """Clear faults: active, past and future ones, of actuators and sensors.
 
@@ -98,15 +195,26 @@ def clear(
     """
     if actuator is not None and sensor is not None:
         raise BadInput("--actuator and --sensor both say whose", "leave one of them out")
-    if sensor is not None or instance:
-        fault_sensor.clear_sensor(station, sensor, instance)
+    if sensor is not None:
+        _clear_sensor(station, sensor, instance)
         return
+    if instance:
+        raise BadInput("--instance: expected a --sensor with it, got none")
 
     async def action(vehicle: Vehicle) -> str:
         await vehicle.clear_faults(actuator)
         return f"UAV {vehicle.system}: faults of {actuator or 'all actuators and sensors'} cleared"
 
     station.act(action)
+
+
+@of_sensors.command(name="clear", epilog=_CLEAR_SENSOR_EPILOG)
+@station_command
+def clear_of_sensor(
+    station: StationOptions, sensor: _SensorArgument, instance: _InstanceOption = 0
+) -> None:
+    """Clear faults of a sensor: active, past and future ones."""
+    _clear_sensor(station, sensor, instance)
 
 
 @app.command(name="list", epilog=_LIST_EPILOG)
@@ -116,7 +224,7 @@ def list_(station: StationOptions) -> None:
 
     async def action(vehicle: Vehicle) -> str:
         faults = await vehicle.faults()
-        now_s = await time_s(vehicle)
+        now_s = await _time_s(vehicle)
         lines = [f"UAV {vehicle.system}: {_with_phase(fault, now_s)}" for fault in faults]
         return "\n".join(lines) or f"UAV {vehicle.system}: no faults"
 
@@ -131,3 +239,75 @@ def list_(station: StationOptions) -> None:
 def _with_phase(fault: Fault, now_s: float) -> str:
     phase = "waiting" if now_s <= fault.start_s else "active" if now_s <= fault.end_s else "over"
     return f"{fault.describe()}, {phase}"
+
+
+def _clear_sensor(station: StationOptions, sensor: SensorName, instance: int) -> None:
+    async def action(vehicle: Vehicle) -> str:
+        await vehicle.clear_sensor_faults(sensor, instance)
+        whose = f"{sensor} {instance or ''}".rstrip()
+        return f"UAV {vehicle.system}: faults of {whose} cleared"
+
+    station.act(action)
+
+
+def _set(
+    station: StationOptions, key: str, name: str, options: Mapping[str, Any], for_s: float | None
+) -> None:
+    """Set the fault that options describe, at every chosen vehicle.
+
+    Args:
+        station: Reaches the vehicles.
+        key: Of its family.
+        name: Of its target.
+        options: The others; None: not given.
+        for_s: Duration [s] instead of an end.
+
+    Raises:
+        BadInput: They do not go together; every problem is named.
+    """
+    start_s, given = options["start_s"], {**options, key: name}
+    if for_s is not None:
+        if options["end_s"] is not None:
+            raise BadInput("--end-s and --for-s both set the end", "leave one of them out")
+        if not 0.0 < for_s < math.inf:
+            raise BadInput(f"--for-s: expected more than 0 s, got {for_s:g}")
+        given["end_s"] = None if start_s is None else start_s + for_s
+    fault = _fault(SPECS[key], given)
+
+    async def action(vehicle: Vehicle) -> str:
+        timed = fault
+        if start_s is None and for_s is not None:
+            timed = fault._replace(end_s=await _time_s(vehicle) + for_s)
+        await vehicle.set_fault(timed)
+        return f"UAV {vehicle.system}: {timed.describe()}"
+
+    station.act(action)
+
+
+def _fault(model: type[FaultSpec], options: Mapping[str, Any]) -> Fault:
+    names = {key: f"--{key.replace('_', '-')}" for key in options if key != model.FAMILY.key}
+    given = {
+        key: value
+        for key, value in options.items()
+        if value is not None and (value or key not in _ZERO_IS_NONE)
+    }
+    unfit = [names[key] for key in given if key not in model.model_fields]
+    if unfit:
+        kind, other = "a sensor", "set"
+        if model is ActuatorFaultSpec:
+            kind, other = "an actuator", "sensor set"
+        text = "\n".join(f"{name}: does not fit {kind}" for name in unfit)
+        raise BadInput(text, f"see `gcs fault {other} --help`")
+    try:
+        return model.model_validate(given).command()
+    except ValidationError as error:
+        lines = [problem.line(names) for problem in problems_of(model, error)]
+        raise BadInput("\n".join(lines)) from None
+
+
+async def _time_s(vehicle: Vehicle) -> float:
+    """Request and return its simulated time [s]."""
+    await vehicle.request(dialect.MAVLINK_MSG_ID_FTC_EVENTS)
+    if (now_s := vehicle.state.time_s) is None:
+        raise NoAnswer(f"UAV {vehicle.system} did not report its simulated time")
+    return now_s

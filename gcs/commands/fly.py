@@ -16,12 +16,12 @@ from gcs.commands.common import (
     tell,
 )
 from gcs.commands.options import options_of, with_options
-from gcs.errors import BadInput, FlightLost, Interrupted
-from gcs.extras import load_lab
-from gcs.progress import working
+from gcs.console.errors import BadInput, FlightLost, Interrupted
+from gcs.console.extras import load_lab
+from gcs.console.progress import working
+from gcs.console.terminal import console_of, print_json
 from gcs.results.choices import Record
 from gcs.scenario.model import Scenario
-from gcs.terminal import console_of, print_json
 
 if TYPE_CHECKING:
     from gcs.results.figures import FlightSummary
@@ -105,9 +105,9 @@ def fly(
     trajectory.arrows and the figures. With --campaign and --row, a flight of a campaign is flown
     again, and compared with its row of the table, bit for bit.
     """
-    from gcs.flights.flying import fly as fly_prepared
-    from gcs.flights.flying import recorded
-    from gcs.flights.warm_up import warm_up
+    from gcs.fleet.flying import fly as fly_prepared
+    from gcs.fleet.flying import recorded
+    from gcs.fleet.warm_up import warm_up
     from gcs.results.run_folder import make_run_folder
 
     flight = prepared(
@@ -182,8 +182,8 @@ def _report(
 
 
 def _draw(recorder: "FlightRecorder", ending: "Ending", scenario: Scenario, folder: Path) -> None:
-    from gcs.figures.mission import draw_mission
-    from gcs.figures.overview import draw_flight
+    from gcs.reports.figures.mission import draw_mission
+    from gcs.reports.figures.overview import draw_flight
     from gcs.results.path_following import leaders_of, paths_of
 
     preview = recorder.preview

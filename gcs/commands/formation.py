@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from gcs.commands.station import EXIT_STATUS, StationOptions, station_command
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.station.notifications import enum_name
 from gcs.station.vehicle import Vehicle
 from mavlink_defs import dialect

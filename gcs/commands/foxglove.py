@@ -12,10 +12,10 @@ from typing import Any, TypeVar
 import foxglove
 from foxglove.channels import FrameTransformsChannel, SceneUpdateChannel
 
-from gcs.errors import BadInput
-from gcs.fleet.foxglove_layout import layout_of
-from gcs.fleet.foxglove_scene import FormationScene
-from gcs.fleet.live_channels import LiveChannels, all_channels
+from gcs.console.errors import BadInput
+from gcs.fleet.foxglove.layout import layout_of
+from gcs.fleet.foxglove.live_channels import LiveChannels, all_channels
+from gcs.fleet.foxglove.scene import FormationScene
 from gcs.fleet.observer import Observer
 from gcs.results.channels import ChannelKind, encoded, nanoseconds
 from gcs.scenario.model import Scenario

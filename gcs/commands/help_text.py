@@ -13,7 +13,7 @@ from rich.padding import Padding
 from rich.panel import Panel
 from rich.text import Text
 
-from gcs.terminal import console_of, names_and_texts
+from gcs.console.terminal import console_of, names_and_texts
 
 _WIDEST_NAME = 29
 

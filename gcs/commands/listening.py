@@ -3,8 +3,8 @@
 import errno
 import socket
 
-from gcs.errors import BadInput
-from gcs.terminal import print_line
+from gcs.console.errors import BadInput
+from gcs.console.terminal import print_line
 from mavlink_defs.endpoint import EndpointError, UdpAddress, is_loopback, parse_address
 
 

@@ -9,7 +9,7 @@ import typer
 from gcs.commands.dashboard import run_dashboard
 from gcs.commands.options import ThemeOption
 from gcs.commands.station import run_interruptible
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from mavlink_defs.capture.tlog import TlogError, read_frames
 from mavlink_defs.visible import visible
 

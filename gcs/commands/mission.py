@@ -12,14 +12,14 @@ from gcs.commands import transfer
 from gcs.commands.options import JsonOption
 from gcs.commands.station import EXIT_STATUS, StationOptions, station_command
 from gcs.commands.transfer import Note
-from gcs.errors import BadInput
-from gcs.outputs import check_file
+from gcs.console.errors import BadInput
+from gcs.console.outputs import check_file
+from gcs.console.terminal import console_of, numbers, print_json, table_of, texts
 from gcs.scenario.itinerary import Itinerary, dry_run, load_mission
 from gcs.scenario.mission import tell_not_flown
 from gcs.scenario.model import read_scenario
 from gcs.station.mission import Mission, is_same, item_text
 from gcs.station.vehicle import Vehicle
-from gcs.terminal import console_of, numbers, print_json, table_of, texts
 from mavlink_defs.config.models import counted
 from mavlink_defs.mission_files import (
     MISSION_SUFFIXES,

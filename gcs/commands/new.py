@@ -12,9 +12,9 @@ from typing import Annotated
 import typer
 
 from ftc_autopilot.control.laws import LAWS
-from gcs.errors import BadInput
-from gcs.outputs import make_folder, write_file
-from gcs.terminal import print_line
+from gcs.console.errors import BadInput
+from gcs.console.outputs import make_folder, write_file
+from gcs.console.terminal import print_line
 from mavlink_defs.config.yaml_text import yaml_of
 
 EPILOG = """

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gcs.commands.station import EXIT_STATUS, StationOptions, station_command
-from gcs.errors import BadInput, CommandRefused
+from gcs.console.errors import BadInput, CommandRefused
+from gcs.console.terminal import print_json, print_line
 from gcs.station.notifications import enum_name
 from gcs.station.param_file import (
     READ_ONLY,
@@ -22,7 +23,6 @@ from gcs.station.param_file import (
     text_of,
 )
 from gcs.station.vehicle import Vehicle
-from gcs.terminal import print_json, print_line
 from mavlink_defs import dialect
 from mavlink_defs.config.output_files import write_text
 from mavlink_defs.services.param import Param

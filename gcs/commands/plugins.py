@@ -24,9 +24,9 @@ from ftc_autopilot.plugins.loading import (
     resolved,
     watching,
 )
-from gcs.errors import BadInput
-from gcs.stopping import running_code
-from gcs.terminal import console_of, print_json, print_line, table_of, texts
+from gcs.console.errors import BadInput
+from gcs.console.stopping import running_code
+from gcs.console.terminal import console_of, print_json, print_line, table_of, texts
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import describe
 from mavlink_defs.runtime.foreign import PluginError

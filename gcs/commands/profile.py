@@ -11,11 +11,11 @@ from rich.table import Table
 from gcs.commands import transfer
 from gcs.commands.station import EXIT_STATUS, StationOptions, station_command
 from gcs.commands.transfer import Note
-from gcs.errors import CommandRefused
-from gcs.outputs import check_file
+from gcs.console.errors import CommandRefused
+from gcs.console.outputs import check_file
+from gcs.console.terminal import console_of, numbers, print_json, print_line, table_of
 from gcs.scenario.profile_file import load_profile, profile_yaml
 from gcs.station.vehicle import Vehicle
-from gcs.terminal import console_of, numbers, print_json, print_line, table_of
 from mavlink_defs import dialect
 from mavlink_defs.config.models import counted
 from mavlink_defs.profile import Segment

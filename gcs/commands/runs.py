@@ -13,22 +13,30 @@ from rich.text import Text
 from typer.core import TyperGroup
 
 from gcs.commands.common import QuietOption
-from gcs.errors import BadInput
-from gcs.outputs import check_file
-from gcs.progress import working
+from gcs.console.errors import BadInput
+from gcs.console.outputs import check_file
+from gcs.console.progress import working
+from gcs.console.terminal import (
+    MAX_WORD,
+    console_of,
+    numbers,
+    print_json,
+    print_line,
+    table_of,
+    texts,
+)
 from gcs.results.quantities import percent
-from gcs.runs.index import list_runs
-from gcs.runs.run import Run
-from gcs.runs.scan import NOTE, scan
-from gcs.runs.select import chosen, conditions_of, order_of
-from gcs.terminal import MAX_WORD, console_of, numbers, print_json, print_line, table_of, texts
+from gcs.results.runs.index import list_runs
+from gcs.results.runs.run import Run
+from gcs.results.runs.scan import NOTE, scan
+from gcs.results.runs.select import chosen, conditions_of, order_of
 from mavlink_defs.config.output_files import write_text
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from gcs.runs.index import Listing
-    from gcs.runs.scan import Foreign
+    from gcs.results.runs.index import Listing
+    from gcs.results.runs.scan import Foreign
 
 _RUNS = Path("runs")
 _MANY = 100  # folders to read that are worth a bar
@@ -193,7 +201,7 @@ def html(
 
     The page fetches nothing and can be sent to anybody; its links to the folders work where it is.
     """
-    from gcs.runs.page import save_page
+    from gcs.results.runs.page import save_page
 
     path = out or folder / "index.html"
     if folder.is_dir():

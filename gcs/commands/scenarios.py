@@ -1,8 +1,8 @@
 """``gcs scenarios``: list the scenarios that come with the package."""
 
+from gcs.console.terminal import print_line
 from gcs.scenario.bundled import addition_names, bundled_names, file_of
 from gcs.scenario.model import scenario_tree
-from gcs.terminal import print_line
 from mavlink_defs.config.files import read
 
 EPILOG = """

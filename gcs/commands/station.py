@@ -21,12 +21,12 @@ from gcs.commands.options import (
     options_of,
     with_options,
 )
-from gcs.errors import BadInput, CommandRefused, Interrupted, NoAnswer
+from gcs.console.errors import BadInput, CommandRefused, Interrupted, NoAnswer
+from gcs.console.terminal import print_json, print_line
 from gcs.station.client import Client
 from gcs.station.connection import choose_connection, own_identity
 from gcs.station.patience import Patience
 from gcs.station.vehicle import Vehicle
-from gcs.terminal import print_json, print_line
 
 EXIT_STATUS = """
 Exit status: 0 accepted or answered by all, 2 bad input, 3 refused by one, 4 no answer from one

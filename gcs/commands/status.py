@@ -9,12 +9,12 @@ from rich.console import Group
 from rich.live import Live
 
 from gcs.commands.station import StationOptions, station_command
-from gcs.errors import CommandRefused, Interrupted, NoAnswer
+from gcs.console.errors import CommandRefused, Interrupted, NoAnswer
+from gcs.console.terminal import console_of, print_json
 from gcs.station.client import Client
 from gcs.station.status import drop_lines, fleet_table, not_heard, silence_lines, vehicle_status
 from gcs.station.vehicle import Vehicle
 from gcs.station.vehicle_state import VehicleState
-from gcs.terminal import console_of, print_json
 from mavlink_defs import dialect
 
 EPILOG = """

@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
 from gcs.commands.station import StationOptions
-from gcs.errors import BadInput
-from gcs.outputs import write_file
-from gcs.progress import working
+from gcs.console.errors import BadInput
+from gcs.console.outputs import write_file
+from gcs.console.progress import working
+from gcs.console.terminal import console_of
 from gcs.station.vehicle import Vehicle
-from gcs.terminal import console_of
 
 Note: TypeAlias = Callable[[int, int], None]
 """Notes how many items of how many a vehicle has received."""

@@ -21,13 +21,13 @@ from gcs.commands.common import (
 )
 from gcs.commands.listening import listen, listening_address
 from gcs.commands.options import InsecureOption, options_of, with_options
-from gcs.errors import BadInput, Interrupted
-from gcs.extras import load_package
-from gcs.progress import working
+from gcs.console.errors import BadInput, Interrupted
+from gcs.console.extras import load_package
+from gcs.console.progress import working
+from gcs.console.stopping import stop_signals
+from gcs.console.terminal import console_of, print_json
 from gcs.scenario.model import Scenario
 from gcs.scenario.signing_key import refuse_unsigned
-from gcs.stopping import stop_signals
-from gcs.terminal import console_of, print_json
 from mavlink_defs.config.models import counted
 from mavlink_defs.constants import HUB_PORT
 from mavlink_defs.endpoint import Connection, UdpAddress
@@ -128,7 +128,7 @@ def up(scenario: ScenarioArgument, options: UpOptions) -> None:
     """
     options.check()
     from gcs.fleet.ports import on_free_ports
-    from gcs.flights.warm_up import warm_up
+    from gcs.fleet.warm_up import warm_up
     from gcs.results.flight_mark import marked
     from gcs.results.run_folder import make_run_folder
 

@@ -12,11 +12,11 @@ import typer
 from gcs.commands.listening import listen as listen_at
 from gcs.commands.listening import listening_address
 from gcs.commands.options import SIGNING_KEY_VARIABLE, ConnectOption, ThemeOption
-from gcs.extras import WEB_PACKAGES, load_package
+from gcs.console.extras import WEB_PACKAGES, load_package
+from gcs.console.stopping import die_with
+from gcs.console.terminal import print_line
 from gcs.fleet.hub import MAX_STATIONS
 from gcs.station.connection import choose_connection
-from gcs.stopping import die_with
-from gcs.terminal import print_line
 
 _MEMORY = 1 << 30
 """Most memory that a dashboard may take [bytes]."""

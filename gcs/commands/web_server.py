@@ -22,7 +22,7 @@ from aiohttp.typedefs import Handler
 from textual_serve import server as textual_server
 
 from gcs.commands.web_view import View, size_in
-from gcs.stopping import end_with_session
+from gcs.console.stopping import end_with_session
 
 _CLOSING_S = 0.5
 """Time that browsers have to close their connections when the server ends [s]."""

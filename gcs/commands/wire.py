@@ -17,11 +17,11 @@ from rich.console import Group
 from rich.live import Live
 
 from gcs.commands.options import JsonOption, options_of, with_options
-from gcs.errors import BadInput, GcsError
-from gcs.outputs import write_file
-from gcs.progress import working
+from gcs.console.errors import BadInput, GcsError
+from gcs.console.outputs import write_file
+from gcs.console.progress import working
+from gcs.console.terminal import console_of, print_json, print_line
 from gcs.reports.wire import wire_tables, write_csv
-from gcs.terminal import console_of, print_json, print_line
 from mavlink_defs import dialect
 from mavlink_defs.capture.impairment import Impairment
 from mavlink_defs.capture.pcap import PcapCutOff, PcapError, is_pcap, read_pcap

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from gcs.outputs import check_file, write_file
+from gcs.console.outputs import check_file, write_file
 from mavlink_defs.constants import FORMATION_BASE_PORT, GCS_PORT, LAST_SYSTEM, PLANT_PORT
 from mavlink_defs.mavgen import generate
 

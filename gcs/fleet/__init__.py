@@ -1,1 +1,1 @@
-"""Fleets of processes and flights, over UDP and in process."""
+"""Flights and fleets: prepared, with remarks, and flown, over UDP and in process."""

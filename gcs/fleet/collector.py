@@ -10,7 +10,7 @@ import numpy as np
 
 from ftc_autopilot.control.signals import SIGNALS, no_signals
 from ftc_autopilot.hot.navigation import ESTIMATED
-from gcs.errors import FlightLost
+from gcs.console.errors import FlightLost
 from gcs.results.recording import Ending, Mode, Recording, Steps
 from gcs.scenario.model import Scenario
 from mavlink_defs.runtime.spool import SpoolReader

@@ -29,7 +29,7 @@ from ftc_autopilot.control.stepping import (
 from ftc_autopilot.estimation.estimator import estimate
 from ftc_autopilot.hot.navigation import estimator_of, write_estimate
 from ftc_autopilot.warm_up import PARTS
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.results.figures import FlightSummary
 from gcs.results.path_following import paths_of
 from gcs.results.recording import Ending, Recording, Steps

@@ -4,7 +4,7 @@ import threading
 import time
 from collections.abc import Callable
 
-from gcs.errors import GcsError
+from gcs.console.errors import GcsError
 from mavlink_defs.runtime.spool import unwritten
 
 HANGS_S = 10.0

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import TypeVar
 
-from gcs.errors import BadInput, PortInUse
+from gcs.console.errors import BadInput, PortInUse
 from gcs.scenario.model import Scenario
 from mavlink_defs.endpoint import EndpointError, UdpAddress, bind_udp, free_ports
 

@@ -5,7 +5,7 @@ Imports and machine code take a second and a half of a processor, a flight of 24
 
 import contextlib
 
-from gcs.errors import GcsError
+from gcs.console.errors import GcsError
 from gcs.fleet.in_process import fly_and_summarise
 from gcs.scenario.model import load_scenario
 from mavlink_defs.config.models import ConfigError

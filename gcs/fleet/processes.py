@@ -16,7 +16,7 @@ from types import MappingProxyType, TracebackType
 from typing import Self
 
 from ftc_autopilot.config import PLUGIN_FAILED
-from gcs.errors import BadInput, FlightLost, PortInUse
+from gcs.console.errors import BadInput, FlightLost, PortInUse
 from gcs.fleet.forked import FORKS, Forked, ForkServer, processor_time_s, start_alone
 from gcs.fleet.relays import Gate, relay_of, through
 from gcs.fleet.restarts import MAX_IN_A_ROW, Restarts

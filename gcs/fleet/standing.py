@@ -5,7 +5,7 @@ import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from gcs.errors import BadInput, FlightLost, bad_endpoint
+from gcs.console.errors import BadInput, FlightLost, bad_endpoint
 from gcs.fleet.hub import Hub
 from gcs.fleet.hub_socket import HubSocket
 from gcs.fleet.observer import Observer

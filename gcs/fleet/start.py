@@ -9,7 +9,7 @@ import time
 from collections.abc import Awaitable, Callable
 from typing import TypeAlias
 
-from gcs.errors import CommandRefused, NoAnswer
+from gcs.console.errors import CommandRefused, NoAnswer
 from gcs.fleet.processes import FleetProcesses
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client

@@ -1,1 +1,1 @@
-"""Reports for people: tables and text on the terminal, Markdown and HTML."""
+"""What people read of results: tables for the terminal, and figures."""

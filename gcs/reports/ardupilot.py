@@ -4,11 +4,11 @@ from collections.abc import Iterator
 
 from rich.table import Table
 
+from gcs.console.terminal import numbers, table_of, texts
 from gcs.reports.flight import least_separation, lowest_altitude, transmissions_table
 from gcs.results.ardupilot import ArduPilotSummary
 from gcs.results.quantities import milliseconds, percent
 from gcs.scenario.model import Scenario
-from gcs.terminal import numbers, table_of, texts
 
 
 def ardupilot_tables(summary: ArduPilotSummary, scenario: Scenario) -> list[Table | str]:

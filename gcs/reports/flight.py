@@ -5,10 +5,10 @@ from collections.abc import Iterator
 from rich.table import Table
 from rich.text import Text
 
+from gcs.console.terminal import numbers, table_of, texts
 from gcs.results.figures import FlightSummary, UavSummary
 from gcs.results.quantities import IAE_UNITS, QUANTITIES, milliseconds, percent
 from gcs.scenario.model import Scenario
-from gcs.terminal import numbers, table_of, texts
 from mavlink_defs.capture.saving import saving
 
 

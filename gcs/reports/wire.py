@@ -5,8 +5,8 @@ from typing import TextIO
 
 from rich.table import Table
 
+from gcs.console.terminal import numbers, table_of, texts
 from gcs.results.quantities import milliseconds, percent
-from gcs.terminal import numbers, table_of, texts
 from mavlink_defs.capture.tap_report import LinkReport, StreamReport, TapReport
 from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.dialect import MAVLink_ftc_neighbour_message

@@ -12,7 +12,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, Self
 
-from gcs.errors import BadInput, GcsError, Interrupted
+from gcs.console.errors import BadInput, GcsError, Interrupted
 from gcs.results.run_folder import SCENARIO
 from gcs.scenario.code import code_digest, code_version
 from gcs.scenario.model import Scenario

@@ -7,8 +7,8 @@ import re
 from datetime import datetime
 from pathlib import Path
 
-from gcs.errors import BadInput
-from gcs.outputs import make_folder
+from gcs.console.errors import BadInput
+from gcs.console.outputs import make_folder
 from gcs.results.figures import FlightSummary
 from mavlink_defs.config.output_files import write_text
 from mavlink_defs.config.user_files import open_file

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.results.columns import COLUMNS, ESTIMATES, Column
 from gcs.results.recording import Ending, Events, Recording, Steps
 from gcs.results.run_folder import read_summary

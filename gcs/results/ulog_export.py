@@ -10,7 +10,7 @@ import numpy as np
 
 from ftc_autopilot.common.geography import Origin
 from ftc_autopilot.plugins.loading import without_code
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.results.figures import UavSummary
 from gcs.results.flight_mark import read_mark
 from gcs.results.run_folder import SCENARIO, read_summary

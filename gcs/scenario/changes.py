@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import Any, TypeAlias
 
 from ftc_autopilot.plugins.loading import label as short_name
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.scenario.model import Scenario, load_scenario, scenario_of, scenario_tree
 from gcs.scenario.plugins import is_unread
 from gcs.scenario.settings import label, plain

@@ -28,8 +28,8 @@ from ftc_autopilot.plugins.loading import (
     watching,
 )
 from ftc_autopilot.plugins.models import is_plugin
-from gcs.errors import BadInput
-from gcs.stopping import running_code
+from gcs.console.errors import BadInput
+from gcs.console.stopping import running_code
 from mavlink_defs.config.models import ConfigError, Model, Problem
 from mavlink_defs.config.written import WrittenDict, located
 from mavlink_defs.runtime.foreign import PluginError

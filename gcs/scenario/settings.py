@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 
 from ftc_autopilot.plugins.loading import resolved
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from mavlink_defs.config.models import repeated
 from mavlink_defs.config.yaml_text import parse_yaml
 

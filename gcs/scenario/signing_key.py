@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.scenario.model import Scenario
 from mavlink_defs.endpoint import EndpointError, UdpAddress, is_loopback
 from mavlink_defs.framing.signing import SigningError, read_key

@@ -20,7 +20,7 @@ from collections.abc import Callable, Collection, Iterable
 from types import TracebackType
 from typing import Self
 
-from gcs.errors import BadInput, NoAnswer, bad_endpoint
+from gcs.console.errors import BadInput, NoAnswer, bad_endpoint
 from gcs.station.fleet_state import FleetState
 from gcs.station.inquiries import Inquiries
 from gcs.station.machine_runner import MachineRunner

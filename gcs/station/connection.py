@@ -3,8 +3,8 @@
 import contextlib
 import os
 
-from gcs.errors import BadInput
-from gcs.terminal import print_line
+from gcs.console.errors import BadInput
+from gcs.console.terminal import print_line
 from mavlink_defs.constants import GCS_PORT, HUB_PORT
 from mavlink_defs.endpoint import (
     Connection,

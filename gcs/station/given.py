@@ -3,11 +3,9 @@
 What reads it is imported when it is needed: commands that have nothing to read need not wait.
 """
 
-import contextlib
-from collections.abc import Iterator
 from pathlib import Path
 
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput, python_errors
 from gcs.station.mission import Mission
 from mavlink_defs.faults.fault import Fault
 from mavlink_defs.profile import Segment
@@ -39,7 +37,7 @@ def mission_of(file: Path | str) -> Mission:
     """
     from gcs.scenario.itinerary import load_mission
 
-    with _bad_input():
+    with python_errors():
         return load_mission(file).items
 
 
@@ -51,16 +49,5 @@ def profile_of(file: Path | str) -> tuple[Segment, ...]:
     """
     from gcs.scenario.profile_file import load_profile
 
-    with _bad_input():
+    with python_errors():
         return load_profile(file)
-
-
-@contextlib.contextmanager
-def _bad_input() -> Iterator[None]:
-    from mavlink_defs.config.models import ConfigError
-    from mavlink_defs.runtime.foreign import PluginError
-
-    try:
-        yield
-    except (ConfigError, PluginError) as problem:
-        raise BadInput(str(problem)) from None

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gcs.errors import CommandRefused, NoAnswer
+from gcs.console.errors import CommandRefused, NoAnswer
 from mavlink_defs import dialect
 from mavlink_defs.config.problems import ConfigError, Problem, counted
 from mavlink_defs.config.user_files import read_text

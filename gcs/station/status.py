@@ -6,9 +6,9 @@ from typing import Any
 
 from rich.table import Table
 
+from gcs.console.terminal import numbers, table_of, texts
 from gcs.station.event_counts import EventCounts
 from gcs.station.vehicle_state import VehicleState
-from gcs.terminal import numbers, table_of, texts
 from mavlink_defs.constants import ACTUATORS, OLD_STATE_S
 
 _QUANTITIES = ("airspeed_m_s", "roll_deg", "pitch_deg", "yaw_deg")

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Self
 
-from gcs.errors import BadInput, CommandRefused, NoAnswer
+from gcs.console.errors import BadInput, CommandRefused, NoAnswer
 from gcs.station.given import fault_of, mission_of, profile_of
 from gcs.station.mission import Mission
 from gcs.station.notifications import INFO, WARNING, Notification, enum_name

@@ -4,7 +4,7 @@ import copy
 from collections.abc import Callable, Iterable
 from typing import Self, TypeVar
 
-from gcs.errors import CommandRefused, NoAnswer
+from gcs.console.errors import CommandRefused, NoAnswer
 from gcs.station.machine_runner import MachineRunner
 from gcs.station.notifications import ERROR, WARNING, Notification, enum_name
 from gcs.station.patience import USUAL, Patience

@@ -4,14 +4,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from gcs.api.errors import python_errors, warn
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput, python_errors
+from gcs.console.terminal import console_of
 from gcs.fleet.in_process import fly_in_process
 from gcs.fleet.ports import on_free_ports
-from gcs.flights.preparation import How, Prepared, prepare
-from gcs.flights.warm_up import warm_up
+from gcs.fleet.preparation import How, Prepared, prepare
+from gcs.fleet.remarks import warn
+from gcs.fleet.warm_up import warm_up
 from gcs.scenario.model import Scenario
-from gcs.terminal import console_of
 from gcs.testing.flying import TestFleet
 from gcs.testing.results import FlightResult
 from mavlink_defs.endpoint import UdpAddress

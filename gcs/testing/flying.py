@@ -14,7 +14,7 @@ from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import Any, TypeVar
 
-from gcs.errors import BadInput, FlightLost, NoAnswer
+from gcs.console.errors import BadInput, FlightLost, NoAnswer
 from gcs.fleet.collector import Collector
 from gcs.fleet.processes import FleetProcesses
 from gcs.fleet.start import prepare

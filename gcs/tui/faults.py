@@ -8,7 +8,7 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 
-from gcs.errors import CommandRefused, NoAnswer
+from gcs.console.errors import CommandRefused, NoAnswer
 from gcs.station.vehicle import Vehicle
 from gcs.tui.fault_form import ALL, MARKED, FaultForm
 from gcs.tui.fault_history import FaultRecord

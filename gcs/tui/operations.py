@@ -3,7 +3,7 @@
 import asyncio
 from collections.abc import Callable
 
-from gcs.errors import CommandRefused, GcsError
+from gcs.console.errors import CommandRefused, GcsError
 from gcs.station.notifications import ERROR, NOTICE, WARNING
 from gcs.tui.formatting import ids
 from gcs.tui.guard import one_line

@@ -11,7 +11,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 from textual.widgets import Input
 
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.station.param_file import difference_lines, differing, read_settable, set_values, text_of
 from gcs.station.param_metadata import (
     Defaults,

@@ -14,7 +14,7 @@ from flying import BIN, run
 from packaging.requirements import Requirement
 
 from ftc_autopilot.config import AutopilotConfig
-from gcs.cli import app
+from gcs.commands.cli import app
 from mavlink_defs.config.files import load
 from mavlink_defs.endpoint import parse_address, parse_connection
 from sitl_plant.config import PlantConfig

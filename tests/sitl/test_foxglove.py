@@ -93,7 +93,7 @@ def test_a_client_that_does_not_read_delays_nobody(tmp_path: Path) -> None:
 
 
 def test_the_layout_names_channels_that_there_are(tmp_path: Path) -> None:
-    from gcs.fleet.foxglove_layout import layout_of
+    from gcs.fleet.foxglove.layout import layout_of
 
     layout = layout_of([uav.id for uav in load_scenario("paper/scenario1").uavs])
     named = set(re.findall(r'"(/[a-z0-9/]+)', layout))

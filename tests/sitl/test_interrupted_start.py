@@ -72,12 +72,12 @@ def interrupted(*arguments):
     os.kill(os.getpid(), signal.SIGINT)
 
 entered.{function} = interrupted
-from gcs.cli import main
+from gcs.commands.cli import main
 main()
 """
 
 
-@pytest.mark.parametrize("function", ["typer.main.get_command", "gcs.cli.stop_as_ctrl_c"])
+@pytest.mark.parametrize("function", ["typer.main.get_command", "gcs.commands.cli.stop_as_ctrl_c"])
 def test_ctrl_c_before_the_command_is_known(function: str) -> None:
     """At an instant that the other test meets once in hundreds of times."""
     module, name = function.rsplit(".", 1)

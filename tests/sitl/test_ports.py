@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from flying import fly_well, free_links, scenario_tree, wait_until, write_scenario
 
-from gcs.errors import PortInUse
+from gcs.console.errors import PortInUse
 from gcs.fleet.ports import on_free_ports
 from gcs.fleet.processes import FleetProcesses
 from gcs.scenario.model import Scenario, scenario_of

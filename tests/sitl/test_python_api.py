@@ -124,7 +124,7 @@ def test_ctrl_c_in_a_coroutine(tmp_path: Path, how: str, times: int) -> None:
 
 WITHOUT_FILES = """
 import asyncio, resource
-from gcs.flights.event_loops import beside_any_loop
+from gcs.fleet.event_loops import beside_any_loop
 
 async def flown():
     resource.setrlimit(resource.RLIMIT_NOFILE, (3, resource.getrlimit(resource.RLIMIT_NOFILE)[1]))

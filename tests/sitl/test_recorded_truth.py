@@ -18,7 +18,7 @@ from flying import (
 )
 from numpy.lib.stride_tricks import sliding_window_view
 
-from gcs.flights.preparation import How, prepare
+from gcs.fleet.preparation import How, prepare
 from gcs.scenario.model import Scenario
 from gcs.testing.fixtures import launch
 from gcs.testing.flying import TestFleet

@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 from ftc_lab import reproduce
 from ftc_lab.baselines.combinations import combinations, rivals
 from ftc_lab.reproduce import FILES
-from gcs.cli import app
-from gcs.errors import FlightLost
+from gcs.commands.cli import app
+from gcs.console.errors import FlightLost
 from gcs.scenario.model import load_scenario
 
 pytestmark = pytest.mark.sitl

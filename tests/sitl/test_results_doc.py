@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from ftc_lab import reproduce
 from ftc_lab.figures import sweep
-from gcs.cli import app
+from gcs.commands.cli import app
 from gcs.fleet.in_process import fly_in_process
 from gcs.reports.flight import flight_tables
 

@@ -12,7 +12,7 @@ import pytest
 from flying import process_of, processes_of, wait_until
 from station import ALL, Up, status_when, up
 
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.results.store import EVENTS, TRAJECTORY, batches
 from mavlink_defs import dialect
 from mavlink_defs.capture.tlog import read_tlog

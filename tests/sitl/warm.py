@@ -139,9 +139,9 @@ def _main(
 ) -> None:
     """Be the command: in a process that has just been forked."""
     from gcs.__main__ import main
+    from gcs.console.progress import Work
     from gcs.fleet import local_workers
     from gcs.fleet.fork_server import _set_command_line
-    from gcs.progress import Work
 
     os.environ.clear()
     os.environ.update(env)

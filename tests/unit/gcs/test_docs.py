@@ -20,7 +20,7 @@ from ftc_autopilot.control.triggers import TRIGGERS
 from ftc_autopilot.guidance.path import MAX_LEGS
 from ftc_autopilot.guidance.targets import MAX_VISITS
 from gcs.command_list import OWN, registered
-from gcs.errors import BadInput, CommandRefused, FlightLost, Interrupted, NoAnswer
+from gcs.console.errors import BadInput, CommandRefused, FlightLost, Interrupted, NoAnswer
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.export import save_arrays_of
 from gcs.results.recording import Recording

@@ -25,8 +25,8 @@ from ftc_autopilot.vehicle.vehicle import _IMPOSSIBLE
 from ftc_lab.campaigns.faults import LOSS
 from ftc_lab.campaigns.model import Campaign
 from ftc_lab.campaigns.store import OUTCOMES
-from gcs.cli import _EXIT_DEFECT, whole_command
-from gcs.errors import GcsError
+from gcs.commands.cli import _EXIT_DEFECT, whole_command
+from gcs.console.errors import GcsError
 from gcs.scenario.model import load_scenario
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS, MODE_NAMES
@@ -35,6 +35,7 @@ from mavlink_defs.faults.actuators import ACTUATOR_FAULTS
 from mavlink_defs.framing.drop_reason import DropReason
 
 ROOT = Path(__file__).parents[3]
+TOOLS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 MARKED = re.compile(r"(?=<!-- list: (\S+) -->(.*?)<!-- end: \1 -->)", re.DOTALL)
 
@@ -92,6 +93,13 @@ def commands_with(option: str, group: Any, prefix: str = "") -> list[str]:
     return found
 
 
+def rooms(package: str) -> list[str]:
+    """The rooms of a package, from the lowest floor to the highest."""
+    contracts = TOOLS["importlinter"]["contracts"]
+    [layers] = [one["layers"] for one in contracts if one.get("containers") == [package]]
+    return [room for layer in reversed(layers) for room in layer.split(" | ")]
+
+
 def errors(error: type[GcsError] = GcsError) -> set[int]:
     return {error.exit_status}.union(*map(errors, error.__subclasses__()))
 
@@ -110,6 +118,7 @@ def lists() -> dict[str, Listed]:
         "fault-kinds": Listed([LOSS, *(kind.name for kind in ACTUATOR_FAULTS.kinds)]),
         "fault-options": Listed(own_options(fault["set"], command)),
         "sensor-fault-options": Listed(own_options(fault["sensor"].commands["set"], command)),
+        "gcs-rooms": Listed(rooms("gcs"), ordered=True),
         "guidance-laws": Listed(list(GUIDANCE_LAWS)),
         "law-numbers": Listed(
             [f"{i} {kind}" for i, kind in enumerate(KINDS)], r"\d+ \w+", ordered=True
@@ -126,11 +135,7 @@ def lists() -> dict[str, Listed]:
             numbered((name, number) for number, name in MODE_NAMES.items()), r"\w+ \(\d+\)"
         ),
         "outcomes": Listed(OUTCOMES, ordered=True),
-        "packages": Listed(
-            tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"][
-                "targets"
-            ]["wheel"]["packages"]
-        ),
+        "packages": Listed(TOOLS["hatch"]["build"]["targets"]["wheel"]["packages"]),
         "policies": Listed(get_args(Policy)),
         "sent-messages": Listed(
             sorted({*streamed_messages(), *private_messages()}),

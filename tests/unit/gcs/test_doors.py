@@ -19,9 +19,9 @@ from ftc_autopilot import autopilot, process
 from ftc_lab.campaigns.gate import Check
 from ftc_lab.reports.gate import gate_markdown, junit
 from ftc_lab.reports.markdown import html_of, save_markdown
-from gcs import cli
+from gcs.commands import cli
 from gcs.commands.wire import _named_port
-from gcs.errors import BadInput, CommandRefused
+from gcs.console.errors import BadInput, CommandRefused
 from gcs.scenario.model import scenario_of, scenario_tree
 from gcs.scenario.profile_file import load_profile
 from gcs.tui.playback import Playback
@@ -261,7 +261,7 @@ def test_names_of_links() -> None:
 IN_TESTS = """
 import pytest
 
-from gcs.errors import GcsError
+from gcs.console.errors import GcsError
 
 NASTY, PATH = {nasty}, {path}
 

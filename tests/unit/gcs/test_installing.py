@@ -12,8 +12,8 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from typer.testing import CliRunner
 
-from gcs.cli import app
-from gcs.errors import BadInput
+from gcs.commands.cli import app
+from gcs.console.errors import BadInput
 
 ROOT = Path(__file__).parents[3]
 EXTRAS = set(

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 from own_laws import PLAIN
 
-from gcs.api.errors import python_errors
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput, python_errors
 from gcs.fleet.in_process import fly_and_summarise
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from mavlink_defs.runtime.foreign import ForeignCode

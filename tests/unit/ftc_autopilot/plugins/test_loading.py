@@ -13,7 +13,7 @@ from own_laws import COMPILED, COMPILER, HEAD, LIBRARY, C, build, write_law, wri
 from ftc_autopilot.control.laws import law_of
 from ftc_autopilot.plugins import loading
 from ftc_autopilot.plugins.loading import plugin_of
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.scenario.model import Scenario, load_scenario, scenario_of, scenario_tree
 from gcs.scenario.plugins import prepare_plugins
 from mavlink_defs.config.models import ConfigError

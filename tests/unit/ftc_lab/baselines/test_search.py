@@ -26,7 +26,7 @@ from ftc_lab.baselines.senders import (
 )
 from ftc_lab.campaigns.model import load_campaign
 from ftc_lab.reports.baseline import baseline_report
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.figures import FlightSummary
 from gcs.results.summary import summarise

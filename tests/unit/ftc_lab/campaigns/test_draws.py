@@ -14,7 +14,7 @@ from scipy import stats
 from ftc_lab.campaigns.distributions import Distribution, quantiles, support, value_of
 from ftc_lab.campaigns.draws import MAX_FLIGHTS, dimensions, draw_table
 from ftc_lab.campaigns.model import Campaign
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 
 ADAPTER: TypeAdapter[Any] = TypeAdapter(Distribution)
 KINDS: dict[str, tuple[dict[str, Any], Any]] = {

@@ -15,7 +15,7 @@ from ftc_lab.campaigns.folder import default_folder, open_folder
 from ftc_lab.campaigns.model import Kept
 from ftc_lab.campaigns.plan import row_of, rows_of
 from ftc_lab.campaigns.store import OUTCOMES, append_results, read_results
-from gcs.errors import BadInput, GcsError
+from gcs.console.errors import BadInput, GcsError
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.figures import ControlFailure, FlightSummary
 from gcs.results.quantities import PAPER_ORDER

@@ -17,7 +17,7 @@ from ftc_lab.campaigns.plan import Plan
 from ftc_lab.campaigns.store import alone_in, append_results, read_draws, results_schema
 from ftc_lab.campaigns.until import stopping_condition, verdict_lines
 from ftc_lab.reports.campaign import write_report
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 
 
 def planned(draws: int, **changes: Any) -> Plan:

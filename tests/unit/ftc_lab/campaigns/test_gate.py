@@ -10,8 +10,8 @@ from typer.testing import CliRunner
 
 from ftc_lab.campaigns.gate import DEFAULT, Check, gate, parse_rules
 from ftc_lab.campaigns.samples import Sample, same_draws, samples_of
-from gcs.cli import app
-from gcs.errors import BadInput
+from gcs.commands.cli import app
+from gcs.console.errors import BadInput
 
 GOOD = ["completed"] * 40
 

@@ -9,7 +9,7 @@ from ftc_lab.campaigns.again import check_same, scenario_of_row
 from ftc_lab.campaigns.folder import default_folder
 from ftc_lab.campaigns.grid import SweepGrid, plan_grid
 from ftc_lab.campaigns.plan import row_of, rows_of
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.summary import summarise
 from gcs.scenario.model import load_scenario, scenario_of, scenario_tree

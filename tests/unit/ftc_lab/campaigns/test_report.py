@@ -14,7 +14,7 @@ from ftc_lab.campaigns.importance import Importance
 from ftc_lab.campaigns.until import is_decided, note_condition, stopping_condition
 from ftc_lab.figures.campaign import distributions, importance, sobol_indices, two_factors
 from ftc_lab.reports.campaign import write_report
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 
 pytestmark = pytest.mark.slow
 

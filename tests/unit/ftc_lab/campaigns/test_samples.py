@@ -10,7 +10,7 @@ from campaign_tables import campaign, draws_table, results_table, write_campaign
 from ftc_lab.campaigns import store
 from ftc_lab.campaigns.samples import Sample, read_samples, samples_of
 from ftc_lab.campaigns.store import Results, read_results
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 
 VARIANTS = ["b", "a"]
 OUTCOMES = ["completed", "completed", "attitude_lost", "completed", "failed", "completed"]

@@ -14,7 +14,7 @@ from ftc_lab.campaigns.conditions import EVENTS, Condition, happened, parse_cond
 from ftc_lab.campaigns.statistics import proportion
 from ftc_lab.campaigns.stopping import anytime_proportion, evidence, judge, leading
 from ftc_lab.campaigns.store import OUTCOMES
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 
 LOST = parse_condition("p(attitude_lost) < 0.05 at 95 %", "--until")
 BAD = "'p(EVENT) < NUMBER at NUMBER %'"

@@ -16,7 +16,7 @@ from ftc_lab.campaigns.store import (
     results_schema,
     write_draws,
 )
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 
 CAMPAIGN = Campaign.model_validate(
     {

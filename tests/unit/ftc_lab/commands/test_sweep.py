@@ -11,7 +11,7 @@ from ftc_lab.campaigns.grid import plan_grid
 from ftc_lab.campaigns.plan import rows_of
 from ftc_lab.campaigns.store import append_results
 from ftc_lab.commands.sweep import sweep
-from gcs.errors import GcsError
+from gcs.console.errors import GcsError
 from gcs.scenario.settings import parse_axes
 
 

@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 
 from ftc_autopilot.control.laws import KINDS
 from ftc_lab.design.answers import answers_of, laws_of, sentences_of
-from gcs.cli import app
-from gcs.errors import BadInput
+from gcs.commands.cli import app
+from gcs.console.errors import BadInput
 from gcs.scenario.aircraft_file import load_aircraft
 from gcs.scenario.bundled import aircraft_names
 from mavlink_defs.config.models import ConfigError

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from gcs.cli import app
-from gcs.errors import BadInput
+from gcs.commands.cli import app
+from gcs.console.errors import BadInput
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.config.yaml_text import parse_yaml, yaml_of
 from sitl_plant.airframe.config import Aircraft

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from gcs.cli import app
+from gcs.commands.cli import app
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.summary import summarise
 from gcs.scenario.bundled import AIRCRAFT, SCENARIOS

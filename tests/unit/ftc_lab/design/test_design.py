@@ -20,7 +20,7 @@ from ftc_lab.design.parameters import parameters_of
 from ftc_lab.design.rules import Conditions, Rules
 from ftc_lab.design.scenario import design_of, plain, sections_of, steps_deg, text_of, tree_of
 from ftc_lab.design.similarity import dimensions, similarity
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.summary import summarise
 from gcs.scenario.aircraft_file import load_aircraft

@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from ftc_lab.figures.polar import draw_polar, polar
-from gcs.cli import app
+from gcs.commands.cli import app
 from gcs.scenario.aircraft_file import load_aircraft
 from sitl_plant.airframe.level_flight import level_flight
 

@@ -19,7 +19,7 @@ from ftc_lab.identification.identified import (
 from ftc_lab.identification.readings import Readings, windows_of
 from ftc_lab.identification.recorded import body_of, readings_of
 from ftc_lab.identification.trim import trim
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.fleet.in_process import fly_in_process
 from gcs.scenario.aircraft_file import load_aircraft
 from gcs.scenario.model import load_scenario

@@ -10,7 +10,7 @@ from ftc_lab.campaigns.grid import plan_grid
 from ftc_lab.campaigns.points import Point, choose_uav
 from ftc_lab.figures.sweep import draw_sweep
 from ftc_lab.reports.sweep import terminal_table, write_csv, write_markdown
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.figures import FlightSummary
 from gcs.results.summary import summarise

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 import gcs
 from ftc_lab.campaigns.flights import figures_of
 from gcs import BadInput, Flight, FlightLost, fly, open_run
-from gcs.cli import app
+from gcs.commands.cli import app
 from gcs.commands.common import changed_scenario
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.columns import COLUMNS, LIGHT
@@ -159,7 +159,7 @@ def test_datasets_have_names_and_units(full: Flight) -> None:
 
 
 def test_what_is_missing_is_named(monkeypatch: pytest.MonkeyPatch, full: Flight) -> None:
-    monkeypatch.setattr("gcs.extras.find_spec", lambda _: None)
+    monkeypatch.setattr("gcs.console.extras.find_spec", lambda _: None)
     for ask, package in ((full.frame, "pandas"), (full.dataset, "xarray")):
         with pytest.raises(BadInput, match=f"needs {package}, not installed") as refused:
             ask()

@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from gcs import cli
-from gcs.cli import app, whole_command
 from gcs.command_list import OWN, command_of, registered
-from gcs.errors import BadInput
+from gcs.commands import cli
+from gcs.commands.cli import app, whole_command
+from gcs.console.errors import BadInput
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.framing.signing import make_key
 
@@ -148,7 +148,7 @@ def test_a_passphrase_is_not_asked_for_in_vain(tmp_path: Path) -> None:
 
 def help_of(*command: str) -> str:
     shown = subprocess.run(
-        [sys.executable, "-c", "from gcs.cli import main; main()", *command, "--help"],
+        [sys.executable, "-c", "from gcs.commands.cli import main; main()", *command, "--help"],
         capture_output=True,
         text=True,
         check=True,

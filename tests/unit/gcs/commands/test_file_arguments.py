@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from gcs.cli import app, whole_command
-from gcs.errors import BadInput
+from gcs.commands.cli import app, whole_command
+from gcs.console.errors import BadInput
 from mavlink_defs.config.problems import ConfigError
 
 NOWHERE = ("--connect", "udpout:127.0.0.1:1", "--timeout", "0.1")

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from gcs.cli import main, whole_command
+from gcs.commands.cli import main, whole_command
 
 PROJECT = tomllib.loads((Path(__file__).parents[4] / "pyproject.toml").read_text())["project"]
 

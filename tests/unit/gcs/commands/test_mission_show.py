@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from ftc_autopilot.common.geography import Origin, place_of
-from gcs.cli import app
+from gcs.commands.cli import app
 from gcs.results.path_following import paths_of
 from gcs.scenario.itinerary import dry_run, load_mission, outline
 from gcs.scenario.mission import MissionSection

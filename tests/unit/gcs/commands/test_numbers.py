@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from gcs.cli import main, whole_command
+from gcs.commands.cli import main, whole_command
 
 
 def commands(command: Any, *names: str) -> Iterator[tuple[tuple[str, ...], Any]]:

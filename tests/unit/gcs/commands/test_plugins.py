@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.triggers import TRIGGERS
 from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
-from gcs.cli import app, main
+from gcs.commands.cli import app, main
 
 DOCS = Path(__file__).parents[4] / "docs"
 OURS: list[tuple[str, str, Any]] = [

@@ -11,7 +11,7 @@ import pytest
 
 from gcs.commands import mission, param
 from gcs.commands.transfer import write_held
-from gcs.errors import BadInput, CommandRefused
+from gcs.console.errors import BadInput, CommandRefused
 from mavlink_defs import dialect
 from mavlink_defs.mission_files import mission_item
 

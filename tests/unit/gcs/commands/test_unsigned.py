@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from gcs.cli import main
 from gcs.commands import config as config_module
+from gcs.commands.cli import main
 
 
 @pytest.fixture

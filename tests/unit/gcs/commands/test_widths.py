@@ -12,7 +12,7 @@ from printed import BY_ITSELF, NO_TABLE, OF_A_FLEET, assert_same_numbers
 from typer.testing import CliRunner
 
 from gcs import tui
-from gcs.cli import app, whole_command
+from gcs.commands.cli import app, whole_command
 from gcs.tui.dialogs import key_name
 from mavlink_defs import dialect
 from mavlink_defs.config.yaml_text import yaml_of

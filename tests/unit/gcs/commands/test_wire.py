@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from capture_writer import pcap, pcapng, udp_packet
 
-from gcs.cli import main
+from gcs.commands.cli import main
 from gcs.commands.wireshark import lua_dissector
 from mavlink_defs import dialect
 from mavlink_defs.capture.tap import DEFAULT_PORTS

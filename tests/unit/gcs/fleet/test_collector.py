@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from ftc_autopilot.control.signals import SIGNALS, no_signals
 from ftc_autopilot.hot.link import RECORD
-from gcs.errors import FlightLost
+from gcs.console.errors import FlightLost
 from gcs.fleet.collector import Collector
 from gcs.results.recording import Steps
 from gcs.scenario.model import Scenario

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from slow_vehicle import SlowVehicle
 
-from gcs.errors import CommandRefused, NoAnswer
+from gcs.console.errors import CommandRefused, NoAnswer
 from gcs.fleet import start
 from gcs.fleet.start import Liveness
 from gcs.scenario.model import Scenario

@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 from pyarrow import csv, parquet
 
 from gcs.commands.export import export
-from gcs.errors import BadInput, FlightLost
+from gcs.console.errors import BadInput, FlightLost
 from gcs.fleet.in_process import fly_in_steps
 from gcs.results.choices import Format, Record
 from gcs.results.export import convert

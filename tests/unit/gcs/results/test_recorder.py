@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ftc_lab.theory import check_theory
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.fleet.in_process import fly_in_process, fly_in_steps
 from gcs.results.choices import Record
 from gcs.results.columns import LIGHT

@@ -15,7 +15,7 @@ import pytest
 from pyulog import ULog
 from pyulog.px4 import PX4ULog
 
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.fleet.in_process import fly_in_steps
 from gcs.results.choices import Format, Record
 from gcs.results.export import convert

@@ -13,7 +13,7 @@ from own_laws import PLAIN
 from typer.testing import CliRunner
 
 from gcs import fly, open_run
-from gcs.cli import app
+from gcs.commands.cli import app
 
 NOWHERE = ("--connect", "udpout:127.0.0.1:1", "--timeout", "0.1")
 TREE = """\

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.scenario.settings import Axis, cells, label, parse_axes
 from mavlink_defs.config.models import repeated
 from mavlink_defs.config.written import WrittenDict, WrittenList

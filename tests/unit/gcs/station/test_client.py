@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from gcs.errors import BadInput, CommandRefused, NoAnswer
+from gcs.console.errors import BadInput, CommandRefused, NoAnswer
 from gcs.station.client import Client
 from gcs.station.notifications import Notification
 from gcs.station.telemetry import REQUESTED_S

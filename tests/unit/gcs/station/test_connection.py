@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.station import connection
 from gcs.station.connection import choose_connection, own_identity
 from mavlink_defs.constants import GCS_PORT, HUB_PORT

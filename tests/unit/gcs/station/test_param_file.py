@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs.errors import CommandRefused
+from gcs.console.errors import CommandRefused
 from gcs.station.param_file import (
     READ_ONLY,
     difference_lines,

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from slow_vehicle import STEP_S, Operation, SlowVehicle
 
-from gcs.errors import NoAnswer
+from gcs.console.errors import NoAnswer
 from gcs.station.patience import ENDLESS, HASTY, USUAL, Patience
 from gcs.station.vehicle import Vehicle
 from mavlink_defs.profile import Segment

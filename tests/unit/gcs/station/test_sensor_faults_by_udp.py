@@ -14,9 +14,9 @@ import pytest
 from typer.testing import CliRunner
 
 from gcs.api.station import connect
-from gcs.cli import app
-from gcs.errors import BadInput, CommandRefused
-from gcs.fleet.ardupilot_faults import FaultStation
+from gcs.commands.cli import app
+from gcs.console.errors import BadInput, CommandRefused
+from gcs.fleet.ardupilot.faults import FaultStation
 from gcs.scenario.model import load_scenario
 from sitl_plant.loop.fleet import new_plant_state
 

@@ -8,7 +8,7 @@ import pytest
 from slow_vehicle import SlowVehicle
 
 from gcs import Uav
-from gcs.errors import BadInput, NoAnswer
+from gcs.console.errors import BadInput, NoAnswer
 from gcs.station.patience import HASTY, USUAL, Patience
 from gcs.station.vehicle import Vehicle
 from gcs.testing.uav import FlyingUav

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gcs.commands.log import log
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.tui.playback import Playback
 from gcs.tui.view import FleetView
 from mavlink_defs import dialect

@@ -16,7 +16,7 @@ from tui_bench import Station, at_screen, live, sent
 from waiting import answer, until, until_focused
 
 from ftc_autopilot.common.geography import Origin, place_of
-from gcs.errors import CommandRefused
+from gcs.console.errors import CommandRefused
 from gcs.station.mission import Mission, is_same
 from gcs.station.navigation import KnownHome, home_of
 from gcs.tui.app import Dashboard

@@ -8,7 +8,7 @@ from textual.widgets import Input
 from tui_bench import Station, at_screen, live
 from waiting import answer, until, until_focused
 
-from gcs.errors import CommandRefused
+from gcs.console.errors import CommandRefused
 from gcs.station.param_file import read_param_file
 from gcs.tui.app import Dashboard
 from gcs.tui.dialogs import Question

@@ -9,7 +9,7 @@ from plain_faults import actuator_fault, sensor_fault
 from tui_bench import OWN, Station, live, playback
 
 from gcs.commands.log import log
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.scenario.model import Scenario
 from gcs.scenario.profile_file import load_profile
 from gcs.station.notifications import INFO, Notification

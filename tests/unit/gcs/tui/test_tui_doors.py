@@ -12,7 +12,7 @@ from textual.widgets import Input
 from tui_bench import Station, at_screen, live
 from waiting import until, until_focused
 
-from gcs.errors import CommandRefused
+from gcs.console.errors import CommandRefused
 from gcs.tui.app import Dashboard
 from gcs.tui.dialogs import Question
 from gcs.tui.guard import Failed

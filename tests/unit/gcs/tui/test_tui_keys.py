@@ -8,7 +8,7 @@ from textual.widgets import Input, Select
 from tui_bench import Station, at_screen, live, playback
 from waiting import answer, until, until_focused
 
-from gcs.errors import CommandRefused, NoAnswer
+from gcs.console.errors import CommandRefused, NoAnswer
 from gcs.tui.app import Dashboard
 from gcs.tui.grid import Grid, GridColumn, Row
 from gcs.tui.view import LiveSource

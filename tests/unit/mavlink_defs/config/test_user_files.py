@@ -9,7 +9,7 @@ import pytest
 
 from ftc_lab.campaigns.mark import mark_of
 from ftc_lab.campaigns.until import noted_conditions
-from gcs.errors import BadInput
+from gcs.console.errors import BadInput
 from gcs.results.run_folder import read_summary
 from gcs.results.store import batches
 from gcs.scenario.model import load_scenario

@@ -138,7 +138,7 @@ def in_flight(part, _resolve=apart._Part._resolve_in_flight):
 apart._Part._resolve_in_flight = in_flight
 from gcs.fleet.in_process import fly_in_process
 from gcs.fleet.precompile import PARTS
-from gcs.flights.warm_up import parts_of
+from gcs.fleet.warm_up import parts_of
 from gcs.scenario.changes import with_changes
 scenario = with_changes({}).model_copy(update={{"duration_s": 0.1}})
 parts = parts_of(scenario, in_process=True)

@@ -1,0 +1,317 @@
+"""The command line: ``gcs``."""
+
+import contextlib
+import errno
+import gc
+import math
+import os
+import resource
+import sys
+from functools import partial
+from typing import Annotated, Any, NoReturn
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+from gcs.command_list import OWN, GcsCommand, command_of, load, registered
+from gcs.commands.options import ConnectOption, ThemeOption
+from gcs.console.errors import BadInput, GcsError, Interrupted
+from gcs.console.extras import missing
+from gcs.console.outputs import remove_empty
+from gcs.console.stopping import ending_at_once, stop_as_ctrl_c
+from gcs.console.terminal import print_line
+from mavlink_defs.config.problems import ConfigError
+from mavlink_defs.runtime.foreign import PluginError
+
+_EXIT_CTRL_C = 130  # of typer
+_EXIT_DEFECT = 70
+_NOT_WRITABLE = {
+    errno.ENOSPC,
+    errno.EDQUOT,
+    errno.EFBIG,
+    errno.EROFS,
+    errno.EACCES,
+    errno.EPERM,
+    errno.EIO,
+}
+_MISPLACED = {errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR}
+_SPACE = "free some space, or choose a writable folder; files written so far stay"
+
+_EPILOG = """
+Examples:
+
+- gcs                                  (dashboard of the fleet of `gcs up`)
+- gcs --connect udpin:0.0.0.0:14550    (as the only ground station)
+- gcs log flight.tlog                  (dashboard with a log)
+"""
+
+
+class _Commands(TyperGroup):
+    """The commands, each imported when it is run; until then only its line of help is there.
+
+    What only talks to vehicles therefore neither imports nor waits for what flies them. Other
+    packages are asked for theirs when a command is not one of ours, and for the help.
+    """
+
+    def __init__(self, **attributes: Any) -> None:
+        lines = {name: _line(name, command) for name, command in OWN.items()}
+        super().__init__(**{**attributes, "commands": lines})
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        if args and args[0] not in OWN:
+            self.list_commands(ctx)  # for the suggestions as well
+        if args and args[0] in self.commands:
+            self.load(args[0])
+        return super().resolve_command(ctx, args)
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names of all commands, by panel."""
+        for name, point in registered().items():
+            try:
+                self.commands[name] = _line(name, command_of(point))
+            except BadInput as problem:
+                self.commands[name] = _line(name, GcsCommand("", f"{problem}."))
+        panels = list(dict.fromkeys(command.panel for command in OWN.values()))
+        order = {name: k for k, name in enumerate(panels)}
+        shown: Any = self.commands
+        return sorted(shown, key=lambda name: order.get(shown[name].rich_help_panel, len(panels)))
+
+    def load(self, name: str) -> None:
+        """Import a command."""
+        command = OWN[name] if name in OWN else command_of(registered()[name])
+        with ending_at_once():
+            home: Any = load(name, command)
+        gc.freeze()  # what is imported stays: to search it for garbage takes a tenth of a second
+        holder = typer.Typer(rich_markup_mode="markdown")
+        if hasattr(home, name) and not hasattr(home, "app"):
+            epilog = getattr(home, f"{name.upper()}_EPILOG", None) or home.EPILOG
+            holder.command(name, epilog=epilog)(getattr(home, name))
+        else:
+            holder.add_typer(home.app, name=name)
+        self.commands[name] = _without_types(typer.main.get_group(holder).commands[name])
+
+
+def _line(name: str, command: GcsCommand) -> Any:
+    """Return what stands for a command in the help of `gcs`."""
+    lacks = command.extra and missing(command.packages)
+    needs = f" Needs the extra `{command.extra}`." if lacks else ""
+    return TyperCommand(name, short_help=command.line + needs, rich_help_panel=command.panel)
+
+
+app = typer.Typer(
+    cls=_Commands,
+    invoke_without_command=True,
+    add_completion=True,
+    rich_markup_mode="markdown",
+    pretty_exceptions_enable=False,
+)
+
+
+def _show_versions(asked: bool) -> None:
+    if asked:
+        import platform
+        from importlib.metadata import version
+
+        print_line(f"ftc-sitl {version('ftc-sitl')}\nPython {platform.python_version()}")
+        for package in ("pymavlink", "numba"):
+            print_line(f"{package} {version(package)}")
+        raise typer.Exit
+
+
+@app.callback(epilog=_EPILOG)
+def gcs(
+    context: typer.Context,
+    connect: ConnectOption = None,
+    theme: ThemeOption = "dark",
+    _version: Annotated[
+        bool,
+        typer.Option(
+            "--version",
+            callback=_show_versions,
+            is_eager=True,
+            help="Print the versions of ftc-sitl and what it stands on.",
+        ),
+    ] = False,
+) -> None:
+    """Ground station of ftc-sitl: fly a UAV formation over real MAVLink.
+
+    Without a command: the operator's dashboard.
+    """
+    if context.invoked_subcommand is not None:
+        _refuse_options(context)
+        return
+    with ending_at_once():
+        from gcs.commands import dashboard
+    if dashboard.has_terminal():
+        dashboard.dashboard(connect, theme)
+    else:
+        context.get_help()  # prints it
+
+
+def _refuse_options(context: typer.Context) -> None:
+    """Refuse options of the dashboard that precede a command: they would be ignored.
+
+    Raises:
+        BadInput: There are some.
+    """
+    for name in ("connect", "theme"):
+        source = context.get_parameter_source(name)
+        if source is not None and source.name == "COMMANDLINE":
+            command = context.invoked_subcommand
+            raise BadInput(
+                f"--{name} before `{command}` is for the dashboard",
+                f"put options after the command: gcs {command} --{name} ...",
+            )
+
+
+def _without_types(command: Any) -> Any:
+    """Return a command with our help, which has no types: flags take no value, others say what.
+
+    Options and arguments have names of values, such as FILE or DEG, or show their choices.
+    """
+    commands: list[Any] = [command]
+    while commands:
+        one = commands.pop()
+        commands += getattr(one, "commands", {}).values()
+        one.format_help = _format_help.__get__(one)
+        for parameter in one.get_params(typer.Context(one)):
+            if "float" in str(parameter.type_descriptor.annotation):
+                parameter.process_value = partial(_finite_only, parameter)
+            if getattr(parameter, "is_flag", False):
+                parameter.metavar = ""
+            elif parameter.param_type_name == "argument":
+                parameter.display_type_rich = _nothing
+            elif parameter.type_descriptor.is_choice:
+                parameter.metavar = parameter.metavar or "|".join(parameter.type_descriptor.choices)
+    return command
+
+
+def _finite_only(parameter: Any, ctx: typer.Context, value: Any) -> Any:
+    """Convert the value of a number as typer does, which takes NaN and infinity for numbers.
+
+    Raises:
+        BadInput: It is one of these.
+    """
+    for text in value if isinstance(value, list | tuple) else (value,):
+        with contextlib.suppress(TypeError, ValueError):
+            if not math.isfinite(float(text)):
+                least, most = parameter.min, parameter.max
+                bounds = [f"at least {least:g}"] if least is not None else []
+                bounds += [f"at most {most:g}"] if most is not None else []
+                expected = " of ".join(["a finite number", *filter(None, [" and ".join(bounds)])])
+                raise BadInput(f"{parameter.opts[0]}: expected {expected}, got {text!r}")
+    return type(parameter).process_value(parameter, ctx, value)
+
+
+def _format_help(command: Any, ctx: typer.Context, _formatter: Any) -> None:
+    from gcs.commands.help_text import print_help
+
+    print_help(command, ctx)
+
+
+def _nothing(*, ctx: typer.Context) -> None:
+    pass
+
+
+def whole_command() -> Any:
+    """Return the command line with all commands imported, as its reference needs it."""
+    command = typer.main.get_group(app)
+    assert isinstance(command, _Commands)
+    for name in (*OWN, *registered()):
+        command.load(name)
+    return _without_types(command)
+
+
+def main() -> None:
+    """Run the command line; turn exceptions into one plain message and an exit status."""
+    try:
+        stop_as_ctrl_c()
+        try:
+            status = _without_types(typer.main.get_command(app))(standalone_mode=False)
+        finally:
+            sys.stdout.flush()  # here and not at exit, where an error could not be reported
+    except ConfigError as problem:
+        _end(BadInput.exit_status, str(problem))
+    except PluginError as problem:
+        _end(BadInput.exit_status, f"error: {problem}")
+    except Interrupted as problem:
+        _end(problem.exit_status, str(problem), problem.hint)
+    except GcsError as problem:
+        _end(problem.exit_status, f"error: {problem}", problem.hint)
+    except typer.TyperException as problem:
+        _end_usage(problem)
+    except typer.Abort:
+        _end(GcsError.exit_status, "error: aborted")
+    except KeyboardInterrupt:  # before typer, which turns it into a status, has it
+        _end(Interrupted.exit_status, "interrupted")
+    except BrokenPipeError:  # the reader of our output has ended: nothing to report
+        _close_output()
+    except Exception as problem:
+        if os.environ.get("FTC_SITL_DEBUG"):
+            raise
+        if isinstance(problem, OSError) and problem.errno in {errno.EMFILE, errno.ENFILE}:
+            limit = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+            text = f"error: too many files and sockets are open; the limit is {limit}"
+            _end(GcsError.exit_status, text, "raise it, as in `ulimit -n 1024`")
+        if isinstance(problem, OSError) and problem.errno in _MISPLACED and problem.filename:
+            _end(BadInput.exit_status, f"error: {problem.filename}: {problem.strerror}")
+        if isinstance(problem, OSError) and problem.errno in _NOT_WRITABLE:
+            if problem.filename is None:
+                _close_output()
+            what = problem.filename or "the standard output"
+            _end(GcsError.exit_status, f"error: cannot write {what}: {problem.strerror}", _SPACE)
+        _end(
+            _EXIT_DEFECT,
+            f"error: this is a defect of ftc-sitl: {type(problem).__name__}: {problem}",
+            "run again with FTC_SITL_DEBUG=1 for a traceback, and report it",
+        )
+    if status == _EXIT_CTRL_C:  # before the command could handle it
+        _end(Interrupted.exit_status, "interrupted")
+    if status:
+        remove_empty()
+    sys.exit(status)
+
+
+_EXPECTED = {  # pydantic's type of an error: what an option or argument expects
+    "float_parsing": "a number",
+    "int_parsing": "a whole number",
+    "int_from_float": "a whole number",
+    "greater_than_equal": "at least {ge}",
+    "less_than_equal": "at most {le}",
+}
+
+
+def _end_usage(problem: Any) -> NoReturn:
+    """End with a mistake of the command line; without arguments, a group has printed its help."""
+    if not (text := _wrong_value(problem) or problem.format_message()):
+        sys.exit(problem.exit_code)
+    context = getattr(problem, "ctx", None)
+    hint = "" if context is None else f"see `{context.command_path} --help`"
+    _end(problem.exit_code, f"error: {text}", hint)
+
+
+def _wrong_value(problem: Any) -> str:
+    """Return which option has which value, and what it expects; "" if that is not the mistake."""
+    if not hasattr(problem.__cause__, "errors"):
+        return ""
+    error = problem.__cause__.errors()[0]  # of pydantic
+    name = problem.param.get_error_hint().replace("'", "")
+    if error["type"] == "value_error":
+        return f"{name}: {error['ctx']['error']}"
+    if (expected := _EXPECTED.get(error["type"])) is None:
+        return ""
+    return f"{name}: expected {expected.format(**error.get('ctx', {}))}, got {error['input']!r}"
+
+
+def _end(status: int, text: str, hint: str = "") -> NoReturn:
+    remove_empty()
+    with contextlib.suppress(OSError):  # the terminal may be gone
+        print_line(text, stderr=True)
+        if hint:
+            print_line(f"hint: {hint}", stderr=True)
+    sys.exit(status)
+
+
+def _close_output() -> None:
+    """Discard buffered output: at exit it would fail again."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

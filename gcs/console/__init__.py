@@ -1,0 +1,1 @@
+"""How a program talks to its user: errors and exit statuses, texts, progress, files, signals."""

@@ -1,0 +1,1 @@
+"""Flights by ArduPilot SITLs in place of our autopilots."""

@@ -1,0 +1,1 @@
+"""What Foxglove shows of a fleet: channels, a scene and a layout."""

@@ -1,0 +1,76 @@
+"""What the user should know of a flight before it begins; each face tells it in its own way."""
+
+import contextlib
+import warnings
+from collections.abc import Iterable, Iterator
+
+from ftc_autopilot.plugins.loading import calling
+from gcs.scenario.model import Scenario
+from gcs.scenario.sections import Links
+from mavlink_defs.endpoint import EndpointError, UdpAddress, exposed, is_loopback
+from sitl_plant.sensing.observability import observability_warnings
+
+WARNING = "warning: "
+"""What people read before a warning."""
+
+
+class WarningRemark(str):
+    """A remark that warns: programs in Python get it as a warning as well."""
+
+    __slots__ = ()
+
+
+class ExposureRemark(WarningRemark):
+    """The warning that other machines can reach a flight: printed with ``--quiet`` as well."""
+
+    __slots__ = ()
+
+
+def remarks_of(scenario: Scenario) -> list[str]:
+    """Return the remarks on a scenario, however it is flown."""
+    return [*_one_path(scenario), *_sensors(scenario), *_heading(scenario)]
+
+
+def exposures(links: Links, *, with_key: bool) -> Iterator[str]:
+    """Yield the warning that other machines can reach the ports of a flight, if they can."""
+    with contextlib.suppress(EndpointError):  # binding them will report the error
+        if not is_loopback(UdpAddress(links.host, links.gcs_port)):
+            yield ExposureRemark(exposed(links.host, with_key))
+
+
+def warn(remarks: Iterable[str]) -> None:
+    """Warn the caller of our caller of those remarks on a flight that are warnings."""
+    for text in remarks:
+        if isinstance(text, WarningRemark):
+            warnings.warn(text.removeprefix(WARNING), stacklevel=3)
+
+
+def _one_path(scenario: Scenario) -> Iterator[str]:
+    if scenario.mission is None or scenario.formation is not None or len(scenario.uavs) < 2:
+        return
+    uavs = ", ".join(str(uav.id) for uav in scenario.uavs)
+    yield WarningRemark(
+        f"{WARNING}UAVs {uavs} fly one path, and nothing keeps them apart: "
+        "give each a slot in the section formation, as missions/hexagon does"
+    )
+
+
+def _sensors(scenario: Scenario) -> Iterator[str]:
+    """Yield what the sensors that an autopilot navigates by do not observe at all times."""
+    if scenario.navigation == "true_state":
+        return
+    for loc, text in observability_warnings(scenario.sensors.navigation):
+        key = ".".join(["sensors", "navigation", *map(str, loc)])
+        yield WarningRemark(f"{WARNING}{key} is false: {text}")
+
+
+def _heading(scenario: Scenario) -> Iterator[str]:
+    """Yield of which UAVs the heading is held by bank, and why."""
+    uavs: dict[str, list[int]] = {}
+    for uav in scenario.uavs:
+        with calling(type(scenario.controller), "holds_heading_by_bank"):
+            reason = scenario.controller.holds_heading_by_bank(scenario.aircraft_of(uav.id))
+        if reason is not None:
+            uavs.setdefault(reason, []).append(uav.id)
+    for reason, ids in uavs.items():
+        yield f"UAV {', '.join(map(str, ids))}: heading is held by bank ({reason})"
