@@ -112,11 +112,8 @@ def proposed_law(
     """
     motion = now.motion
     if now.first:
-        state["Phi_v"], state["g_v"], state["beta_v"] = (
-            gains["phi_v0"],
-            gains["g_v0"],
-            gains["beta_v0"],
-        )
+        state["Phi_v"], state["g_v"] = gains["phi_v0"], gains["g_v0"]
+        state["beta_v"] = gains["beta_v0"]
         state["Phi_omega"], state["beta_omega"] = gains["phi_omega0"], gains["beta_omega0"]
     delta_filtered = state["delta_filtered"]
     for i in range(3):  # δ_0 was held over the period that ends here
@@ -125,12 +122,9 @@ def proposed_law(
 
     speed = speed_law(now, basis, aircraft, gains, state)
 
-    omega_d, limit = (
-        virtual_control(now, scheduled(gains["K1"], now.t)),
-        gains["omega_d_limit_rad_s"],
-    )
-    if limit > 0.0:
-        omega_d = clamp_each(omega_d, limit)
+    omega_d = virtual_control(now, scheduled(gains["K1"], now.t))
+    if gains["omega_d_limit_rad_s"] > 0.0:
+        omega_d = clamp_each(omega_d, gains["omega_d_limit_rad_s"])
     omega_d_dot = filtered_derivative(
         now, omega_d, gains["tau_omega_d_s"], state["omega_d_filtered"]
     )
