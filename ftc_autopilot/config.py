@@ -55,10 +55,7 @@ class AutopilotConfig(ControllerConfig):
         default=EstimatorParameters(), description="Parameters of its estimator."
     )
     neighbour_timeout_s: float = quantity(
-        "s",
-        gt=0.0,
-        default=NEIGHBOUR_TIMEOUT_S,
-        doc="Silence after which a neighbour's edge is dropped.",
+        "s", "Silence after which a neighbour's edge is dropped.", NEIGHBOUR_TIMEOUT_S, gt=0.0
     )
     formation_bind: HostPort = Field(description="Where the formation link is received.")
     plant: HostPort = Field(description="Where the plant receives the simulator link.")
@@ -70,7 +67,7 @@ class AutopilotConfig(ControllerConfig):
     )
     signing_key: str | None = Field(default=None, description="Key file; none: unsigned.")
     silence_timeout_s: float = quantity(
-        "s", gt=0.0, default=5.0, doc="Silence after which the plant counts as gone."
+        "s", "Silence after which the plant counts as gone.", 5.0, gt=0.0
     )
 
     @property

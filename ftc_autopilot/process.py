@@ -7,6 +7,7 @@ a signal stopped it, 1 the plant fell silent, 2 bad input, 3 a plug-in failed.
 
 import socket
 import sys
+from argparse import Namespace
 from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import partial
@@ -74,8 +75,8 @@ class Together:
                 return
 
 
-def main(arguments: list[str] | None = None) -> None:
-    """Run the autopilot process and exit."""
+def _options(arguments: list[str] | None) -> Namespace:
+    """Return the options of a command line, with a folder or None in `record` for each CONFIG."""
     parser = ArgumentParser(
         prog="ftc-autopilot",
         description="Fly one UAV: controller, event trigger, MAVLink services. In lockstep a "
@@ -110,15 +111,21 @@ def main(arguments: list[str] | None = None) -> None:
         "--crash-at", type=int, metavar="STEP", help="for tests: end after this step, as by SIGKILL"
     )
     options = parser.parse_args(arguments)
-    configs: list[Path] = options.configs
-    if len(configs) > 1 and options.checkpoint is not None:
+    number = len(options.configs)
+    if number > 1 and options.checkpoint is not None:
         parser.error("--checkpoint is for one UAV: start a process for each CONFIG")
-    records: list[Path | None] = options.record or [None] * len(configs)
-    if len(records) != len(configs):
-        parser.error(f"{len(records)} --record for {len(configs)} CONFIGs: give one for each")
+    options.record = options.record or [None] * number
+    if len(options.record) != number:
+        parser.error(f"{len(options.record)} --record for {number} CONFIGs: give one for each")
+    return options
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the autopilot process and exit."""
+    options = _options(arguments)
     with ExitStack() as sockets:
         try:
-            autopilots, state = _boot(configs, records, options.checkpoint, sockets)
+            autopilots, state = _boot(options.configs, options.record, options.checkpoint, sockets)
         except (ConfigError, EndpointError, PluginError, SigningError) as problem:
             log_line(problem)
             sys.exit(2)

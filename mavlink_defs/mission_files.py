@@ -2,8 +2,9 @@
 
 A plan is JSON (https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html), a
 list a table of text that begins with ``QGC WPL 110``; their first bytes tell them apart, whatever
-their names. Both become the items of the mission protocol, home included as item 0. Jumps name an
-item by its `doJumpId`, or by the number in its line; the items are numbered again.
+their names. What is read are the entries of a scenario's mission, of which the items of the mission
+protocol are made, home included as item 0. Jumps name an item by its `doJumpId`, or by the number
+in its line; the items are numbered again.
 """
 
 import codecs
@@ -59,7 +60,7 @@ _MISSION_KEYS = {
 def mission_item(
     seq: int,
     command: int,
-    params: Sequence[float] = (),
+    params: Sequence[float | None] = (),
     latitude: int = 0,
     longitude: int = 0,
     altitude_m: float = 0.0,
@@ -70,13 +71,14 @@ def mission_item(
     Args:
         seq: Its number.
         command: MAV_CMD.
-        params: Parameters 1 to 4; those that lack are 0.
+        params: Parameters 1 to 4; None is NaN, those that lack are 0.
         latitude: [degE7], or what else the command has as x.
         longitude: The same, y.
         altitude_m: z.
         frame: MAV_FRAME.
     """
-    p1, p2, p3, p4 = (*params, *[0.0] * 4)[:4]
+    given = (math.nan if value is None else value for value in params)
+    p1, p2, p3, p4 = (*given, *[0.0] * 4)[:4]
     return MissionItem(
         0, 0, seq, frame, command, 0, 1, p1, p2, p3, p4, latitude, longitude, altitude_m, 0
     )
@@ -85,10 +87,20 @@ def mission_item(
 class MissionFile(NamedTuple):
     """What a mission file holds."""
 
-    items: tuple[MissionItem, ...]
-    """Item 0 is home."""
+    entries: tuple[dict[str, Any], ...]
+    """As of the key `item` of a scenario's missions; entry 0 is home."""
     not_flown: tuple[str, ...] = ()
     """What else is in the file, and no vehicle takes, part by part."""
+
+    @property
+    def items(self) -> tuple[MissionItem, ...]:
+        """The items of the mission protocol, home included."""
+        return tuple(
+            mission_item(
+                seq, one["command"], one["params"], *(one[k] for k in ("x", "y", "z", "frame"))
+            )
+            for seq, one in enumerate(self.entries)
+        )
 
 
 def is_mission_file(path: Path) -> bool:
@@ -189,7 +201,7 @@ def _of_plan(text: str) -> MissionFile:
         raise _NotOneError("mission.items: expected a list")
     where = "mission.plannedHomePosition"
     numbers = _numbers(home if isinstance(home, list) else [], where, 3)
-    items = [_item(0, dialect.MAV_CMD_NAV_WAYPOINT, 0, [0.0] * 4 + numbers, where)]
+    entries = [_entry(dialect.MAV_CMD_NAV_WAYPOINT, 0, [0.0] * 4 + numbers, where)]
     ids: list[int] = []
     for i, entry in enumerate(listed):
         where = f"mission.items[{i}]"
@@ -200,13 +212,13 @@ def _of_plan(text: str) -> MissionFile:
         params = entry.get("params")
         numbers = _numbers(params if isinstance(params, list) else [], f"{where}.params", 7)
         command, frame = (_whole(entry, key, where) for key in ("command", "frame"))
-        items.append(_item(len(items), command, frame, numbers, where))
+        entries.append(_entry(command, frame, numbers, where))
         ids.append(_whole({"doJumpId": len(ids) + 1} | entry, "doJumpId", where))
-    _find_targets(items[1:], ids, "doJumpId", "mission.items[{}]")
+    _find_targets(entries[1:], ids, 1, "doJumpId", "mission.items[{}]")
     parts = list(_not_flown(plan, mission))
     if (more := len(parts) - MAX_NOT_FLOWN + 1) > 1:
         parts[-more:] = [f"{more} more keys"]
-    return MissionFile(tuple(items), tuple(parts))
+    return MissionFile(tuple(entries), tuple(parts))
 
 
 def _not_flown(plan: dict[str, Any], mission: dict[str, Any]) -> Iterator[str]:
@@ -240,48 +252,58 @@ def _length(tree: Any, key: str) -> int:
     return len(listed) if isinstance(listed, list) else 0
 
 
-def _of_waypoints(text: str) -> tuple[MissionItem, ...]:
+def _of_waypoints(text: str) -> tuple[dict[str, Any], ...]:
     rows = [line for line in map(str.strip, text.splitlines()) if line and line[0] != "#"]
     if not rows or rows[0].split() != _WAYPOINTS_HEAD.split():
         raise _NotOneError(f"expected a plan (JSON), or {_WAYPOINTS_HEAD!r} in the first line")
-    items, ids = [], []
+    entries, ids = [], []
     for seq, row in enumerate(rows[1:]):
         where, fields = f"item {seq}", row.split()
         if len(fields) != _COLUMNS:
             raise _NotOneError(f"{where}: expected {_COLUMNS} columns, got {len(fields)}")
         number, frame, command = (_number_in(int, fields[i], where) for i in (0, 2, 3))
         numbers = _numbers([_number_in(float, field, where) for field in fields[4:11]], where, 7)
-        items.append(_item(seq, command, frame, numbers, where))
+        entries.append(_entry(command, frame, numbers, where))
         ids.append(number)
-    if not items:
+    if not entries:
         raise _NotOneError("expected home as item 0, got no item")
-    _find_targets(items, ids, "the number", "item {}")
-    return tuple(items)
+    _find_targets(entries, ids, 0, "the number", "item {}")
+    return tuple(entries)
 
 
-def _find_targets(items: Sequence[MissionItem], ids: Sequence[int], key: str, where: str) -> None:
-    """Let jumps go to the number that an item has, in place of what the file calls it."""
-    for i, item in enumerate(items):
-        if item.command != dialect.MAV_CMD_DO_JUMP:
+def _find_targets(
+    entries: Sequence[dict[str, Any]], ids: Sequence[int], first: int, key: str, where: str
+) -> None:
+    """Let jumps go to the number that an item has, in place of what the file calls it.
+
+    Then all parameters become decimals, as float32 fields hold them.
+    """
+    for i, entry in enumerate(entries):
+        if entry["command"] != dialect.MAV_CMD_DO_JUMP:
             continue
-        found = [other.seq for other, name in zip(items, ids, strict=True) if name == item.param1]
+        target = math.nan if entry["params"][0] is None else entry["params"][0]
+        found = [k for k, name in enumerate(ids, first) if name == target]
         if len(found) != 1:
             got = counted(len(found), "item") if found else "no item"
-            text = f"jumps to {key} {item.param1:g}, which {got} {'have' if found else 'has'}"
+            text = f"jumps to {key} {target:g}, which {got} {'have' if found else 'has'}"
             raise _NotOneError(f"{where.format(i)}: {text}")
-        item.param1 = float(found[0])
+        entry["params"][0] = float(found[0])
+    for entry in entries:
+        given = entry["params"]
+        entry["params"] = [None if value is None else decimal_of_float32(value) for value in given]
 
 
-def _item(seq: int, command: int, frame: int, numbers: Sequence[float], where: str) -> MissionItem:
-    """Return an item of seven parameters; x and y are degrees in every file."""
+def _entry(command: int, frame: int, numbers: Sequence[float], where: str) -> dict[str, Any]:
+    """Return an entry of seven parameters; x and y are degrees in every file."""
     if not 0 <= command <= 0xFFFF or not 0 <= frame <= 0xFF:
         raise _NotOneError(f"{where}: there is no command {command} in a frame {frame}")
     *params, x, y, z = numbers
     places = [INT32_MAX if math.isnan(value) else round(value * 1e7) for value in (x, y)]
     if any(abs(place) > INT32_MAX for place in places):
         raise _NotOneError(f"{where}: expected degrees, got {x:g} and {y:g}")
-    latitude, longitude = places
-    return mission_item(seq, command, params, latitude, longitude, z, frame)
+    given = [None if math.isnan(value) else value for value in params]
+    place = {"x": places[0], "y": places[1], "z": decimal_of_float32(z)}
+    return {"command": command, "frame": frame, "params": given} | place
 
 
 def _numbers(values: Sequence[Any], where: str, count: int) -> list[float]:

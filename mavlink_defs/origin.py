@@ -15,15 +15,9 @@ class Origin(Model):
     The default is where ArduPilot's simulation begins: CMAC, a model airfield near Canberra.
     """
 
-    latitude_deg: float = quantity(
-        "deg", ge=-89.0, le=89.0, default=-35.363262, doc="Latitude, WGS 84."
-    )
-    longitude_deg: float = quantity(
-        "deg", ge=-180.0, le=180.0, default=149.165237, doc="Longitude, WGS 84."
-    )
-    altitude_m: float = quantity(
-        "m", ge=-500.0, le=9000.0, default=584.0, doc="Altitude above mean sea level."
-    )
+    latitude_deg: float = quantity("deg", "Latitude, WGS 84.", -35.363262, ge=-89.0, le=89.0)
+    longitude_deg: float = quantity("deg", "Longitude, WGS 84.", 149.165237, ge=-180.0, le=180.0)
+    altitude_m: float = quantity("m", "Altitude above mean sea level.", 584.0, ge=-500.0, le=9000.0)
 
 
 def degrees_at(north: float, east: float, latitude: float, longitude: float) -> tuple[float, float]:

@@ -32,18 +32,18 @@ def truth_problems(
 class InitialState(Model):
     """State at t = 0: v = [V, 0, 0] through the air, no rotation."""
 
-    north_m: float = quantity("m", doc="North.")
-    east_m: float = quantity("m", doc="East.")
+    north_m: float = quantity("m", "North.")
+    east_m: float = quantity("m", "East.")
     altitude_m: float = quantity(
-        "m", ge=0.0, doc="Height above the ground, a plane through the origin."
+        "m", "Height above the ground, a plane through the origin.", ge=0.0
     )
-    airspeed_m_s: float = quantity("m/s", gt=0.0, doc="Airspeed V.")
-    roll_deg: float = quantity("deg", ge=-180.0, le=180.0, default=0.0, doc="Roll angle.")
-    pitch_deg: float = quantity("deg", gt=-89.0, lt=89.0, default=0.0, doc="Pitch angle.")
-    yaw_deg: float = quantity("deg", ge=-180.0, le=180.0, default=0.0, doc="Yaw angle.")
+    airspeed_m_s: float = quantity("m/s", "Airspeed V.", gt=0.0)
+    roll_deg: float = quantity("deg", "Roll angle.", 0.0, ge=-180.0, le=180.0)
+    pitch_deg: float = quantity("deg", "Pitch angle.", 0.0, gt=-89.0, lt=89.0)
+    yaw_deg: float = quantity("deg", "Yaw angle.", 0.0, ge=-180.0, le=180.0)
 
 
-Seed = Annotated[int, whole("", ge=0, le=2**32 - 1, doc="Seed of all that is random.")]
+Seed = Annotated[int, whole("", "Seed of all that is random.", ge=0, le=2**32 - 1)]
 
 
 class PlantUav(Model):
@@ -60,18 +60,16 @@ class PlantConfig(Model):
     """All that the plant process needs."""
 
     step_us: int = whole(
-        "us", ge=1, le=100_000, default=1000, doc="Control period, and step of the integration."
+        "us", "Control period, and step of the integration.", 1000, ge=1, le=100_000
     )
     duration_s: float | None = quantity(
-        "s", gt=0.0, le=86_400.0, default=None, doc="Length of the flight; none: until stopped."
+        "s", "Length of the flight; none: until stopped.", None, gt=0.0, le=86_400.0
     )
-    speed: float | None = quantity(
-        "", gt=0.0, default=None, doc="Real-time factor; none: lockstep."
-    )
+    speed: float | None = quantity("", "Real-time factor; none: lockstep.", None, gt=0.0)
     bind: HostPort = Field(description="Where the simulator link is received.")
     signing_key: str | None = Field(default=None, description="Key file; none: unsigned.")
     silence_timeout_s: float = quantity(
-        "s", gt=0.0, default=5.0, doc="Silence after which an autopilot counts as gone."
+        "s", "Silence after which an autopilot counts as gone.", 5.0, gt=0.0
     )
     wait_for_restart: bool = Field(
         default=False, strict=True, description="Wait for a silent autopilot instead of stopping."

@@ -24,7 +24,7 @@ class TimedValue(Model, Generic[T]):
     """A value and the last instant at which it is in force."""
 
     until_s: float | None = quantity(
-        "s", gt=0.0, default=None, doc="Last instant, on the clock of the mission; none: for ever."
+        "s", "Last instant, on the clock of the mission; none: for ever.", None, gt=0.0
     )
     value: T = Field(description="Value until then, in the unit of the parameter.")
 

@@ -49,8 +49,6 @@ class AirframeCheck(NamedTuple):
 
 def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[AirframeCheck]:
     """Check an aircraft in straight, level flight."""
-    air = lateral(flight.airspeed_m_s, aircraft_record(aircraft))
-    roll, yaw = air.rolling, air.yawing
     ratio = aircraft.wing_area_m2 / (aircraft.wing_span_m * aircraft.mean_chord_m)
     found = [
         AirframeCheck(
@@ -70,7 +68,7 @@ def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[AirframeChe
             AirframeCheck("angle of attack below the stall", f"{reserve:.1f}°", is_met, text)
         )
     most = largest_thrust(aircraft, flight.airspeed_m_s)
-    spare = most / flight.thrust_n if flight.thrust_n > 0.0 else float("inf")
+    spare = most / flight.thrust_n if flight.thrust_n > 0.0 else math.inf
     found.append(
         AirframeCheck(
             "largest thrust by what level flight takes",
@@ -79,36 +77,37 @@ def airframe_checks(aircraft: Aircraft, flight: LevelFlight) -> list[AirframeChe
             _SHORT if spare < 1.0 else _NO_SPARE,
         )
     )
+    return [*found, *_heading_checks(aircraft, flight.airspeed_m_s)]
+
+
+def _heading_checks(aircraft: Aircraft, V: float) -> list[AirframeCheck]:
+    """Check what holds the heading at an airspeed [m/s]: the rudder, else the aircraft itself."""
+    air = lateral(V, aircraft_record(aircraft))
+    roll, yaw = air.rolling, air.yawing
     if not aircraft.has("rudder"):
         stiffness = yaw.beta - yaw.aileron * roll.beta / (roll.aileron or math.nan)
         return [
-            *found,
             AirframeCheck(
                 "turns into the wind while the aileron holds the roll (cn_beta)",
                 f"{stiffness:.3g}",
                 weathercock_problem(aircraft) is None,
                 "without a rudder nothing holds the nose: check cn_beta, cn_da and cl_da",
-            ),
+            )
         ]
     if yaw.rudder == 0.0:
         text = "the rudder does nothing: check cn_dr, or say `surface_limits_deg: {rudder: none}`"
-        return [*found, AirframeCheck(NO_RUDDER, "0", False, text)]
-    effective = remaining_side_force(aircraft, flight.airspeed_m_s)
-    tau_s = (
-        aircraft.mass_kg * flight.airspeed_m_s / -effective if effective != 0.0 else float("inf")
+        return [AirframeCheck(NO_RUDDER, "0", False, text)]
+    effective = remaining_side_force(aircraft, V)
+    tau_s = aircraft.mass_kg * V / -effective if effective != 0.0 else math.inf
+    sideslip = AirframeCheck(
+        SIDESLIP,
+        f"{tau_s:.3g} s",
+        0.0 < tau_s < math.inf,
+        "sideslip would grow until the rudder is at its stop: `surviving` and `tube` hold the "
+        "heading by bank; other laws lose it",
     )
-    if roll.aileron != 0.0 and aircraft.has("aileron"):
-        found.append(_pairing(aircraft))
-    return [
-        *found,
-        AirframeCheck(
-            SIDESLIP,
-            f"{tau_s:.3g} s",
-            0.0 < tau_s < float("inf"),
-            "sideslip would grow until the rudder is at its stop: `surviving` and `tube` hold the "
-            "heading by bank; other laws lose it",
-        ),
-    ]
+    turns = roll.aileron != 0.0 and aircraft.has("aileron")
+    return [_pairing(aircraft), sideslip] if turns else [sideslip]
 
 
 def _pairing(aircraft: Aircraft) -> AirframeCheck:

@@ -76,26 +76,20 @@ class FormationTrigger(Model):
     It compares its tracking errors with what its neighbours extrapolate from its last message.
     """
 
-    airspeed_m_s: float = quantity(
-        "m/s", ge=0.0, default=0.02, doc="Absolute threshold of the airspeed."
-    )
+    airspeed_m_s: float = quantity("m/s", "Absolute threshold of the airspeed.", 0.02, ge=0.0)
     airspeed_relative: float = quantity(
-        "", ge=0.0, lt=1.0, default=0.01, doc="Threshold relative to the airspeed's error."
+        "", "Threshold relative to the airspeed's error.", 0.01, ge=0.0, lt=1.0
     )
     attitude_deg: float = quantity(
-        "deg", ge=0.0, default=0.05, doc="Absolute threshold of roll, pitch and yaw."
+        "deg", "Absolute threshold of roll, pitch and yaw.", 0.05, ge=0.0
     )
     attitude_relative: float = quantity(
-        "", ge=0.0, lt=1.0, default=0.01, doc="Threshold relative to the angle's error."
+        "", "Threshold relative to the angle's error.", 0.01, ge=0.0, lt=1.0
     )
-    path_position_m: float = quantity(
-        "m", ge=0.0, default=0.05, doc="Threshold of the place on the path."
-    )
-    position_m: float = quantity(
-        "m", ge=0.0, default=0.5, doc="Threshold of north, east and down, on a path."
-    )
+    path_position_m: float = quantity("m", "Threshold of the place on the path.", 0.05, ge=0.0)
+    position_m: float = quantity("m", "Threshold of north, east and down, on a path.", 0.5, ge=0.0)
     longest_silence_s: float = quantity(
-        "s", gt=0.0, default=0.2, doc="Time after which a message is sent in any case."
+        "s", "Time after which a message is sent in any case.", 0.2, gt=0.0
     )
 
     @property
@@ -114,7 +108,7 @@ class Neighbour(Model):
     """One edge of the graph, seen from one of its ends."""
 
     id: SystemId
-    weight: float = quantity("", gt=0.0, doc="Weight a_ij.")
+    weight: float = quantity("", "Weight a_ij.", gt=0.0)
     address: HostPort = Field(description="Where its formation link is received.")
 
 
@@ -122,7 +116,7 @@ class ControllerConfig(Model):
     """All that the controller of one UAV needs."""
 
     id: SystemId
-    step_us: int = whole("us", ge=1, le=100_000, default=1000, doc="Control period.")
+    step_us: int = whole("us", "Control period.", 1000, ge=1, le=100_000)
     aircraft: Aircraft = Field(description="The nominal aircraft.")
     controller: Annotated[Controller, AfterValidator(_with_ideal_servos)] = Field(
         default=Proposed(), description="Control law and its parameters."
@@ -137,7 +131,7 @@ class ControllerConfig(Model):
     formation: Formation | None = Field(
         default=None, description="Formation on paths; none: it flies on the path itself."
     )
-    leader_access: float = quantity("", ge=0.0, default=0.0, doc="Leader access h_i.")
+    leader_access: float = quantity("", "Leader access h_i.", 0.0, ge=0.0)
     plugins: dict[str, str] = Field(
         default={}, description="Digest of the code of each plug-in, by its name."
     )

@@ -17,11 +17,11 @@ from sitl_plant.vec3 import Vec3
 class Rbf(Model):
     """Radial basis functions (23), (24): centres on a diagonal, one width for all."""
 
-    neurons: int = whole("", ge=1, le=64, default=15, doc="Number M of neurons.")
-    span: float = quantity("", gt=0.0, default=1.5, doc="Centres span -span to span.")
-    width: float = quantity("", gt=0.0, default=2.0, doc="Width kappa.")
+    neurons: int = whole("", "Number M of neurons.", 15, ge=1, le=64)
+    span: float = quantity("", "Centres span -span to span.", 1.5, gt=0.0)
+    width: float = quantity("", "Width kappa.", 2.0, gt=0.0)
     speed_scale: float = quantity(
-        "s/m", gt=0.0, default=0.025, doc="Factor of the velocity in the network's input."
+        "s/m", "Factor of the velocity in the network's input.", 0.025, gt=0.0
     )
 
 

@@ -329,14 +329,13 @@ def predicted(
         row = positions[(step - ahead + k) % _HISTORY]
         delta = row[AILERON], row[ELEVATOR], row[RUDDER]
         thrust = float(positions[min(step - links + k, step - 1) % _HISTORY, THROTTLE])
-        derivative = state_derivative(
-            state, thrust, delta, d_v, (0.0, 0.0, 0.0), STILL_AIR, aircraft
-        )
-        middle = advance(state, 0.5 * dt, derivative)
-        derivative = state_derivative(
-            middle, thrust, delta, d_v, (0.0, 0.0, 0.0), STILL_AIR, aircraft
-        )
-        state = advance(state, dt, derivative)
+        middle = state
+        for share in (0.5, 1.0):
+            derivative = state_derivative(
+                middle, thrust, delta, d_v, (0.0, 0.0, 0.0), STILL_AIR, aircraft
+            )
+            middle = advance(state, share * dt, derivative)
+        state = middle
     result: np.void = delay["predicted"]
     copy_record(result, measured)
     velocity = add(state[1], wind)

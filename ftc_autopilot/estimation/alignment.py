@@ -72,21 +72,11 @@ def align(
     has_heading = field[0] != 0.0 or field[1] != 0.0 or field[2] != 0.0
     yaw = math.atan2(east, north) - math.atan2(level[1], level[0]) if has_heading else 0.0
     set_euler(kalman["quaternion"], roll, pitch, yaw)
-    for k in range(N):
-        x[k], kalman["owed"][k] = 0.0, 0.0
+    _begin_at_zero(kalman, rates, force)
     speed = u / max(math.cos(pitch), 0.5)
     x[VEL], x[VEL + 1] = speed * math.cos(yaw), speed * math.sin(yaw)
     has_altitude = math.isfinite(altitude)
     x[POS + 2] = assumed["altitude"] - altitude if has_altitude else 0.0
-    for k in range(3):
-        kalman["rates"][k], kalman["force"][k] = rates[k], force[k]
-    for k in range(7):
-        kalman["travel"][k] = 0.0
-    kalman["elapsed"], kalman["turned"] = 0.0, 0.0
-    for i in range(3):
-        kalman["sum_force"][i] = 0.0
-        for j in range(3):
-            kalman["sum_R"][i, j] = 0.0
     tilt = trust * (assumed["tilt_rad"] + _TILT_IN_TURN * abs(roll)) + (1.0 - trust) * _UNKNOWN_TILT
     dip = abs(assumed["field"][2]) / max(math.hypot(north, east), 1e-3)
     heading = min(math.hypot(assumed["heading_rad"], dip * tilt), _UNKNOWN_HEADING)
@@ -95,6 +85,19 @@ def align(
     if not has_altitude:
         kalman["P"][POS + 2, POS + 2] = assumed["place_m"] * assumed["place_m"]
     kalman["aligned"], kalman["placed"] = 1, 0
+
+
+@compiled
+def _begin_at_zero(kalman: np.void, rates: Vec3, force: Vec3) -> None:
+    """Set what a filter estimates and sums up to zero, its last samples to the present ones."""
+    kalman["x"][:] = 0.0
+    kalman["owed"][:] = 0.0
+    kalman["travel"][:] = 0.0
+    kalman["sum_force"][:] = 0.0
+    kalman["sum_R"][:] = 0.0
+    kalman["elapsed"], kalman["turned"] = 0.0, 0.0
+    for k in range(3):
+        kalman["rates"][k], kalman["force"][k] = rates[k], force[k]
 
 
 @compiled

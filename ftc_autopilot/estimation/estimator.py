@@ -212,7 +212,6 @@ def _aid(
     note_sample(sensors[PITOT], is_updated(first, PITOT), pressure, 0.0, 0.0)
     fixed = has_gps and gps["fix_type"] >= _FIX_3D
     note_sample(sensors[GNSS], fixed, float(gps["lat"]), float(gps["lon"]), float(gps["alt"]))
-    position, velocity = _place(gps, assumed)
     age = (time_us - int(gps["time_usec"])) / 1e6 if fixed else 0.0
     step_s = assumed["step_us"] / 1e6
     slip = step * assumed["step_us"] % int(1e6 * _SIDESLIP_EVERY_S) == 0
@@ -234,28 +233,47 @@ def _aid(
         if sensors[PITOT]["fresh"] == 1:
             ratios[PITOT] = fuse_pitot(kalman, pressure, assumed, is_used(sensors[PITOT]))
         if fixed:
-            past_travel(history[k], kalman["travel"], age, estimator["past"])
-            ratios[GNSS] = fuse_gnss(
-                kalman, position, velocity, estimator["past"], assumed, is_used(sensors[GNSS])
-            )
-            if kalman["placed"] == 0 and ratios[GNSS] < assumed["gate"]:
-                kalman["placed"] = 1
-                kalman["owed"][:] = 0.0  # from a guess to a place, at once
+            _fuse_fix(estimator, kalman, history[k], gps, age, assumed)
         if slip:
             ratios[SIDESLIP] = fuse_sideslip(kalman, _SIDESLIP_EVERY_S, assumed)
     if fixed:
         estimator["progress"]["without_gnss"] = 0.0
     if slip and is_used(sensors[PITOT]) and is_used(sensors[GNSS]):
-        icing = estimator["icing"]
-        if is_icing(estimator["filters"][primary], icing, _SIDESLIP_EVERY_S, assumed):
-            exclude(sensors[PITOT], INCONSISTENT)
-            for k in range(assumed["imus"]):
-                kalman = estimator["filters"][k]
-                restore_wind(kalman, icing)
-            icing["age"], icing["suspicious"] = 0.0, 0.0
+        _watch_icing(estimator, assumed)
     for s in AIDING:
         if sensors[s]["fresh"] == 1:
             note_test(sensors[s], estimator["filters"][primary]["ratios"][s], assumed)
+
+
+@compiled
+def _fuse_fix(
+    estimator: np.void,
+    kalman: np.void,
+    history: np.ndarray,
+    gps: np.void,
+    age: float,
+    assumed: np.void,
+) -> None:
+    """Fuse a fix of some age [s] in one filter, which may get its place by it."""
+    past, use = estimator["past"], is_used(estimator["sensors"][GNSS])
+    past_travel(history, kalman["travel"], age, past)
+    position, velocity = _place(gps, assumed)
+    ratio = fuse_gnss(kalman, position, velocity, past, assumed, use)
+    kalman["ratios"][GNSS] = ratio
+    if kalman["placed"] == 0 and ratio < assumed["gate"]:
+        kalman["placed"] = 1
+        kalman["owed"][:] = 0.0  # from a guess to a place, at once
+
+
+@compiled
+def _watch_icing(estimator: np.void, assumed: np.void) -> None:
+    """Exclude a pitot tube that ices up, and give the filters the wind of before."""
+    icing, primary = estimator["icing"], estimator["progress"]["imu"]
+    if is_icing(estimator["filters"][primary], icing, _SIDESLIP_EVERY_S, assumed):
+        exclude(estimator["sensors"][PITOT], INCONSISTENT)
+        for k in range(assumed["imus"]):
+            restore_wind(estimator["filters"][k], icing)
+        icing["age"], icing["suspicious"] = 0.0, 0.0
 
 
 @compiled

@@ -131,37 +131,44 @@ def _conclude(imu: np.void, reason: int, step_s: float, assumed: np.void) -> Non
 
 
 @compiled
+def _is_apart(
+    one: np.void, bias: np.ndarray, other: np.void, other_bias: np.ndarray, assumed: np.void
+) -> bool:
+    """Return whether two IMUs measure too different things; note the jumps of both at first."""
+    step_s = assumed["step_us"] / 1e6
+    apart = assumed["imu_apart_rad_s"], assumed["imu_apart_m_s2"]
+    a, b = one["samples"][0], other["samples"][0]
+    too_far, widest = False, 0.0
+    for part in range(2):
+        at = GYRO_BIAS if part == 0 else FORCE_BIAS
+        size = 0.0
+        for axis in range(3):
+            size = max(size, abs(a[3 * part + axis]))
+        limit = apart[part] + _APART_PER_UNIT[part] * size
+        for axis in range(3):
+            j = 3 * part + axis
+            gap = (b[j] - other_bias[at + axis]) - (a[j] - bias[at + axis])
+            other["apart"][j] += step_s / _APART_S * (gap - other["apart"][j])
+            too_far = too_far or abs(other["apart"][j]) > limit
+            if abs(other["apart"][j]) > widest * limit:
+                widest = abs(other["apart"][j]) / limit
+                if other["differs"] == 0:
+                    other["jump"] = abs(other["fast"][j] - other["slow"][j])
+                    one["jump"] = abs(one["fast"][j] - one["slow"][j])
+    return bool(too_far)
+
+
+@compiled
 def _compare(imus: np.ndarray, filters: np.ndarray, primary: int, assumed: np.void) -> int:
     """Compare each IMU with the one flown by; of two that differ, exclude the misfit."""
     step_s = assumed["step_us"] / 1e6
-    one, bias = imus[primary]["samples"][0], filters[primary]["x"]
-    apart = assumed["imu_apart_rad_s"], assumed["imu_apart_m_s2"]
     chosen = primary
     for k in range(assumed["imus"]):
         if k == primary:
             imus[k]["differs"] = 0
             continue
-        imu, other, other_bias = imus[k], imus[k]["samples"][0], filters[k]["x"]
-        too_far = False
-        widest = 0.0
-        for part in range(2):
-            at = GYRO_BIAS if part == 0 else FORCE_BIAS
-            size = 0.0
-            for axis in range(3):
-                size = max(size, abs(one[3 * part + axis]))
-            for axis in range(3):
-                j = 3 * part + axis
-                gap = (other[j] - other_bias[at + axis]) - (one[j] - bias[at + axis])
-                imu["apart"][j] += step_s / _APART_S * (gap - imu["apart"][j])
-                limit = apart[part] + _APART_PER_UNIT[part] * size
-                too_far = too_far or abs(imu["apart"][j]) > limit
-                if abs(imu["apart"][j]) > widest * limit:
-                    widest = abs(imu["apart"][j]) / limit
-                    if imu["differs"] == 0:
-                        imu["jump"] = abs(imu["fast"][j] - imu["slow"][j])
-                        imus[primary]["jump"] = abs(
-                            imus[primary]["fast"][j] - imus[primary]["slow"][j]
-                        )
+        imu = imus[k]
+        too_far = _is_apart(imus[primary], filters[primary]["x"], imu, filters[k]["x"], assumed)
         imu["differs"] = imu["differs"] + 1 if too_far else 0
         if imu["differs"] == 0 or not runs(imu, step_s):
             continue

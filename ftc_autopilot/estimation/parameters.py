@@ -7,15 +7,15 @@ from mavlink_defs.config.quantity import quantity, whole
 
 
 def _time(default: float, doc: str) -> Any:
-    return quantity("s", gt=0.0, le=1000.0, default=default, doc=doc)
+    return quantity("s", doc, default, gt=0.0, le=1000.0)
 
 
 def _number(default: float, doc: str) -> Any:
-    return quantity("", ge=0.0, le=1000.0, default=default, doc=doc)
+    return quantity("", doc, default, ge=0.0, le=1000.0)
 
 
 def _angle(default: float, doc: str) -> Any:
-    return quantity("deg", gt=0.0, le=90.0, default=default, doc=doc)
+    return quantity("deg", doc, default, gt=0.0, le=90.0)
 
 
 class EstimatorParameters(Model):
@@ -29,13 +29,13 @@ class EstimatorParameters(Model):
 
     wind_walk_m_s_sqrt_s: float = quantity(
         "m/s/sqrt(s)",
+        "Random walk of the horizontal wind [EKF2_WIND_NSD: 0.05].",
+        0.1,
         ge=0.0,
         le=10.0,
-        default=0.1,
-        doc="Random walk of the horizontal wind [EKF2_WIND_NSD: 0.05].",
     )
     vertical_wind_m_s: float = quantity(
-        "m/s", gt=0.0, le=20.0, default=0.5, doc="Standard deviation of the vertical wind."
+        "m/s", "Standard deviation of the vertical wind.", 0.5, gt=0.0, le=20.0
     )
     vertical_wind_s: float = _time(8.0, "Its correlation time.")
     gust_growth: float = _number(
@@ -47,28 +47,20 @@ class EstimatorParameters(Model):
     )
     gate_sigma: float = quantity(
         "",
+        "Innovation test: standard deviations; a normal value exceeds 5 once in 1.7 million "
+        "[EKF2_GPS_P_GATE, EKF2_GPS_V_GATE, EKF2_BARO_GATE: 5; EKF2_MAG_GATE, EKF2_TAS_GATE: 3].",
+        5.0,
         gt=0.0,
         le=100.0,
-        default=5.0,
-        doc="Innovation test: standard deviations; a normal value exceeds 5 once in 1.7 million "
-        "[EKF2_GPS_P_GATE, EKF2_GPS_V_GATE, EKF2_BARO_GATE: 5; EKF2_MAG_GATE, EKF2_TAS_GATE: 3].",
     )
     take_back_sigma: float = quantity(
-        "",
-        gt=0.0,
-        le=100.0,
-        default=3.0,
-        doc="The same of an excluded sensor that is to be taken back.",
+        "", "The same of an excluded sensor that is to be taken back.", 3.0, gt=0.0, le=100.0
     )
     sideslip_deg: float = _angle(
         10.0, "Sideslip where the side force says nothing, around 0 [EKF2_BETA_NOISE: 17]."
     )
     side_disturbance_m_s2: float = quantity(
-        "m/s^2",
-        ge=0.0,
-        le=10.0,
-        default=0.15,
-        doc="Side force over mass of what else than sideslip makes it.",
+        "m/s^2", "Side force over mass of what else than sideslip makes it.", 0.15, ge=0.0, le=10.0
     )
     side_model: float = _number(0.3, "Relative error of the coefficient of the side force.")
 
@@ -79,23 +71,18 @@ class EstimatorParameters(Model):
         6.0, "First estimate: error of the heading by the magnetometer [EKF2_HEAD_NOISE: 17]."
     )
     wind_m_s: float = quantity(
-        "m/s", gt=0.0, le=100.0, default=6.0, doc="First estimate: wind to be expected, each axis."
+        "m/s", "First estimate: wind to be expected, each axis.", 6.0, gt=0.0, le=100.0
     )
-    place_m: float = quantity(
-        "m", gt=0.0, le=1e6, default=1e4, doc="First estimate: distance from the origin."
-    )
+    place_m: float = quantity("m", "First estimate: distance from the origin.", 1e4, gt=0.0, le=1e6)
 
     smoothing_s: float = _time(
         0.25, "Output: time constant in which it takes corrections over [EKF2_TAU_VEL: 0.25]."
     )
     rate_cutoff_hz: float = quantity(
-        "Hz", gt=0.0, default=40.0, doc="Output: low pass of the rates [IMU_GYRO_CUTOFF: 40]."
+        "Hz", "Output: low pass of the rates [IMU_GYRO_CUTOFF: 40].", 40.0, gt=0.0
     )
     force_cutoff_hz: float = quantity(
-        "Hz",
-        gt=0.0,
-        default=30.0,
-        doc="Output: low pass of the specific force [IMU_ACCEL_CUTOFF: 30].",
+        "Hz", "Output: low pass of the specific force [IMU_ACCEL_CUTOFF: 30].", 30.0, gt=0.0
     )
 
     silent_s: float = _time(
@@ -108,32 +95,32 @@ class EstimatorParameters(Model):
     take_back_s: float = _time(1.0, "Taken back: when its samples have passed for so long.")
     position_growth_m_s: float = quantity(
         "m/s",
+        "Growth of the position's error without a GNSS receiver, when one is back.",
+        1.0,
         ge=0.0,
         le=100.0,
-        default=1.0,
-        doc="Growth of the position's error without a GNSS receiver, when one is back.",
     )
 
     imu_silent_s: float = _time(0.03, "Excluded: an IMU without samples for longer.")
     imu_same: int = whole(
-        "", ge=1, le=100_000, default=30, doc="Excluded: an IMU with more equal samples in a row."
+        "", "Excluded: an IMU with more equal samples in a row.", 30, ge=1, le=100_000
     )
     imu_noise: float = _number(
         9.0, "Excluded: an IMU whose samples have more than so many times their variance."
     )
     imu_apart_deg_s: float = quantity(
         "deg/s",
+        "Two IMUs differ: angular velocity, and 1 % of it [EKF2_SEL_IMU_RAT: 7].",
+        1.0,
         gt=0.0,
         le=2000.0,
-        default=1.0,
-        doc="Two IMUs differ: angular velocity, and 1 % of it [EKF2_SEL_IMU_RAT: 7].",
     )
     imu_apart_m_s2: float = quantity(
         "m/s^2",
+        "Two IMUs differ: specific force, and 1 % of it [EKF2_SEL_IMU_ACC: 1].",
+        0.4,
         gt=0.0,
         le=160.0,
-        default=0.4,
-        doc="Two IMUs differ: specific force, and 1 % of it [EKF2_SEL_IMU_ACC: 1].",
     )
     imu_decide_s: float = _time(0.35, "Two IMUs differ: one is excluded after so long, at last.")
     imu_take_back_s: float = _time(2.0, "Taken back: an IMU that has been well for so long.")
@@ -141,10 +128,10 @@ class EstimatorParameters(Model):
     icing_mean_s: float = _time(15.0, "Icing: memory of the mean wind and of the mean lift.")
     icing_change_m_s: float = quantity(
         "m/s",
+        "Icing: least change of the wind along the x axis against its mean; more in gusts.",
+        1.5,
         gt=0.0,
         le=100.0,
-        default=1.5,
-        doc="Icing: least change of the wind along the x axis against its mean; more in gusts.",
     )
     icing_lift: float = _number(
         0.3, "Icing: least change of the lift's airspeed, relative to what icing explains."

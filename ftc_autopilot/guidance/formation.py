@@ -27,7 +27,7 @@ LEADER_FOLLOWER = 1
 Policy: TypeAlias = Literal["stay", "slow", "widen", "leave"]
 """What becomes of a member that is in trouble, in the order of FTC_POLICY."""
 
-_Offset = Annotated[float, quantity("m", ge=-1000.0, le=1000.0, doc="Distance.")]
+_Offset = Annotated[float, quantity("m", "Distance.", ge=-1000.0, le=1000.0)]
 
 
 class Slot(Model):
@@ -46,7 +46,7 @@ class Slot(Model):
 class FormationChange(Model):
     """Other slots from a time on."""
 
-    at_s: float = quantity("s", gt=0.0, doc="Time on the mission's clock.")
+    at_s: float = quantity("s", "Time on the mission's clock.", gt=0.0)
     slots: Annotated[dict[SystemId, Slot], AtMost(MAX_MEMBERS)] = Field(
         min_length=1, description="New slots by UAV; the others keep theirs."
     )
@@ -60,30 +60,26 @@ class FormationParameters(Model):
         description="Whether the UAVs with leader access wait for the others, too.",
     )
     ks: float = quantity(
-        "1/s", gt=0.0, le=2.0, default=0.3, doc="Speed per metre that the neighbours are ahead."
+        "1/s", "Speed per metre that the neighbours are ahead.", 0.3, gt=0.0, le=2.0
     )
     rate_share: float = quantity(
-        "",
-        ge=0.0,
-        lt=1.0,
-        default=0.5,
-        doc="Share of the neighbours' excess speed that is matched.",
+        "", "Share of the neighbours' excess speed that is matched.", 0.5, ge=0.0, lt=1.0
     )
     speed_limit_m_s: float = quantity(
-        "m/s", gt=0.0, le=20.0, default=4.0, doc="Largest correction of the speed along the path."
+        "m/s", "Largest correction of the speed along the path.", 4.0, gt=0.0, le=20.0
     )
     slot_speed_m_s: float = quantity(
-        "m/s", gt=0.0, le=10.0, default=2.0, doc="Speed at which a UAV moves to another slot."
+        "m/s", "Speed at which a UAV moves to another slot.", 2.0, gt=0.0, le=10.0
     )
     separation_m: float = quantity(
-        "m", ge=0.0, le=500.0, default=15.0, doc="Least distance to a neighbour that is held."
+        "m", "Least distance to a neighbour that is held.", 15.0, ge=0.0, le=500.0
     )
     separation_rate: float = quantity(
         "1/s",
+        "Fastest approach to a neighbour, per metre above the least distance.",
+        0.3,
         gt=0.0,
         le=2.0,
-        default=0.3,
-        doc="Fastest approach to a neighbour, per metre above the least distance.",
     )
     on_lost: Policy = Field(default="stay", description="When an actuator of a member is lost.")
     on_degraded: Policy = Field(
@@ -91,16 +87,16 @@ class FormationParameters(Model):
     )
     on_silent: Policy = Field(default="stay", description="When a neighbour falls silent.")
     degraded_below: float = quantity(
-        "", gt=0.0, lt=1.0, default=0.6, doc="Effectiveness below which an actuator is degraded."
+        "", "Effectiveness below which an actuator is degraded.", 0.6, gt=0.0, lt=1.0
     )
     recovered_s: float = quantity(
-        "s", ge=0.0, default=5.0, doc="Time for which a member must be well to count as such."
+        "s", "Time for which a member must be well to count as such.", 5.0, ge=0.0
     )
     slow_share: float = quantity(
-        "", ge=0.0, le=0.5, default=0.1, doc="Slower by this share of the speed, by policy `slow`."
+        "", "Slower by this share of the speed, by policy `slow`.", 0.1, ge=0.0, le=0.5
     )
     widen_m: float = quantity(
-        "m", ge=0.0, le=500.0, default=20.0, doc="Further out by this distance, by policy `widen`."
+        "m", "Further out by this distance, by policy `widen`.", 20.0, ge=0.0, le=500.0
     )
     leave_ahead_m: _Offset = Field(
         default=-100.0,

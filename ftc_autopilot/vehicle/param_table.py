@@ -122,25 +122,29 @@ class Tunable:
         self.cells[:] = value * self.factor
 
 
-def parameters_of(
-    config: AutopilotConfig, hot: HotState, controllers: Controllers
-) -> list[Parameter]:
-    """Return all parameters of a vehicle: of trigger, law, guidance, formation, identity."""
-    records, kind = controllers.uavs["parameters"], config.controller.kind
-    law = type(config.controller)
-    found = [
-        *trigger_tunables(records),
-        *trigger_tunables(records, config.trigger.mode),
-        *tunables(LawParameters, records["common"]),
-        *law_tunables(law, own_parameters(records, law, kind)),
-    ]
+def _tunables_of(config: AutopilotConfig, controllers: Controllers) -> list[Tunable]:
+    records, law = controllers.uavs["parameters"], type(config.controller)
     guidance = config.guidance.kind  # its gains; limits belong to the path, which is made once
     guidance_law, gains = type(config.guidance), records["guidance"]
     own = owned(gains[PLUGIN], record_dtype(guidance_law, GuidanceParameters))
     gains = gains[guidance] if guidance in GUIDANCE_LAWS else own
-    found += tunables(guidance_law, gains, "GUID_", base=GuidanceParameters)
+    found = [
+        *trigger_tunables(records),
+        *trigger_tunables(records, config.trigger.mode),
+        *tunables(LawParameters, records["common"]),
+        *law_tunables(law, own_parameters(records, law, config.controller.kind)),
+        *tunables(guidance_law, gains, "GUID_", base=GuidanceParameters),
+    ]
     if config.formation is not None:
         found += tunables(FormationParameters, records["formation"], "FORM_")
+    return found
+
+
+def parameters_of(
+    config: AutopilotConfig, hot: HotState, controllers: Controllers
+) -> list[Parameter]:
+    """Return all parameters of a vehicle: of trigger, law, guidance, formation, identity."""
+    kind = config.controller.kind
 
     def clock_s() -> float:
         start = int(controllers.uavs[0]["guidance"]["start_step"])
@@ -172,7 +176,7 @@ def parameters_of(
     parameters = [
         Parameter(name, INT32, partial(float, value)) for name, value in read_only.items()
     ]
-    for tunable in map(_with_own, _distinct(found, read_only)):
+    for tunable in map(_with_own, _distinct(_tunables_of(config, controllers), read_only)):
         put: Callable[[float], None] = tunable.put
         if tunable.name == "TRIG_MODE":
             put = partial(put_mode, tunable)

@@ -33,8 +33,8 @@ class Condition(Model):
 
     event: Literal[EVENTS]  # type: ignore[valid-type]  # the names are listed in one place
     relation: Literal["<", ">"]
-    probability: float = quantity("", gt=0.0, lt=1.0, doc="Bound of the probability.")
-    confidence_percent: float = quantity("%", ge=50.0, lt=100.0, doc="Confidence to be reached.")
+    probability: float = quantity("", "Bound of the probability.", gt=0.0, lt=1.0)
+    confidence_percent: float = quantity("%", "Confidence to be reached.", ge=50.0, lt=100.0)
 
     @property
     def error(self) -> float:

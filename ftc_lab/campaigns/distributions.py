@@ -26,8 +26,8 @@ class Uniform(Model):
     """Every value between two ends is as likely."""
 
     kind: Literal["uniform"] = Field(description="Every value between two ends is as likely.")
-    low: float = quantity("", doc="Lower end.")
-    high: float = quantity("", doc="Upper end.")
+    low: float = quantity("", "Lower end.")
+    high: float = quantity("", "Upper end.")
 
     @model_validator(mode="after")
     def _ends_in_order(self) -> "Uniform":
@@ -39,8 +39,8 @@ class LogUniform(Model):
     """The logarithm is uniform: every order of magnitude is as likely."""
 
     kind: Literal["log_uniform"] = Field(description="Every order of magnitude is as likely.")
-    low: float = quantity("", gt=0.0, doc="Lower end.")
-    high: float = quantity("", gt=0.0, doc="Upper end.")
+    low: float = quantity("", "Lower end.", gt=0.0)
+    high: float = quantity("", "Upper end.", gt=0.0)
 
     @model_validator(mode="after")
     def _ends_in_order(self) -> "LogUniform":
@@ -52,8 +52,8 @@ class Normal(Model):
     """The normal distribution; it has no ends."""
 
     kind: Literal["normal"] = Field(description="Without ends.")
-    mean: float = quantity("", doc="Mean.")
-    deviation: float = quantity("", gt=0.0, doc="Standard deviation.")
+    mean: float = quantity("", "Mean.")
+    deviation: float = quantity("", "Standard deviation.", gt=0.0)
 
 
 class TruncatedNormal(Model):
@@ -62,10 +62,10 @@ class TruncatedNormal(Model):
     kind: Literal["truncated_normal"] = Field(
         description="Normal, given that the value lies between two ends."
     )
-    mean: float = quantity("", doc="Mean before it is truncated.")
-    deviation: float = quantity("", gt=0.0, doc="Standard deviation before it is truncated.")
-    low: float = quantity("", doc="Lower end.")
-    high: float = quantity("", doc="Upper end.")
+    mean: float = quantity("", "Mean before it is truncated.")
+    deviation: float = quantity("", "Standard deviation before it is truncated.", gt=0.0)
+    low: float = quantity("", "Lower end.")
+    high: float = quantity("", "Upper end.")
 
     @model_validator(mode="after")
     def _ends_in_order(self) -> "TruncatedNormal":

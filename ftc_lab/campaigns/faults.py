@@ -27,7 +27,7 @@ else:
     DrawnKind, SensorKind = Literal[LOSS, *_KINDS], Literal[*_SENSOR_KINDS]
 
 _Instance = Annotated[
-    int, whole("", ge=0, le=MAX_INSTANCES, doc="Number of the sensor, from 1; 0: all.")
+    int, whole("", "Number of the sensor, from 1; 0: all.", ge=0, le=MAX_INSTANCES)
 ]
 
 

@@ -36,7 +36,7 @@ class Worse(Model):
     """The new campaign is worse in a probability or a figure, by a test with a confidence."""
 
     figure: str = Field(min_length=1)
-    confidence_percent: float = quantity("%", ge=50.0, lt=100.0, doc="Confidence of the test.")
+    confidence_percent: float = quantity("%", "Confidence of the test.", ge=50.0, lt=100.0)
 
     @property
     def event(self) -> str | None:

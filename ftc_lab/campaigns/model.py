@@ -53,12 +53,12 @@ class Factor(Model):
 class Kept(Model):
     """Flights whose trajectories are kept, in ``flights/ROW``."""
 
-    worst: int = whole("", ge=0, default=0, doc="How many of the worst flights per figure.")
+    worst: int = whole("", "How many of the worst flights per figure.", 0, ge=0)
     figures: Annotated[tuple[str, ...], AtMost(1000)] = Field(
         default=(), description="Columns of the results, as in uav3.iae_roll; the largest is worst."
     )
-    failures: int = whole("", ge=0, default=0, doc="How many flights of each failed outcome.")
-    share: float = quantity("", ge=0.0, le=1.0, default=0.0, doc="Random share of all flights.")
+    failures: int = whole("", "How many flights of each failed outcome.", 0, ge=0)
+    share: float = quantity("", "Random share of all flights.", 0.0, ge=0.0, le=1.0)
 
     @model_validator(mode="after")
     def _worst_of_something(self) -> "Kept":
@@ -75,13 +75,13 @@ class Campaign(Model):
     scenario: str = Field(
         min_length=1, description="The base: a file beside this one, or a bundled scenario."
     )
-    seed: int = whole("", ge=0, le=2**32 - 1, default=1, doc="Seed of every draw.")
+    seed: int = whole("", "Seed of every draw.", 1, ge=0, le=2**32 - 1)
     draws: int | None = whole(
         "",
+        "Draws, each flown by every variant; of saltelli, base points. Not of a grid.",
+        None,
         ge=1,
         le=100_000_000,
-        default=None,
-        doc="Draws, each flown by every variant; of saltelli, base points. Not of a grid.",
     )
     design: Design = Field(
         default="random",

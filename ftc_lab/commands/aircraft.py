@@ -1,5 +1,6 @@
 """``gcs aircraft``: the aircraft that come with the package, and what one is like."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,6 +13,8 @@ from gcs.console.terminal import console_of, numbers, print_json, print_line, ta
 from gcs.scenario.bundled import aircraft_names
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from ftc_autopilot.control.airframe_checks import AirframeCheck
     from sitl_plant.airframe.config import Aircraft
     from sitl_plant.airframe.level_flight import LevelFlight
@@ -81,43 +84,57 @@ def aircraft(
     that does not, or there is no rudder, the laws `surviving` and `tube` hold the heading by bank.
     Where aileron and rudder do each other's work, `tube` plans both together.
     """
-    from ftc_autopilot.control.heading import needs_bank
     from gcs.scenario.aircraft_file import load_aircraft
 
     if name is None:
-        if out is not None:
-            raise BadInput("--out is for the polar of one aircraft; name it: gcs aircraft NAME")
-        found = {known: load_aircraft(known) for known in aircraft_names()}
-        if as_json:
-            print_json({known: one.model_dump() for known, one in found.items()}, indent=2)
-            return
-        width = max(map(len, found))
-        for known, one in found.items():
-            size = f"{one.mass_kg:g} kg, {one.wing_span_m:g} m"
-            speeds = f"{one.airspeed_min_m_s:g} to {one.airspeed_max_m_s:g} m/s"
-            print_line(f"{known:{width}}  {size}, {speeds}.  {one.source}")
+        _list_all(out, as_json)
         return
     shown = _shown(name, load_aircraft(name), airspeed)
     if out is not None:
-        from ftc_lab.figures.polar import draw_polar
-        from gcs.reports.figures.style import save
-        from gcs.results.run_folder import make_run_folder
-
-        save(draw_polar(shown.aircraft, shown.flight), make_run_folder(out, ""), "polar")
+        _draw_polar(shown, out)
     if as_json:
-        parts = {
-            "aircraft": shown.aircraft.model_dump(),
-            "level_flight": shown.flight._asdict(),
-            "modes": [mode._asdict() for mode in shown.modes],
-            "authority_rad_s2": shown.authority_rad_s2,
-            "largest_thrust_n": shown.thrust_n,
-            "fastest_level_flight_m_s": shown.fastest_m_s,
-            "checks": [check._asdict() for check in shown.checks],
-            "heading_by_bank": needs_bank(shown.aircraft),
-        }
-        print_json(parts, indent=2)
+        print_json(_parts(shown), indent=2)
+    else:
+        _print(name, shown, quiet)
+
+
+def _list_all(out: Path | None, as_json: bool) -> None:
+    from gcs.scenario.aircraft_file import load_aircraft
+
+    if out is not None:
+        raise BadInput("--out is for the polar of one aircraft; name it: gcs aircraft NAME")
+    found = {known: load_aircraft(known) for known in aircraft_names()}
+    if as_json:
+        print_json({known: one.model_dump() for known, one in found.items()}, indent=2)
         return
-    _print(name, shown, quiet)
+    width = max(map(len, found))
+    for known, one in found.items():
+        size = f"{one.mass_kg:g} kg, {one.wing_span_m:g} m"
+        speeds = f"{one.airspeed_min_m_s:g} to {one.airspeed_max_m_s:g} m/s"
+        print_line(f"{known:{width}}  {size}, {speeds}.  {one.source}")
+
+
+def _draw_polar(shown: _ShownAircraft, out: Path) -> None:
+    from ftc_lab.figures.polar import draw_polar
+    from gcs.reports.figures.style import save
+    from gcs.results.run_folder import make_run_folder
+
+    save(draw_polar(shown.aircraft, shown.flight), make_run_folder(out, ""), "polar")
+
+
+def _parts(shown: _ShownAircraft) -> dict[str, object]:
+    from ftc_autopilot.control.heading import needs_bank
+
+    return {
+        "aircraft": shown.aircraft.model_dump(),
+        "level_flight": shown.flight._asdict(),
+        "modes": [mode._asdict() for mode in shown.modes],
+        "authority_rad_s2": shown.authority_rad_s2,
+        "largest_thrust_n": shown.thrust_n,
+        "fastest_level_flight_m_s": shown.fastest_m_s,
+        "checks": [check._asdict() for check in shown.checks],
+        "heading_by_bank": needs_bank(shown.aircraft),
+    }
 
 
 def _shown(name: str, aircraft: "Aircraft", airspeed: float | None) -> _ShownAircraft:
@@ -153,58 +170,18 @@ def _print(name: str, shown: _ShownAircraft, quiet: bool) -> None:
     from ftc_autopilot.control.heading import needs_bank
 
     console = console_of(stderr=False, quiet=quiet)
-    one, flight = shown.aircraft, shown.flight
-    size = table_of(texts(name), numbers(""))
-    for label, value in (
-        ("mass", f"{one.mass_kg:g} kg"),
-        ("wing", f"{one.wing_span_m:g} m, {one.wing_area_m2:g} m²"),
-        ("airspeeds", f"{one.airspeed_min_m_s:g} to {one.airspeed_max_m_s:g} m/s"),
-        ("cruise", "-" if one.cruise_m_s is None else f"{one.cruise_m_s:g} m/s"),
-        ("stall", "-" if one.stall_deg is None else f"{one.stall_deg:g}°"),
-        ("thrust by weight", f"{one.thrust_limit_n / (one.mass_kg * one.gravity_m_s2 or 1.0):.2g}"),
-    ):
-        size.add_row(label, value)
-    console.print(size)
+    one = shown.aircraft
+    console.print(_limits_table(name, one))
     if one.source:
         console.print(f"Source: {one.source}")
-    at = f"Straight, level flight at {flight.airspeed_m_s:g} m/s"
-    trim = table_of(texts(at), numbers(""), texts("of"))
-    aileron, elevator, rudder = map(_stops_text, one.stops_deg)
-    most = (shown.thrust_n or {}).get(f"{flight.airspeed_m_s:g}", one.thrust_limit_n)
-    for label, value, limit in (
-        ("angle of attack", f"{flight.alpha_deg:.1f}°", ""),
-        ("sideslip", f"{flight.beta_deg + 0.0:.1f}°", ""),
-        ("aileron", f"{flight.aileron_deg:.1f}°", aileron),
-        ("elevator", f"{flight.elevator_deg:.1f}°", elevator),
-        ("rudder", f"{flight.rudder_deg:.1f}°" if one.has("rudder") else "", rudder),
-        ("thrust", f"{flight.thrust_n:.0f} N", f"{most:.4g} N"),
-    ):
-        trim.add_row(label, value.replace("-0.0°", "0.0°"), limit)
-    console.print(trim)
+    console.print(_trim_table(shown))
     if shown.thrust_n is not None:
         rows = ", ".join(f"{V} m/s {T:.3g} N" for V, T in shown.thrust_n.items())
         console.print(f"Largest thrust: {rows}")
     if shown.fastest_m_s is not None and shown.fastest_m_s < one.airspeed_max_m_s:
         text = f"Its thrust holds level flight up to {shown.fastest_m_s:.1f} m/s"
         console.print(f"{text}, less than airspeed_max_m_s: {one.airspeed_max_m_s:g} m/s")
-    table = table_of(
-        texts("mode"),
-        numbers("frequency\n[rad/s]"),
-        numbers("damping"),
-        numbers("time\n[s]"),
-        texts(""),
-    )
-    for mode in shown.modes:
-        growing = mode.damping < 0.0
-        seconds = 1.0 / (abs(mode.damping) * mode.frequency_rad_s or 1e-9)
-        table.add_row(
-            mode.name,
-            "" if mode.is_aperiodic else f"{mode.frequency_rad_s:.3g}",
-            "" if mode.is_aperiodic else f"{mode.damping:.2g}",
-            f"{seconds:.3g}",
-            "grows" if growing else "",
-        )
-    console.print(table)
+    console.print(_modes_table(shown.modes))
     surfaces = ", ".join(f"{key} {value:.3g}" for key, value in shown.authority_rad_s2.items())
     console.print(f"Angular acceleration by full deflection [rad/s²]: {surfaces}")
     table = table_of(texts("check"), numbers("value"), texts(""))
@@ -216,6 +193,53 @@ def _print(name: str, shown: _ShownAircraft, quiet: bool) -> None:
     for check in shown.checks:
         if not check.is_met:
             console.print(f"{check.name}: {check.otherwise}")
+
+
+def _limits_table(name: str, one: "Aircraft") -> "Table":
+    table = table_of(texts(name), numbers(""))
+    for label, value in (
+        ("mass", f"{one.mass_kg:g} kg"),
+        ("wing", f"{one.wing_span_m:g} m, {one.wing_area_m2:g} m²"),
+        ("airspeeds", f"{one.airspeed_min_m_s:g} to {one.airspeed_max_m_s:g} m/s"),
+        ("cruise", "-" if one.cruise_m_s is None else f"{one.cruise_m_s:g} m/s"),
+        ("stall", "-" if one.stall_deg is None else f"{one.stall_deg:g}°"),
+        ("thrust by weight", f"{one.thrust_limit_n / (one.mass_kg * one.gravity_m_s2 or 1.0):.2g}"),
+    ):
+        table.add_row(label, value)
+    return table
+
+
+def _trim_table(shown: _ShownAircraft) -> "Table":
+    one, flight = shown.aircraft, shown.flight
+    at = f"{flight.airspeed_m_s:g}"
+    table = table_of(texts(f"Straight, level flight at {at} m/s"), numbers(""), texts("of"))
+    aileron, elevator, rudder = map(_stops_text, one.stops_deg)
+    most = (shown.thrust_n or {}).get(at, one.thrust_limit_n)
+    for label, value, limit in (
+        ("angle of attack", f"{flight.alpha_deg:.1f}°", ""),
+        ("sideslip", f"{flight.beta_deg + 0.0:.1f}°", ""),
+        ("aileron", f"{flight.aileron_deg:.1f}°", aileron),
+        ("elevator", f"{flight.elevator_deg:.1f}°", elevator),
+        ("rudder", f"{flight.rudder_deg:.1f}°" if one.has("rudder") else "", rudder),
+        ("thrust", f"{flight.thrust_n:.0f} N", f"{most:.4g} N"),
+    ):
+        table.add_row(label, value.replace("-0.0°", "0.0°"), limit)
+    return table
+
+
+def _modes_table(modes: "Iterable[Mode]") -> "Table":
+    heads = numbers("frequency\n[rad/s]"), numbers("damping"), numbers("time\n[s]")
+    table = table_of(texts("mode"), *heads, texts(""))
+    for mode in modes:
+        seconds = 1.0 / (abs(mode.damping) * mode.frequency_rad_s or 1e-9)
+        table.add_row(
+            mode.name,
+            "" if mode.is_aperiodic else f"{mode.frequency_rad_s:.3g}",
+            "" if mode.is_aperiodic else f"{mode.damping:.2g}",
+            f"{seconds:.3g}",
+            "grows" if mode.damping < 0.0 else "",
+        )
+    return table
 
 
 def _stops_text(stops: tuple[float, float]) -> str:

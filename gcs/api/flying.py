@@ -28,6 +28,7 @@ from gcs.scenario.model import Scenario
 
 if TYPE_CHECKING:
     import pyarrow as pa
+    from rich.console import Console
 
 Recorded: TypeAlias = Literal["full", "light", "none"]
 """How much of the steps is recorded: all, the main signals at 50 Hz, or nothing."""
@@ -174,27 +175,35 @@ def fly_many(
         warn(dict.fromkeys(text for one in prepared for text in one.remarks))
         console = console_of(quiet=not progress)
         warm_up(None, console)
-        count = min(jobs or os.cpu_count() or 1, len(prepared))
-        done: dict[int, Done] = {}
-        with (
-            contextlib.closing(LocalWorkers[Job, Done](count, _fly_job)) as workers,
-            working(console) as work,
-        ):
-            task = work.add("flying", len(prepared), "flights")
-            rest = (Job(k, one.scenario.model_dump(), recording) for k, one in enumerate(prepared))
-            for job in itertools.islice(rest, count):
-                workers.submit(job)
-            while len(done) < len(prepared):
-                while not workers.done(LOOK_S):
-                    raise_if_cancelled()
-                job, flown = workers.wait()
-                if flown is None:
-                    raise GcsError(f"flights[{job.number}] killed its process")
-                done[job.number] = flown
-                task.advance()
-                if (following := next(rest, None)) is not None:
-                    workers.submit(following)
+        done = _done(prepared, recording, jobs or os.cpu_count() or 1, console)
     return [_in_memory(one, *done[k]) for k, one in enumerate(prepared)]
+
+
+def _done(
+    flights: Sequence[Prepared], recording: Record, jobs: int, console: "Console"
+) -> dict[int, Done]:
+    """Fly in worker processes, with progress; return what became of each flight by its number."""
+    rest = (Job(k, one.scenario.model_dump(), recording) for k, one in enumerate(flights))
+    done: dict[int, Done] = {}
+    count = min(jobs, len(flights))
+    with (
+        contextlib.closing(LocalWorkers[Job, Done](count, _fly_job)) as workers,
+        working(console) as work,
+    ):
+        task = work.add("flying", len(flights), "flights")
+        for job in itertools.islice(rest, count):
+            workers.submit(job)
+        while len(done) < len(flights):
+            while not workers.done(LOOK_S):
+                raise_if_cancelled()
+            job, flown = workers.wait()
+            if flown is None:
+                raise GcsError(f"flights[{job.number}] killed its process")
+            done[job.number] = flown
+            task.advance()
+            if (following := next(rest, None)) is not None:
+                workers.submit(following)
+    return done
 
 
 def _fly_job(job: Job, _worker: str) -> Done:

@@ -23,7 +23,6 @@ from gcs.station.vehicle import Vehicle
 from mavlink_defs.config.models import counted
 from mavlink_defs.mission_files import (
     MISSION_SUFFIXES,
-    MissionFile,
     is_mission_file,
     plan_text,
     waypoints_text,
@@ -172,12 +171,12 @@ def _send(station: StationOptions, file: Path, start: bool) -> None:
     transfer.upload(station, send, {"items": len(items) - 1, "not_flown": not_flown})
 
 
-def _read(file: Path) -> MissionFile:
+def _read(file: Path) -> tuple[Mission, tuple[str, ...]]:
     """Read a mission, and tell what is in its file that nobody flies."""
-    mission = load_mission(file)
+    items, not_flown = load_mission(file)
     if is_mission_file(file):  # a scenario tells by itself
-        tell_not_flown(file, mission.not_flown)
-    return mission
+        tell_not_flown(file, not_flown)
+    return items, not_flown
 
 
 def _text_of(out: Path, mission: Mission) -> str:

@@ -13,7 +13,7 @@ from ftc_autopilot.guidance.path import NO_LOOP, point_at
 from gcs.scenario.bundled import find_scenario
 from gcs.scenario.model import Scenario, read_scenario
 from mavlink_defs.config.models import ConfigError, Problem
-from mavlink_defs.mission_files import MissionFile, is_mission_file, read_mission_file
+from mavlink_defs.mission_files import is_mission_file, read_mission_file
 from mavlink_defs.profile import ItemError
 from mavlink_defs.services.mission import MissionItem
 
@@ -63,19 +63,21 @@ class Itinerary:
     repeats: int | None
 
 
-def load_mission(name: Path | str) -> MissionFile:
+def load_mission(name: Path | str) -> tuple[tuple[MissionItem, ...], tuple[str, ...]]:
     """Read a mission, home included: of a mission file, or of a scenario, bundled or not.
 
-    A scenario's profile is a mission of reference segments.
+    A scenario's profile is a mission of reference segments. Beside the items, what else is in the
+    file and no vehicle takes is returned, part by part.
 
     Raises:
         ConfigError: The file cannot be used.
     """
     if is_mission_file(Path(name)):
-        return read_mission_file(Path(name))
+        held = read_mission_file(Path(name))
+        return held.items, held.not_flown
     scenario = read_scenario(find_scenario(name))
     left_out = () if scenario.mission is None else scenario.mission.not_flown
-    return MissionFile(scenario.mission_items(), left_out)
+    return scenario.mission_items(), left_out
 
 
 def dry_run(name: Path | str, items: Sequence[MissionItem], fleet: Scenario) -> Itinerary:

@@ -4,7 +4,6 @@ Each entry becomes one item of the mission protocol, so that both count items fr
 """
 
 import functools
-import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,7 +18,6 @@ from mavlink_defs.config.models import AtMost, ConfigError, Model, Problem, Prob
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.config.written import located, source_at, written_in
 from mavlink_defs.constants import INT32_MAX, MAX_MISSION_ITEMS
-from mavlink_defs.float32 import decimal_of_float32
 from mavlink_defs.mission_files import MAX_NOT_FLOWN, mission_item, read_mission_file
 from mavlink_defs.services.mission import MissionItem
 
@@ -27,12 +25,10 @@ from mavlink_defs.services.mission import MissionItem
 class WaypointEntry(Model):
     """A place to fly by."""
 
-    north_m: float = quantity("m", doc="North of the origin.")
-    east_m: float = quantity("m", doc="East of the origin.")
-    height_m: float = quantity("m", doc="Height above home.")
-    within_m: float = quantity(
-        "m", ge=0.0, default=0.0, doc="Greatest distance at which it is passed; 0: any."
-    )
+    north_m: float = quantity("m", "North of the origin.")
+    east_m: float = quantity("m", "East of the origin.")
+    height_m: float = quantity("m", "Height above home.")
+    within_m: float = quantity("m", "Greatest distance at which it is passed; 0: any.", 0.0, ge=0.0)
 
     def item(self, seq: int, origin: Origin) -> MissionItem:
         """Return the item of the protocol, with a number."""
@@ -45,15 +41,15 @@ class LoiterEntry(Model):
     """A circle."""
 
     north_m: float | None = quantity(
-        "m", default=None, doc="North of the centre; none: a circle through the place before."
+        "m", "North of the centre; none: a circle through the place before.", None
     )
-    east_m: float | None = quantity("m", default=None, doc="East of the centre.")
-    height_m: float = quantity("m", doc="Height above home.")
+    east_m: float | None = quantity("m", "East of the centre.", None)
+    height_m: float = quantity("m", "Height above home.")
     radius_m: float = quantity(
-        "m", default=0.0, doc="Radius, positive clockwise; 0: of a turn at 20 deg of bank."
+        "m", "Radius, positive clockwise; 0: of a turn at 20 deg of bank.", 0.0
     )
-    turns: float | None = quantity("", gt=0.0, default=None, doc="Turns before it is left.")
-    time_s: float | None = quantity("s", ge=0.0, default=None, doc="Time before it is left.")
+    turns: float | None = quantity("", "Turns before it is left.", None, gt=0.0)
+    time_s: float | None = quantity("s", "Time before it is left.", None, ge=0.0)
 
     @model_validator(mode="after")
     def _keys_fit(self) -> "LoiterEntry":
@@ -82,7 +78,7 @@ _CENTRE, _ENDS = ("north_m", "east_m"), ("turns", "time_s")
 class SpeedEntry(Model):
     """The airspeed from here on."""
 
-    airspeed_m_s: float = quantity("m/s", gt=0.0, doc="Airspeed.")
+    airspeed_m_s: float = quantity("m/s", "Airspeed.", gt=0.0)
 
     def item(self, seq: int, _: Origin) -> MissionItem:
         """Return the item of the protocol, with a number."""
@@ -93,7 +89,7 @@ class SpeedEntry(Model):
 class DelayEntry(Model):
     """Time before the entries up to the next place take effect."""
 
-    time_s: float = quantity("s", ge=0.0, doc="Time.")
+    time_s: float = quantity("s", "Time.", ge=0.0)
 
     def item(self, seq: int, _: Origin) -> MissionItem:
         """Return the item of the protocol, with a number."""
@@ -103,8 +99,8 @@ class DelayEntry(Model):
 class JumpEntry(Model):
     """The mission continues with another item."""
 
-    to_item: int = whole("", ge=1, doc="Item to continue with; the first one is 1.")
-    times: int = whole("", ge=-1, default=-1, doc="How often; -1: always.")
+    to_item: int = whole("", "Item to continue with; the first one is 1.", ge=1)
+    times: int = whole("", "How often; -1: always.", -1, ge=-1)
 
     def item(self, seq: int, _: Origin) -> MissionItem:
         """Return the item of the protocol, with a number."""
@@ -114,9 +110,9 @@ class JumpEntry(Model):
 class HomeEntry(Model):
     """A new home."""
 
-    north_m: float = quantity("m", doc="North of the origin.")
-    east_m: float = quantity("m", doc="East of the origin.")
-    height_m: float = quantity("m", default=0.0, doc="Height above the origin.")
+    north_m: float = quantity("m", "North of the origin.")
+    east_m: float = quantity("m", "East of the origin.")
+    height_m: float = quantity("m", "Height above the origin.", 0.0)
 
     def item(self, seq: int, origin: Origin) -> MissionItem:
         """Return the item of the protocol, with a number."""
@@ -136,19 +132,18 @@ class ReturnEntry(Model):
 class ProtocolEntry(Model):
     """An item as the mission protocol has it."""
 
-    command: int = whole("", ge=0, le=0xFFFF, doc="MAV_CMD.")
-    frame: int = whole("", ge=0, le=0xFF, default=3, doc="MAV_FRAME.")
+    command: int = whole("", "MAV_CMD.", ge=0, le=0xFFFF)
+    frame: int = whole("", "MAV_FRAME.", 3, ge=0, le=0xFF)
     params: Annotated[tuple[float | None, ...], AtMost(4)] = Field(
         default=(), description="Parameters 1 to 4; null is NaN."
     )
-    x: int = whole("", ge=-INT32_MAX, le=INT32_MAX, default=0, doc="Latitude in degE7, mostly.")
-    y: int = whole("", ge=-INT32_MAX, le=INT32_MAX, default=0, doc="Longitude in degE7, mostly.")
-    z: float = quantity("", default=0.0, doc="Altitude in m, mostly.")
+    x: int = whole("", "Latitude in degE7, mostly.", 0, ge=-INT32_MAX, le=INT32_MAX)
+    y: int = whole("", "Longitude in degE7, mostly.", 0, ge=-INT32_MAX, le=INT32_MAX)
+    z: float = quantity("", "Altitude in m, mostly.", 0.0)
 
     def item(self, seq: int, _: Origin) -> MissionItem:
         """Return the item of the protocol, with a number."""
-        params = [math.nan if value is None else value for value in self.params]
-        return mission_item(seq, self.command, params, self.x, self.y, self.z, self.frame)
+        return mission_item(seq, self.command, self.params, self.x, self.y, self.z, self.frame)
 
 
 class MissionEntry(Model):
@@ -201,14 +196,6 @@ class MissionSection(Model):
         return home_item(origin), *items
 
 
-def _entry_of(item: MissionItem) -> dict[str, Any]:
-    """Return an item as plain data of a file."""
-    params = (item.param1, item.param2, item.param3, item.param4)
-    numbers = [None if math.isnan(value) else decimal_of_float32(value) for value in params]
-    place = {"x": item.x, "y": item.y, "z": decimal_of_float32(item.z)}
-    return {"item": {"command": item.command, "frame": item.frame, "params": numbers} | place}
-
-
 @functools.cache  # a scenario is read several times in one command
 def tell_not_flown(name: Path | str, not_flown: tuple[str, ...]) -> None:
     """Tell once what is in a mission file that no vehicle takes, if there is anything."""
@@ -242,7 +229,7 @@ def with_mission_file(path: Path | str, tree: dict[Any, Any]) -> dict[Any, Any]:
         raise ConfigError(path, located(tree, problems)) from error
     tell_not_flown(Path(path).parent / name, held.not_flown)
     entries = written_in(
-        [_entry_of(item) for item in held.items[1:]], source_at(tree, ("mission", "file"))
+        [{"item": entry} for entry in held.entries[1:]], source_at(tree, ("mission", "file"))
     )
     mission = {"file": None, "items": entries, "not_flown": list(held.not_flown) or None}
     changed: dict[Any, Any] = merged(tree, {"mission": mission})

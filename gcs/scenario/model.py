@@ -91,8 +91,8 @@ class Scenario(Model):
     description: Prose = Field(
         default="", description="Purpose of the scenario, in a line or more."
     )
-    duration_s: float = quantity("s", gt=0.0, le=86_400.0, doc="Length of the flight.")
-    step_us: int = whole("us", ge=1, le=100_000, default=1000, doc="Control period.")
+    duration_s: float = quantity("s", "Length of the flight.", gt=0.0, le=86_400.0)
+    step_us: int = whole("us", "Control period.", 1000, ge=1, le=100_000)
     aircraft: Aircraft = Field(
         description="The nominal aircraft of every UAV that has none of its own."
     )

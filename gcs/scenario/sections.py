@@ -36,7 +36,7 @@ Found: TypeAlias = Iterator[Problem | tuple[Loc, str]]
 
 _MAX_EDGES = LAST_SYSTEM * (LAST_SYSTEM - 1) // 2
 
-Weight = Annotated[float, quantity("", gt=0.0, doc="Weight in the communication graph.")]
+Weight = Annotated[float, quantity("", "Weight in the communication graph.", gt=0.0)]
 
 
 class ScenarioUav(Model):
@@ -77,11 +77,11 @@ class Network(Model):
 class ProfileSegment(Model):
     """Reference values from a time on; a ramp reaches its values when the next segment starts."""
 
-    start_s: float = quantity("s", ge=0.0, doc="Start, exclusive.")
-    airspeed_m_s: float = quantity("m/s", gt=0.0, doc="Airspeed V_r.")
-    roll_deg: float = quantity("deg", ge=-90.0, le=90.0, default=0.0, doc="Roll angle.")
-    pitch_deg: float = quantity("deg", gt=-90.0, lt=90.0, default=0.0, doc="Pitch angle.")
-    yaw_deg: float = quantity("deg", ge=-180.0, le=180.0, default=0.0, doc="Yaw angle.")
+    start_s: float = quantity("s", "Start, exclusive.", ge=0.0)
+    airspeed_m_s: float = quantity("m/s", "Airspeed V_r.", gt=0.0)
+    roll_deg: float = quantity("deg", "Roll angle.", 0.0, ge=-90.0, le=90.0)
+    pitch_deg: float = quantity("deg", "Pitch angle.", 0.0, gt=-90.0, lt=90.0)
+    yaw_deg: float = quantity("deg", "Yaw angle.", 0.0, ge=-180.0, le=180.0)
     shape: Literal["step", "ramp"] = Field(
         default="step", description="Values in force from the start, or approached linearly."
     )
@@ -102,7 +102,7 @@ class FaultOfUav(FaultSpec):
     """A fault of one UAV of the fleet, in simulated time."""
 
     uav: SystemId
-    start_s: float = quantity("s", ge=0.0, doc="Start, exclusive.")
+    start_s: float = quantity("s", "Start, exclusive.", ge=0.0)
 
     def overlaps(self, other: "FaultOfUav") -> bool:
         """Return whether both act on the same actuator or sensor at some time."""

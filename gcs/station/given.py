@@ -38,7 +38,7 @@ def mission_of(file: Path | str) -> Mission:
     from gcs.scenario.itinerary import load_mission
 
     with python_errors():
-        return load_mission(file).items
+        return load_mission(file)[0]
 
 
 def profile_of(file: Path | str) -> tuple[Segment, ...]:

@@ -29,6 +29,15 @@ ENTRY = np.dtype(
 )
 
 
+class Destination(NamedTuple):
+    """Where a datagram is to go."""
+
+    way: int  # direction of a route that it takes
+    fd: int  # socket to send it from; -1: there is none
+    connected: bool  # whether the socket is connected
+    address: np.ndarray  # where to send it, if not, shape (ADDRESS_SIZE,)
+
+
 class Delayed(NamedTuple):
     """Datagrams by the number of their first chunk."""
 
@@ -88,25 +97,13 @@ def earliest_s(delayed: Delayed) -> float:
 
 
 @compiled
-def add(
-    delayed: Delayed,
-    due_s: float,
-    way: int,
-    fd: int,
-    connected: bool,
-    address: np.ndarray,
-    data: np.ndarray,
-    length: int,
-) -> None:
+def add(delayed: Delayed, due_s: float, to: Destination, data: np.ndarray, length: int) -> None:
     """Keep a datagram until it is due; there has to be room.
 
     Args:
         delayed: The others.
         due_s: When it is due [s]; of equal ones the first comes first.
-        way: Direction of a route that it takes.
-        fd: Socket to send it from.
-        connected: Whether the socket is connected.
-        address: Where to send it, if not, shape (ADDRESS_SIZE,).
+        to: Where it goes.
         data: The payload, uint8.
         length: Its length [bytes].
     """
@@ -122,9 +119,9 @@ def add(
     state["free"] -= chunks
     entry = delayed.entries[number]
     entry["due_s"], entry["order"] = due_s, state["order"]
-    entry["way"], entry["fd"], entry["length"] = way, fd, length
-    entry["connected"] = 1 if connected else 0
-    copy_bytes(delayed.addresses[number], 0, address, 0, ADDRESS_SIZE)
+    entry["way"], entry["fd"], entry["length"] = to.way, to.fd, length
+    entry["connected"] = 1 if to.connected else 0
+    copy_bytes(delayed.addresses[number], 0, to.address, 0, ADDRESS_SIZE)
     state["order"] += 1
     at = state["waiting"]
     state["waiting"] += 1

@@ -10,22 +10,22 @@ from pydantic import Field, model_validator
 from mavlink_defs.config.models import AtMost, Model, Problems
 from mavlink_defs.config.quantity import quantity, whole
 
-Share = Annotated[float, quantity("", ge=0.0, le=1.0, doc="Share of the datagrams.")]
+Share = Annotated[float, quantity("", "Share of the datagrams.", ge=0.0, le=1.0)]
 
 
 class Bursts(Model):
     """Gilbert-Elliott: the link changes between good and bad; `loss` of the link holds in good."""
 
     begin: Share = Field(description="Probability that a datagram finds a burst begun.")
-    end: float = quantity("", gt=0.0, le=1.0, doc="Probability that it finds a burst ended.")
-    loss: float = quantity("", ge=0.0, le=1.0, default=1.0, doc="Loss within a burst.")
+    end: float = quantity("", "Probability that it finds a burst ended.", gt=0.0, le=1.0)
+    loss: float = quantity("", "Loss within a burst.", 1.0, ge=0.0, le=1.0)
 
 
 class Outage(Model):
     """A time during which nothing passes."""
 
-    from_s: float = quantity("s", ge=0.0, doc="Begin, inclusive.")
-    to_s: float = quantity("s", gt=0.0, doc="End, exclusive.")
+    from_s: float = quantity("s", "Begin, inclusive.", ge=0.0)
+    to_s: float = quantity("s", "End, exclusive.", gt=0.0)
 
     @model_validator(mode="after")
     def _in_order(self) -> "Outage":
@@ -38,31 +38,19 @@ class Outage(Model):
 class Impairment(Model):
     """Impairments of each datagram on a link, in either direction; none by default."""
 
-    seed: int = whole("", ge=0, le=2**63 - 1, default=1, doc="Seed of the random choices.")
-    loss: float = quantity("", ge=0.0, le=1.0, default=0.0, doc="Share that is lost.")
+    seed: int = whole("", "Seed of the random choices.", 1, ge=0, le=2**63 - 1)
+    loss: float = quantity("", "Share that is lost.", 0.0, ge=0.0, le=1.0)
     bursts: Bursts | None = Field(default=None, description="Losses in bursts; none: no bursts.")
-    duplicate: float = quantity("", ge=0.0, le=1.0, default=0.0, doc="Share that comes twice.")
-    delay_ms: float = quantity(
-        "ms", ge=0.0, le=60_000.0, default=0.0, doc="Delay of every datagram."
-    )
+    duplicate: float = quantity("", "Share that comes twice.", 0.0, ge=0.0, le=1.0)
+    delay_ms: float = quantity("ms", "Delay of every datagram.", 0.0, ge=0.0, le=60_000.0)
     jitter_ms: float = quantity(
-        "ms",
-        ge=0.0,
-        le=60_000.0,
-        default=0.0,
-        doc="Largest random addition to the delay; order is kept.",
+        "ms", "Largest random addition to the delay; order is kept.", 0.0, ge=0.0, le=60_000.0
     )
-    reorder: float = quantity("", ge=0.0, le=1.0, default=0.0, doc="Share that is overtaken.")
+    reorder: float = quantity("", "Share that is overtaken.", 0.0, ge=0.0, le=1.0)
     reorder_ms: float = quantity(
-        "ms",
-        gt=0.0,
-        le=60_000.0,
-        default=10.0,
-        doc="Time by which overtaken datagrams are held back.",
+        "ms", "Time by which overtaken datagrams are held back.", 10.0, gt=0.0, le=60_000.0
     )
-    bit_errors: float = quantity(
-        "", ge=0.0, le=0.5, default=0.0, doc="Share of the bits that are inverted."
-    )
+    bit_errors: float = quantity("", "Share of the bits that are inverted.", 0.0, ge=0.0, le=0.5)
     outages: Annotated[tuple[Outage, ...], AtMost(1000)] = Field(
         default=(), description="Times during which every datagram is lost [s]."
     )

@@ -11,7 +11,15 @@ from typing import NamedTuple
 import numpy as np
 
 from mavlink_defs.capture import delayed as waiting_room
-from mavlink_defs.capture.delayed import Delayed, add, earliest_s, has_room, new_delayed, take
+from mavlink_defs.capture.delayed import (
+    Delayed,
+    Destination,
+    add,
+    earliest_s,
+    has_room,
+    new_delayed,
+    take,
+)
 from mavlink_defs.capture.impairing import COPIES, Directions, put
 from mavlink_defs.capture.tap_counts import Counts, count
 from mavlink_defs.constants import MAX_DATAGRAM
@@ -284,63 +292,54 @@ def _pass_on(relay: RelayState, counts: Counts) -> Need:
     state = relay.state[0]
     if state["gated"] != 0 and state["allowed"] == 0:
         return Need.GATE
-    first_peer, length = FIRST_FRONT + len(relay.fronts), state["length"]
-    connected = False
-    if state["from_row"] >= first_peer:
-        peer = state["from_row"] - first_peer
-        front = relay.fronts[relay.peers[peer]["front"]]
-        way, fd, address = front["back"], front["fd"], relay.addresses[peer]
-    else:
-        i = state["from_row"] - FIRST_FRONT
-        way, address = relay.fronts[i]["to"], relay.targets[i]
-        behind = _row_of(relay.keys, relay.rows, relay.sender, _FIXED_END)
-        if behind >= 0:
-            fd = relay.fronts[behind]["fd"]
-        else:
-            peer = _row_of(relay.keys, relay.rows, relay.sender, 2 + i)
-            if peer < 0:
-                return Need.PEER
-            relay.peers[peer]["turn"] = state["turn"]
-            state["turn"] += 1
-            connected, fd = True, relay.peers[peer]["fd"]
-    impaired = relay.ways[way]["impaired"] != 0
+    to = _destination(relay)
+    if to.fd < 0:
+        return Need.PEER
+    way, length = relay.ways[to.way], state["length"]
+    impaired = way["impaired"] != 0
     if impaired and not has_room(relay.delayed, length, COPIES):
         return Need.ROOM
     now_s = monotonic_s()
-    if not count(counts, now_s - state["start_s"], relay.ways[way]["flow"], relay.received, length):
+    schedule_s = now_s - state["start_s"]
+    if not count(counts, schedule_s, way["flow"], relay.received, length):
         return Need.ROOM
     if not impaired:
-        _deliver(relay.ways, way, fd, connected, address, relay.received, length)
+        _deliver(relay.ways, to, relay.received, length)
         return Need.NOTHING
-    schedule_s = now_s - state["start_s"]
     if state["simulated"] != 0:
         schedule_s = counts.state[0]["simulated_s"]  # NaN, before it runs, is in no outage
+    due_s, copies = relay.due_s, relay.copies
     arrivals = put(
-        relay.directions,
-        way,
-        relay.received,
-        length,
-        now_s,
-        schedule_s,
-        relay.due_s,
-        relay.copies,
+        relay.directions, to.way, relay.received, length, now_s, schedule_s, due_s, copies
     )
     _deliver_due(relay.delayed, relay.ways, relay.sent, now_s)
     for k in range(arrivals):
-        if relay.due_s[k] <= now_s:
-            _deliver(relay.ways, way, fd, connected, address, relay.copies[k], length)
+        if due_s[k] <= now_s:
+            _deliver(relay.ways, to, copies[k], length)
         else:
-            add(
-                relay.delayed,
-                relay.due_s[k],
-                way,
-                fd,
-                connected,
-                address,
-                relay.copies[k],
-                length,
-            )
+            add(relay.delayed, due_s[k], to, copies[k], length)
     return Need.NOTHING
+
+
+@compiled
+def _destination(relay: RelayState) -> Destination:
+    """Return where the datagram in `received` goes; without a socket if its peer is unknown."""
+    state = relay.state[0]
+    i = state["from_row"] - FIRST_FRONT
+    if i >= len(relay.fronts):
+        peer = i - len(relay.fronts)
+        front = relay.fronts[relay.peers[peer]["front"]]
+        return Destination(front["back"], front["fd"], False, relay.addresses[peer])
+    way, address = relay.fronts[i]["to"], relay.targets[i]
+    behind = _row_of(relay.keys, relay.rows, relay.sender, _FIXED_END)
+    if behind >= 0:
+        return Destination(way, relay.fronts[behind]["fd"], False, address)
+    peer = _row_of(relay.keys, relay.rows, relay.sender, 2 + i)
+    if peer < 0:
+        return Destination(way, -1, False, address)
+    relay.peers[peer]["turn"] = state["turn"]
+    state["turn"] += 1
+    return Destination(way, relay.peers[peer]["fd"], True, address)
 
 
 @compiled
@@ -355,28 +354,14 @@ def _row_of(keys: np.ndarray, rows: np.ndarray, address: np.ndarray, group: int)
 def _deliver_due(delayed: Delayed, ways: np.ndarray, sent: np.ndarray, now_s: float) -> None:
     while earliest_s(delayed) <= now_s:
         number = take(delayed, sent)
-        entry = delayed.entries[number]
-        _deliver(
-            ways,
-            entry["way"],
-            entry["fd"],
-            entry["connected"] != 0,
-            delayed.addresses[number],
-            sent,
-            entry["length"],
-        )
+        entry, address = delayed.entries[number], delayed.addresses[number]
+        to = Destination(entry["way"], entry["fd"], entry["connected"] != 0, address)
+        _deliver(ways, to, sent, entry["length"])
 
 
 @compiled
-def _deliver(
-    ways: np.ndarray,
-    way: int,
-    fd: int,
-    connected: bool,
-    address: np.ndarray,
-    data: np.ndarray,
-    length: int,
-) -> None:
-    sent = send(fd, data, length) if connected else send_to(fd, data, length, address)
+def _deliver(ways: np.ndarray, to: Destination, data: np.ndarray, length: int) -> None:
+    fd = to.fd
+    sent = send(fd, data, length) if to.connected else send_to(fd, data, length, to.address)
     if sent < 0:
-        ways[way]["undeliverable"] += 1
+        ways[to.way]["undeliverable"] += 1

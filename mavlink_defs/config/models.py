@@ -86,6 +86,6 @@ Prose = Annotated[str, AfterValidator(visible_lines)]
 HostPort = Annotated[str, AfterValidator(_normal_address)]
 """A UDP address, "host:port"."""
 
-Port = Annotated[int, whole("", ge=1, le=65535, doc="UDP port.")]
+Port = Annotated[int, whole("", "UDP port.", ge=1, le=65535)]
 
-SystemId = Annotated[int, whole("", ge=1, le=LAST_SYSTEM, doc="UAV number, its MAVLink system id.")]
+SystemId = Annotated[int, whole("", "UAV number, its MAVLink system id.", ge=1, le=LAST_SYSTEM)]

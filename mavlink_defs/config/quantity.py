@@ -4,7 +4,7 @@ What a field declares with `quantity` or `whole` is what the loader checks, what
 messages contain, and what help pages and the parameter protocol look up with `describe`::
 
     class Airframe(Model):
-        mass_kg: float = quantity("kg", gt=0.0, doc="Take-off mass m.")
+        mass_kg: float = quantity("kg", "Take-off mass m.", gt=0.0)
 """
 
 from dataclasses import dataclass
@@ -57,24 +57,24 @@ class Quantity:
 
 def quantity(
     unit: str,
+    doc: str,
+    default: Any = PydanticUndefined,
     *,
     gt: float | None = None,
     ge: float | None = None,
     lt: float | None = None,
     le: float | None = None,
-    default: Any = PydanticUndefined,
-    doc: str,
 ) -> Any:
     """Declare a finite real number; integers are taken, texts and truth values are not.
 
     Args:
         unit: Unit in ASCII; empty for a pure number.
+        doc: What the number means.
+        default: Value when the key is absent; without one the key must be given.
         gt: Exclusive lower bound.
         ge: Inclusive lower bound.
         lt: Exclusive upper bound.
         le: Inclusive upper bound.
-        default: Value when the key is absent; without one the key must be given.
-        doc: What the number means.
 
     Returns:
         A pydantic Field, for a field of type `float` or for use in `Annotated`.
@@ -85,11 +85,11 @@ def quantity(
 
 def whole(
     unit: str,
+    doc: str,
+    default: Any = PydanticUndefined,
     *,
     ge: int | None = None,
     le: int | None = None,
-    default: Any = PydanticUndefined,
-    doc: str,
 ) -> Any:
     """Declare a whole number, for a field of type `int`; arguments as of `quantity`."""
     return _field(Quantity(unit, None, ge, None, le, doc), default)

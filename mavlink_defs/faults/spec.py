@@ -34,10 +34,10 @@ class FaultSpec(Model):
     FAMILY: ClassVar[Family]
 
     start_s: float | None = quantity(
-        "s", ge=0.0, default=None, doc="Start in simulated time, exclusive; none: now."
+        "s", "Start in simulated time, exclusive; none: now.", None, ge=0.0
     )
     end_s: float | None = quantity(
-        "s", gt=0.0, default=None, doc="End in simulated time, inclusive; none: never."
+        "s", "End in simulated time, inclusive; none: never.", None, gt=0.0
     )
 
     @model_validator(mode="after")
@@ -144,17 +144,17 @@ class _ActuatorKeys(Model):
     actuator: Actuator = Field(description="The actuator that fails.")
     effectiveness: float | None = quantity(
         "",
+        "Share of the command that remains; none: 1, or 0 where a value replaces it.",
+        None,
         ge=0.0,
         le=1.0,
-        default=None,
-        doc="Share of the command that remains; none: 1, or 0 where a value replaces it.",
     )
 
 
 class _SensorKeys(Model):
     sensor: SensorName = Field(description="The sensor that fails.")
     instance: int = whole(
-        "", ge=0, le=MAX_INSTANCES, default=0, doc="Number of the sensor, from 1; 0: all of them."
+        "", "Number of the sensor, from 1; 0: all of them.", 0, ge=0, le=MAX_INSTANCES
     )
     failure: Failure | None = Field(
         default=None,
@@ -178,10 +178,10 @@ else:
 class _WithFrequency(_ActuatorValues):
     frequency_hz: float = quantity(
         "Hz",
+        "Frequency of the value, or of on and off; 0: constant.",
+        0.0,
         ge=0.0,
         le=MAX_FREQUENCY_HZ,
-        default=0.0,
-        doc="Frequency of the value, or of on and off; 0: constant.",
     )
 
 

@@ -82,8 +82,6 @@ ACTUATORS = payload_dtype(dialect.MAVLink_hil_actuator_controls_message)
 
 SIM_STATE_SIZE = SIM_STATE.itemsize
 SIM_STEP_SIZE = SIM_STEP.itemsize
-HIL_SENSOR_SIZE = HIL_SENSOR.itemsize
-HIL_GPS_SIZE = HIL_GPS.itemsize
 NEIGHBOUR_SIZE = NEIGHBOUR.itemsize
 ACTUATORS_SIZE = ACTUATORS.itemsize
 REPORT_AT = dict(NEIGHBOUR.fields or {})["report"][1]
@@ -104,13 +102,7 @@ class MessageId(IntEnum):
     ACTUATORS = dialect.MAVLink_hil_actuator_controls_message.id
 
 
-_EXTRA_SIM_STATE = dialect.MAVLink_ftc_sim_state_message.crc_extra
-_EXTRA_SIM_STEP = dialect.MAVLink_ftc_sim_step_message.crc_extra
-_EXTRA_SENSOR = dialect.MAVLink_hil_sensor_message.crc_extra
-_EXTRA_GPS = dialect.MAVLink_hil_gps_message.crc_extra
-_EXTRA_STEP_DONE = dialect.MAVLink_ftc_step_done_message.crc_extra
-_EXTRA_NEIGHBOUR = dialect.MAVLink_ftc_neighbour_message.crc_extra
-_EXTRA_ACTUATORS = dialect.MAVLink_hil_actuator_controls_message.crc_extra
+_HOT = tuple((int(i), int(dialect.mavlink_map[int(i)].crc_extra)) for i in MessageId)
 _IDS = np.array(sorted(dialect.mavlink_map), np.int64)
 _EXTRAS = np.array([dialect.mavlink_map[int(i)].crc_extra for i in _IDS], np.int64)
 
@@ -336,20 +328,9 @@ def message_id_of(datagram: np.ndarray) -> int:
 
 @compiled
 def _crc_extra(message_id: int) -> int:
-    if message_id == MessageId.SIM_STATE:
-        return _EXTRA_SIM_STATE
-    if message_id == MessageId.ACTUATORS:
-        return _EXTRA_ACTUATORS
-    if message_id == MessageId.STEP_DONE:
-        return _EXTRA_STEP_DONE
-    if message_id == MessageId.NEIGHBOUR:
-        return _EXTRA_NEIGHBOUR
-    if message_id == MessageId.SENSOR:
-        return _EXTRA_SENSOR
-    if message_id == MessageId.SIM_STEP:
-        return _EXTRA_SIM_STEP
-    if message_id == MessageId.GPS:
-        return _EXTRA_GPS
+    for hot, extra in _HOT:
+        if message_id == hot:
+            return extra
     return -1
 
 

@@ -1,7 +1,7 @@
 """The mission microservice (https://mavlink.io/en/services/mission.html), client side.
 
-`MissionUploader`, `MissionDownloader` and `MissionClearer` each do their operation once, with
-one vehicle and one mission type; the vehicle's side is `mavlink_defs.services.mission_server`.
+`MissionUploader` and `MissionDownloader` each do their operation once, with one vehicle and one
+mission type; the vehicle's side is `mavlink_defs.services.mission_server`.
 Times and retries are those that the protocol recommends, but for `ITEM_TIMEOUT_S`, which leaves
 a busy machine more than 250 ms.
 """
@@ -18,7 +18,6 @@ from mavlink_defs.constants import INT32_MAX
 from mavlink_defs.dialect import (
     MAVLink_message,
     MAVLink_mission_ack_message,
-    MAVLink_mission_clear_all_message,
     MAVLink_mission_count_message,
     MAVLink_mission_item_int_message,
     MAVLink_mission_item_message,
@@ -78,7 +77,12 @@ def _deg_e7(degrees: float) -> int:
 class _MissionClient(Machine[MissionProgress | MissionFinished]):
     """One operation with one vehicle: a request is repeated until it is answered."""
 
-    def __init__(self, own: SystemId, vehicle: SystemId, mission_type: int) -> None:
+    def __init__(
+        self,
+        own: SystemId,
+        vehicle: SystemId,
+        mission_type: int = dialect.MAV_MISSION_TYPE_MISSION,
+    ) -> None:
         super().__init__()
         self._own, self._vehicle, self._mission_type = own, vehicle, mission_type
         self._request: MAVLink_message | None = None
@@ -203,15 +207,8 @@ class MissionUploader(_MissionClient):
 class MissionDownloader(_MissionClient):
     """Fetches the mission of a vehicle, item by item."""
 
-    def __init__(
-        self,
-        own: SystemId,
-        vehicle: SystemId,
-        mission_type: int = dialect.MAV_MISSION_TYPE_MISSION,
-    ) -> None:
-        super().__init__(own, vehicle, mission_type)
-        self._count: int | None = None
-        self._items: list[MissionItem] = []
+    _count: int | None
+    _items: list[MissionItem]
 
     def _first_request(self) -> MAVLink_message:
         self._count, self._items = None, []
@@ -240,22 +237,3 @@ class MissionDownloader(_MissionClient):
         else:
             request = MAVLink_mission_request_int_message(*self._vehicle, seq, self._mission_type)
             self._ask(request, ITEM_TIMEOUT_S, now)
-
-
-class MissionClearer(_MissionClient):
-    """Clears the mission of a vehicle."""
-
-    def __init__(
-        self,
-        own: SystemId,
-        vehicle: SystemId,
-        mission_type: int = dialect.MAV_MISSION_TYPE_MISSION,
-    ) -> None:
-        super().__init__(own, vehicle, mission_type)
-
-    def _first_request(self) -> MAVLink_message:
-        return MAVLink_mission_clear_all_message(*self._vehicle, self._mission_type)
-
-    def _answer(self, message: MAVLink_message, now: float) -> None:
-        if isinstance(message, MAVLink_mission_ack_message):
-            self._finish(message.type)

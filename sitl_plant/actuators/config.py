@@ -15,10 +15,10 @@ class Servo(Model):
     """What a servo of either kind has."""
 
     lag_s: float = quantity(
-        "s", ge=0.0, le=10.0, default=0.0, doc="Time constant of the first-order lag; 0: none."
+        "s", "Time constant of the first-order lag; 0: none.", 0.0, ge=0.0, le=10.0
     )
     dead_time_s: float = quantity(
-        "s", ge=0.0, le=1.0, default=0.0, doc="Delay of every command, whole control periods."
+        "s", "Delay of every command, whole control periods.", 0.0, ge=0.0, le=1.0
     )
 
 
@@ -26,13 +26,13 @@ class SurfaceServo(Servo):
     """Servo of a control surface; angles are the surface's."""
 
     rate_limit_deg_s: float | None = quantity(
-        "deg/s", gt=0.0, default=None, doc="Highest rate; without it, unlimited."
+        "deg/s", "Highest rate; without it, unlimited.", None, gt=0.0
     )
     backlash_deg: float = quantity(
-        "deg", ge=0.0, le=45.0, default=0.0, doc="Full width of the play between servo and surface."
+        "deg", "Full width of the play between servo and surface.", 0.0, ge=0.0, le=45.0
     )
     resolution_deg: float = quantity(
-        "deg", ge=0.0, le=45.0, default=0.0, doc="Step to which commands are rounded; 0: none."
+        "deg", "Step to which commands are rounded; 0: none.", 0.0, ge=0.0, le=45.0
     )
 
 
@@ -43,11 +43,9 @@ class EngineServo(Servo):
     """
 
     rate_limit_n_s: float | None = quantity(
-        "N/s", gt=0.0, default=None, doc="Highest rate of thrust; without it, unlimited."
+        "N/s", "Highest rate of thrust; without it, unlimited.", None, gt=0.0
     )
-    resolution_n: float = quantity(
-        "N", ge=0.0, default=0.0, doc="Step to which commands are rounded; 0: none."
-    )
+    resolution_n: float = quantity("N", "Step to which commands are rounded; 0: none.", 0.0, ge=0.0)
 
 
 class ActuatorServos(Model):

@@ -24,10 +24,10 @@ _ROUNDING = 1e-3
 class Inertia(Model):
     """Moments and product of inertia, eq. (5); the other two products are zero."""
 
-    Jxx: float = quantity("kg m^2", gt=0.0, doc="Moment of inertia about x.")
-    Jyy: float = quantity("kg m^2", gt=0.0, doc="Moment of inertia about y.")
-    Jzz: float = quantity("kg m^2", gt=0.0, doc="Moment of inertia about z.")
-    Jxz: float = quantity("kg m^2", doc="Product of inertia.")
+    Jxx: float = quantity("kg m^2", "Moment of inertia about x.", gt=0.0)
+    Jyy: float = quantity("kg m^2", "Moment of inertia about y.", gt=0.0)
+    Jzz: float = quantity("kg m^2", "Moment of inertia about z.", gt=0.0)
+    Jxz: float = quantity("kg m^2", "Product of inertia.")
 
     @model_validator(mode="after")
     def _positive_definite(self) -> "Inertia":
@@ -65,40 +65,40 @@ class Coefficients(Model):
     surfaces and rates.
     """
 
-    cL0: float = quantity("", doc="Lift at zero angle of attack.")
-    cL_alpha: float = quantity("1/rad", doc="Lift due to angle of attack.")
-    cD0: float = quantity("", ge=0.0, doc="Drag.")
-    cY_beta: float = quantity("1/rad", doc="Side force due to sideslip.")
-    cl0: float = quantity("", doc="Rolling moment.")
-    cl_beta: float = quantity("1/rad", doc="Rolling moment due to sideslip.")
-    cl_p: float = quantity("1/rad", doc="Rolling moment due to roll rate.")
-    cl_r: float = quantity("1/rad", doc="Rolling moment due to yaw rate.")
-    cl_da: float = quantity("1/rad", doc="Rolling moment due to aileron.")
-    cl_dr: float = quantity("1/rad", doc="Rolling moment due to rudder.")
-    cm0: float = quantity("", doc="Pitching moment.")
-    cm_alpha: float = quantity("1/rad", doc="Pitching moment due to angle of attack.")
-    cm_q: float = quantity("1/rad", doc="Pitching moment due to pitch rate.")
-    cm_de: float = quantity("1/rad", doc="Pitching moment due to elevator.")
-    cn0: float = quantity("", doc="Yawing moment.")
-    cn_beta: float = quantity("1/rad", doc="Yawing moment due to sideslip.")
-    cn_p: float = quantity("1/rad", doc="Yawing moment due to roll rate.")
-    cn_r: float = quantity("1/rad", doc="Yawing moment due to yaw rate.")
-    cn_da: float = quantity("1/rad", doc="Yawing moment due to aileron.")
-    cn_dr: float = quantity("1/rad", doc="Yawing moment due to rudder.")
+    cL0: float = quantity("", "Lift at zero angle of attack.")
+    cL_alpha: float = quantity("1/rad", "Lift due to angle of attack.")
+    cD0: float = quantity("", "Drag.", ge=0.0)
+    cY_beta: float = quantity("1/rad", "Side force due to sideslip.")
+    cl0: float = quantity("", "Rolling moment.")
+    cl_beta: float = quantity("1/rad", "Rolling moment due to sideslip.")
+    cl_p: float = quantity("1/rad", "Rolling moment due to roll rate.")
+    cl_r: float = quantity("1/rad", "Rolling moment due to yaw rate.")
+    cl_da: float = quantity("1/rad", "Rolling moment due to aileron.")
+    cl_dr: float = quantity("1/rad", "Rolling moment due to rudder.")
+    cm0: float = quantity("", "Pitching moment.")
+    cm_alpha: float = quantity("1/rad", "Pitching moment due to angle of attack.")
+    cm_q: float = quantity("1/rad", "Pitching moment due to pitch rate.")
+    cm_de: float = quantity("1/rad", "Pitching moment due to elevator.")
+    cn0: float = quantity("", "Yawing moment.")
+    cn_beta: float = quantity("1/rad", "Yawing moment due to sideslip.")
+    cn_p: float = quantity("1/rad", "Yawing moment due to roll rate.")
+    cn_r: float = quantity("1/rad", "Yawing moment due to yaw rate.")
+    cn_da: float = quantity("1/rad", "Yawing moment due to aileron.")
+    cn_dr: float = quantity("1/rad", "Yawing moment due to rudder.")
     # beyond Table I
-    cL_q: float = quantity("1/rad", default=0.0, doc="Lift due to pitch rate.")
-    cL_de: float = quantity("1/rad", default=0.0, doc="Lift due to elevator.")
-    cD_alpha: float = quantity("1/rad", default=0.0, doc="Drag due to angle of attack.")
-    cD_alpha2: float = quantity("1/rad^2", default=0.0, doc="Drag due to its square.")
-    cD_beta: float = quantity("1/rad", default=0.0, doc="Drag due to sideslip.")
-    cD_beta2: float = quantity("1/rad^2", default=0.0, doc="Drag due to its square.")
-    cD_de: float = quantity("1/rad", default=0.0, doc="Drag due to elevator.")
-    cD_de2: float = quantity("1/rad^2", default=0.0, doc="Drag due to its square.")
-    cY0: float = quantity("", default=0.0, doc="Side force.")
-    cY_p: float = quantity("1/rad", default=0.0, doc="Side force due to roll rate.")
-    cY_r: float = quantity("1/rad", default=0.0, doc="Side force due to yaw rate.")
-    cY_da: float = quantity("1/rad", default=0.0, doc="Side force due to aileron.")
-    cY_dr: float = quantity("1/rad", default=0.0, doc="Side force due to rudder.")
+    cL_q: float = quantity("1/rad", "Lift due to pitch rate.", 0.0)
+    cL_de: float = quantity("1/rad", "Lift due to elevator.", 0.0)
+    cD_alpha: float = quantity("1/rad", "Drag due to angle of attack.", 0.0)
+    cD_alpha2: float = quantity("1/rad^2", "Drag due to its square.", 0.0)
+    cD_beta: float = quantity("1/rad", "Drag due to sideslip.", 0.0)
+    cD_beta2: float = quantity("1/rad^2", "Drag due to its square.", 0.0)
+    cD_de: float = quantity("1/rad", "Drag due to elevator.", 0.0)
+    cD_de2: float = quantity("1/rad^2", "Drag due to its square.", 0.0)
+    cY0: float = quantity("", "Side force.", 0.0)
+    cY_p: float = quantity("1/rad", "Side force due to roll rate.", 0.0)
+    cY_r: float = quantity("1/rad", "Side force due to yaw rate.", 0.0)
+    cY_da: float = quantity("1/rad", "Side force due to aileron.", 0.0)
+    cY_dr: float = quantity("1/rad", "Side force due to rudder.", 0.0)
 
 
 TERMS = {
@@ -162,8 +162,8 @@ def _on_both_sides(stops: tuple[float, float]) -> tuple[float, float]:
     return stops
 
 
-_Angle = Annotated[float, quantity("deg", gt=0.0, lt=90.0, doc="Stop on both sides.")]
-_Stop = Annotated[float, quantity("deg", gt=-90.0, lt=90.0, doc="Least or largest angle.")]
+_Angle = Annotated[float, quantity("deg", "Stop on both sides.", gt=0.0, lt=90.0)]
+_Stop = Annotated[float, quantity("deg", "Least or largest angle.", gt=-90.0, lt=90.0)]
 _Stops = Annotated[
     Annotated[_Angle, Tag("<angle>")]
     | Annotated[tuple[_Stop, _Stop], AfterValidator(_on_both_sides), Tag("<stops>")]
@@ -187,12 +187,12 @@ class Aircraft(Model):
     """One aircraft type; of a plant the true one, of a controller the nominal one."""
 
     source: Prose = Field(default="", description="Where the numbers are from.")
-    mass_kg: float = quantity("kg", gt=0.0, doc="Mass m.")
-    wing_area_m2: float = quantity("m^2", gt=0.0, doc="Reference area S.")
-    wing_span_m: float = quantity("m", gt=0.0, doc="Wing span b.")
-    mean_chord_m: float = quantity("m", gt=0.0, doc="Mean aerodynamic chord c.")
-    air_density_kg_m3: float = quantity("kg/m^3", gt=0.0, doc="Air density rho.")
-    gravity_m_s2: float = quantity("m/s^2", ge=0.0, doc="Acceleration of gravity g.")
+    mass_kg: float = quantity("kg", "Mass m.", gt=0.0)
+    wing_area_m2: float = quantity("m^2", "Reference area S.", gt=0.0)
+    wing_span_m: float = quantity("m", "Wing span b.", gt=0.0)
+    mean_chord_m: float = quantity("m", "Mean aerodynamic chord c.", gt=0.0)
+    air_density_kg_m3: float = quantity("kg/m^3", "Air density rho.", gt=0.0)
+    gravity_m_s2: float = quantity("m/s^2", "Acceleration of gravity g.", ge=0.0)
     inertia_kg_m2: Inertia = Field(description="Inertia J.")
     any_inertia: bool = Field(
         default=False,
@@ -205,29 +205,29 @@ class Aircraft(Model):
         description="Whether cl_p and the like are per p b/2V, or per rad/s.",
     )
     stall_deg: float | None = quantity(
-        "deg", gt=0.0, lt=90.0, default=None, doc="Angle of attack of the stall; none: no stall."
+        "deg", "Angle of attack of the stall; none: no stall.", None, gt=0.0, lt=90.0
     )
     stall_sharpness: float = quantity(
         "1/rad",
+        "Sharpness M of the blend from attached flow to a flat plate at the stall.",
+        50.0,
         gt=0.0,
         le=200.0,
-        default=50.0,
-        doc="Sharpness M of the blend from attached flow to a flat plate at the stall.",
     )
-    thrust_limit_n: float = quantity("N", gt=0.0, doc="Thrust is within 0 and this.")
+    thrust_limit_n: float = quantity("N", "Thrust is within 0 and this.", gt=0.0)
     propulsion: Propulsion | None = Field(
         default=None, description="Thrust by airspeed, its lag and moments; none: any at once."
     )
     surface_limit_deg: float | None = quantity(
-        "deg", gt=0.0, lt=90.0, default=None, doc="Stop on both sides of all surfaces."
+        "deg", "Stop on both sides of all surfaces.", None, gt=0.0, lt=90.0
     )
     surface_limits_deg: SurfaceLimits = Field(
         default=SurfaceLimits(), description="Stops of single surfaces, in place of it [deg]."
     )
-    airspeed_min_m_s: float = quantity("m/s", gt=0.0, doc="Lowest airspeed command accepted.")
-    airspeed_max_m_s: float = quantity("m/s", gt=0.0, doc="Highest airspeed command accepted.")
+    airspeed_min_m_s: float = quantity("m/s", "Lowest airspeed command accepted.", gt=0.0)
+    airspeed_max_m_s: float = quantity("m/s", "Highest airspeed command accepted.", gt=0.0)
     cruise_m_s: float | None = quantity(
-        "m/s", gt=0.0, default=None, doc="Airspeed that a design is for; none: mid-range."
+        "m/s", "Airspeed that a design is for; none: mid-range.", None, gt=0.0
     )
 
     @model_validator(mode="after")
@@ -308,8 +308,8 @@ def limits_in(aircraft: Mapping[str, Any]) -> FaultLimits:
     return FaultLimits(stops, aircraft["thrust_limit_n"])
 
 
-_Factor = Annotated[float, quantity("", doc="Ratio of true to nominal value.")]
-_Scale = Annotated[float, quantity("", gt=0.0, doc="Ratio of true to nominal value.")]
+_Factor = Annotated[float, quantity("", "Ratio of true to nominal value.")]
+_Scale = Annotated[float, quantity("", "Ratio of true to nominal value.", gt=0.0)]
 _ByName = Annotated[dict[str, _Factor], AtMost(100), Tag("<names>")]
 
 
@@ -327,7 +327,7 @@ class Uncertainty(Model):
     One factor of the inertia scales it as a whole, so that it stays positive definite.
     """
 
-    mass: float = quantity("", gt=0.0, default=1.0, doc="Factor of the mass.")
+    mass: float = quantity("", "Factor of the mass.", 1.0, gt=0.0)
     inertia: Annotated[Annotated[_Scale, Tag("<all>")] | _ByName, Discriminator(_form)] = Field(
         default={}, description="One factor, or factors by name: Jxx, ..."
     )

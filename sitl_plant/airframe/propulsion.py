@@ -18,14 +18,14 @@ _MIN_ROWS, MAX_ROWS = 2, 8
 _MAX_SPEED_M_S = 300  # airspeeds at which a propeller is looked at
 
 
-_Coefficient = Annotated[float, quantity("", doc="Coefficient of a power of J.")]
+_Coefficient = Annotated[float, quantity("", "Coefficient of a power of J.")]
 
 
 class ThrustRow(Model):
     """Largest thrust at an airspeed."""
 
-    airspeed_m_s: float = quantity("m/s", ge=0.0, le=300.0, doc="Airspeed.")
-    thrust_n: float = quantity("N", ge=0.0, doc="Largest thrust there.")
+    airspeed_m_s: float = quantity("m/s", "Airspeed.", ge=0.0, le=300.0)
+    thrust_n: float = quantity("N", "Largest thrust there.", ge=0.0)
 
 
 class Operation(NamedTuple):
@@ -43,17 +43,17 @@ class Propeller(Model):
     per second: thrust = ρ n² D⁴ C_T, torque = ρ n² D⁵ C_Q.
     """
 
-    diameter_m: float = quantity("m", gt=0.0, doc="Diameter D.")
+    diameter_m: float = quantity("m", "Diameter D.", gt=0.0)
     thrust_coefficients: tuple[_Coefficient, _Coefficient, _Coefficient] = Field(
         description="C_T: constant, linear and quadratic in the advance ratio."
     )
     torque_coefficients: tuple[_Coefficient, _Coefficient, _Coefficient] = Field(
         description="C_Q: constant, linear and quadratic in the advance ratio."
     )
-    kv_rpm_v: float = quantity("rpm/V", gt=0.0, doc="Speed constant of the motor.")
-    resistance_ohm: float = quantity("ohm", gt=0.0, doc="Resistance of its winding.")
-    no_load_current_a: float = quantity("A", ge=0.0, doc="Current without load.")
-    voltage_v: float = quantity("V", gt=0.0, doc="Voltage at full throttle.")
+    kv_rpm_v: float = quantity("rpm/V", "Speed constant of the motor.", gt=0.0)
+    resistance_ohm: float = quantity("ohm", "Resistance of its winding.", gt=0.0)
+    no_load_current_a: float = quantity("A", "Current without load.", ge=0.0)
+    voltage_v: float = quantity("V", "Voltage at full throttle.", gt=0.0)
     turns: Literal["clockwise", "counterclockwise"] = Field(
         default="clockwise", description="Sense of rotation as seen from behind."
     )
@@ -131,25 +131,21 @@ class Propulsion(Model):
     )
     lag_s: float = quantity(
         "s",
+        "Time constant of the thrust; of it and `servos.throttle.lag_s` the larger one counts.",
+        0.0,
         ge=0.0,
         le=10.0,
-        default=0.0,
-        doc="Time constant of the thrust; of it and `servos.throttle.lag_s` the larger one counts.",
     )
     torque_arm_m: float | None = quantity(
         "m",
-        default=None,
-        doc="Rolling moment by thrust, from the propeller's torque; none: `propeller`'s, or 0.",
+        "Rolling moment by thrust, from the propeller's torque; none: `propeller`'s, or 0.",
+        None,
     )
     pitch_arm_m: float = quantity(
-        "m",
-        default=0.0,
-        doc="Pitching moment by thrust: how far below the centre of gravity it is.",
+        "m", "Pitching moment by thrust: how far below the centre of gravity it is.", 0.0
     )
     yaw_arm_m: float = quantity(
-        "m",
-        default=0.0,
-        doc="Yawing moment by thrust: how far left of the centre of gravity it is.",
+        "m", "Yawing moment by thrust: how far left of the centre of gravity it is.", 0.0
     )
 
     @model_validator(mode="after")

@@ -6,7 +6,7 @@ fly straight and the airspeed follows.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -53,7 +53,7 @@ class Trim:
     roll_deg: float
     pitch_deg: float
     turn_rate_deg_s: float
-    beyond: tuple[str, ...]
+    beyond: tuple[str, ...] = ()
 
     @property
     def position(self) -> float:
@@ -105,6 +105,15 @@ def trim_stuck(
     found = steady_flight(record, tried, begin)
     if found is None:
         return None
+    trim = _trim_of(stuck, found)
+    beyond = (*_beyond(aircraft, channel, found),)
+    if abs(trim.beta_deg) > sideslip_limit_deg:
+        beyond = *beyond, "sideslip"
+    roll_deg = trim.roll_deg if balanced_by_bank else roll_deg
+    return replace(trim, roll_deg=roll_deg, beyond=beyond)
+
+
+def _trim_of(stuck: Actuator, found: Steady) -> Trim:
     aileron, elevator, rudder = map(math.degrees, found.delta)
     return Trim(
         stuck=stuck,
@@ -115,13 +124,9 @@ def trim_stuck(
         thrust_n=found.thrust,
         alpha_deg=math.degrees(found.alpha),
         beta_deg=math.degrees(found.beta),
-        roll_deg=math.degrees(found.roll) if balanced_by_bank else roll_deg,
+        roll_deg=math.degrees(found.roll),
         pitch_deg=math.degrees(found.pitch),
         turn_rate_deg_s=math.degrees(found.turn_rate),
-        beyond=(
-            *_beyond(aircraft, channel, found),
-            *(("sideslip",) if abs(math.degrees(found.beta)) > sideslip_limit_deg else ()),
-        ),
     )
 
 

@@ -15,8 +15,8 @@ from mavlink_defs.config.quantity import quantity, whole
 CHANNELS = (16, 32)
 """Outputs in a packet of ArduPilot, without and with SERVO_32_ENABLE."""
 
-Channel = Annotated[int, whole("", ge=1, le=CHANNELS[-1], doc="Output channel.")]
-Pulse = Annotated[float, quantity("us", ge=500.0, le=2500.0, doc="Length of a pulse.")]
+Channel = Annotated[int, whole("", "Output channel.", ge=1, le=CHANNELS[-1])]
+Pulse = Annotated[float, quantity("us", "Length of a pulse.", ge=500.0, le=2500.0)]
 
 
 class ThrottleOutput(Model):
@@ -74,10 +74,10 @@ class ArduPilot(Model):
         description="Hold the aircraft on a launcher until ArduPilot commands thrust.",
     )
     launch_throttle: float = quantity(
-        "", ge=0.0, lt=1.0, default=0.05, doc="Share of the thrust above which it is launched."
+        "", "Share of the thrust above which it is launched.", 0.05, ge=0.0, lt=1.0
     )
     launch_acceleration_m_s2: float = quantity(
-        "m/s^2", gt=0.0, le=1000.0, default=15.0, doc="Acceleration of the launch."
+        "m/s^2", "Acceleration of the launch.", 15.0, gt=0.0, le=1000.0
     )
 
     @property

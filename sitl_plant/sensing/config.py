@@ -29,23 +29,23 @@ _SCALE = "Turn-on error of the scale factor, as a ratio."
 
 
 def _rate(default: float | None) -> Any:
-    return quantity("Hz", gt=0.0, default=default, doc=_RATE)
+    return quantity("Hz", _RATE, default, gt=0.0)
 
 
 def _latency(default: float) -> Any:
-    return quantity("s", ge=0.0, le=1.0, default=default, doc=_LATENCY)
+    return quantity("s", _LATENCY, default, ge=0.0, le=1.0)
 
 
 def _correlation(default: float) -> Any:
-    return quantity("s", gt=0.0, le=1e6, default=default, doc=_CORRELATION)
+    return quantity("s", _CORRELATION, default, gt=0.0, le=1e6)
 
 
 def _scale(default: float) -> Any:
-    return quantity("", ge=0.0, le=0.5, default=default, doc=_SCALE)
+    return quantity("", _SCALE, default, ge=0.0, le=0.5)
 
 
 def _size(unit: str, default: float, doc: str) -> Any:
-    return quantity(unit, ge=0.0, default=default, doc=doc)
+    return quantity(unit, doc, default, ge=0.0)
 
 
 def _fitted() -> Any:
@@ -77,7 +77,7 @@ def _misalignment(default: float) -> Any:
 
 
 def _range(unit: str, default: float) -> Any:
-    return quantity(unit, gt=0.0, default=default, doc="Largest value, of either sign.")
+    return quantity(unit, "Largest value, of either sign.", default, gt=0.0)
 
 
 def _resolution(unit: str, default: float) -> Any:
@@ -174,9 +174,9 @@ class Gnss(Model):
         "m/s", 0.05, "Standard deviation of the noise of the velocity, of each axis."
     )
     vertical_velocity_noise_m_s: float = _size("m/s", 0.075, "The same of the vertical velocity.")
-    hdop: float = quantity("", ge=0.0, le=99.0, default=0.8, doc="Dilution of precision, reported.")
-    vdop: float = quantity("", ge=0.0, le=99.0, default=1.2, doc="The same of the height.")
-    satellites: int = whole("", ge=4, le=254, default=14, doc="Visible satellites, reported.")
+    hdop: float = quantity("", "Dilution of precision, reported.", 0.8, ge=0.0, le=99.0)
+    vdop: float = quantity("", "The same of the height.", 1.2, ge=0.0, le=99.0)
+    satellites: int = whole("", "Visible satellites, reported.", 14, ge=4, le=254)
     rate_hz: float | None = _rate(10.0)
     latency_s: float = _latency(0.2)
 
@@ -239,7 +239,7 @@ class NavigationSensors(Model):
         default="consumer",
         description="Class of the sensors: consumer, tactical, or ideal, which have no errors.",
     )
-    imus: int = whole("", ge=1, le=MAX_IMUS, default=2, doc="IMUs, each a gyro and accelerometer.")
+    imus: int = whole("", "IMUs, each a gyro and accelerometer.", 2, ge=1, le=MAX_IMUS)
     gyro: Gyro = Field(default=Gyro(), description="The gyro of each IMU.")
     accelerometer: Accelerometer = Field(
         default=Accelerometer(), description="The accelerometer of each IMU."
@@ -282,21 +282,17 @@ class Sensor(Model):
     """Errors of one sensor, the same for each of its axes, in the unit of the sensor's key."""
 
     noise_rms: float = quantity(
-        "", ge=0.0, default=0.0, doc="Standard deviation of the white noise of a sample."
+        "", "Standard deviation of the white noise of a sample.", 0.0, ge=0.0
     )
-    bias: float = quantity("", default=0.0, doc="Constant error.")
+    bias: float = quantity("", "Constant error.", 0.0)
     bias_drift: float = quantity(
-        "", ge=0.0, default=0.0, doc="Random walk of the bias: its standard deviation after 1 s."
+        "", "Random walk of the bias: its standard deviation after 1 s.", 0.0, ge=0.0
     )
-    resolution: float = quantity(
-        "", ge=0.0, default=0.0, doc="Step to which samples are rounded; 0: none."
-    )
+    resolution: float = quantity("", "Step to which samples are rounded; 0: none.", 0.0, ge=0.0)
     rate_hz: float | None = quantity(
-        "Hz", gt=0.0, default=None, doc="Samples per second; without it, one each control period."
+        "Hz", "Samples per second; without it, one each control period.", None, gt=0.0
     )
-    latency_s: float = quantity(
-        "s", ge=0.0, le=1.0, default=0.0, doc="Age of a sample, whole control periods."
-    )
+    latency_s: float = quantity("s", "Age of a sample, whole control periods.", 0.0, ge=0.0, le=1.0)
 
 
 class Sensors(Model):

@@ -24,7 +24,7 @@ def _form(value: object) -> str | None:
 
 
 _Replaced = Annotated[
-    Annotated[float, quantity("", doc="In the unit that the element names."), Tag("<number>")]
+    Annotated[float, quantity("", "In the unit that the element names."), Tag("<number>")]
     | Annotated[Title, Tag("<text>")],
     Discriminator(_form),
 ]
@@ -49,7 +49,7 @@ class JsbSimPlant(Model):
         description="A force along x at the centre of gravity, or JSBSim's engine by its throttle.",
     )
     step_us: int | None = whole(
-        "us", ge=1, le=100_000, default=None, doc="Step of JSBSim; none: the control period."
+        "us", "Step of JSBSim; none: the control period.", None, ge=1, le=100_000
     )
     patch: Annotated[dict[str, _Replaced], AtMost(100)] = Field(
         default={},
@@ -63,9 +63,7 @@ class PluginPlant(Model):
 
     kind: Literal["plugin"] = Field(description="A simulator of another package.")
     name: Title = Field(min_length=1, description="Name under which it is registered.")
-    step_us: int | None = whole(
-        "us", ge=1, le=100_000, default=None, doc="Its step; none: the control period."
-    )
+    step_us: int | None = whole("us", "Its step; none: the control period.", None, ge=1, le=100_000)
     options: Annotated[dict[str, Any], AtMost(100)] = Field(
         default={}, description="What it takes, as its documentation says."
     )

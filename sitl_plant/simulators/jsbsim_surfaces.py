@@ -7,6 +7,7 @@ inverted; else the aircraft has an autopilot, or servos, of its own, which would
 
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -92,21 +93,23 @@ def surfaces_of(
     return tuple(measured)
 
 
+def _refused(aircraft: str, why: str) -> SimulatorError:
+    text = f"JSBSim's {aircraft} cannot be flown by its surfaces: {why}"
+    return SimulatorError(text, "choose an aircraft without a flight control of its own")
+
+
 def _measured(
     aircraft: str, fdm: Any, checked: Callable[[Callable[[], Any]], Any], named: _Named
 ) -> Surface:
-    node = fdm.get_property_manager().get_node
-    command = node(named.command, True)
+    command = fdm.get_property_manager().get_node(named.command, True)
+    refused = partial(_refused, aircraft)
+    late = refused(f"the {named.name} follows {named.command} late, by a servo of its own")
     grid = [k / _GRID for k in range(-_GRID, _GRID + 1)]
 
     def at(value: float, key: str) -> float:
         command.set_double_value(value)
         checked(fdm.run_ic)
         return float(fdm[key])
-
-    def refused(why: str) -> SimulatorError:
-        text = f"JSBSim's {aircraft} cannot be flown by its surfaces: {why}"
-        return SimulatorError(text, "choose an aircraft without a flight control of its own")
 
     for position in named.positions:
         angles = [at(value, position) for value in grid]
@@ -119,11 +122,11 @@ def _measured(
         moved = any(abs(fdm[p] - angles[0]) > _MIN_ANGLE for p in named.positions)
         at(0.0, named.positions[0])
         if moved:
-            raise refused(f"the {named.name} follows {named.command} late, by a servo of its own")
+            raise late
         return Surface(command, [], [])
     if abs(at(1.0, position) - at(1.0, position)) > _MIN_ANGLE:
         at(0.0, position)
-        raise refused(f"the {named.name} follows {named.command} late, by a servo of its own")
+        raise late
     turned = angles[-1] < angles[0]
     ascending = angles[::-1] if turned else angles
     commands = grid[::-1] if turned else grid

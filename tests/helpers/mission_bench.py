@@ -9,6 +9,7 @@ from lossy_network import GCS, VEHICLE, over_the_wire
 from mavlink_defs import dialect
 from mavlink_defs.dialect import (
     MAVLink_message,
+    MAVLink_mission_clear_all_message,
     MAVLink_mission_count_message,
     MAVLink_mission_request_int_message,
 )
@@ -19,7 +20,7 @@ from mavlink_defs.profile import (
     segments_to_items,
 )
 from mavlink_defs.services.machine import SystemId
-from mavlink_defs.services.mission import MissionItem
+from mavlink_defs.services.mission import MissionItem, MissionUploader
 from mavlink_defs.services.mission_server import MissionServer
 
 ACCEPTED = dialect.MAV_MISSION_ACCEPTED
@@ -27,6 +28,16 @@ CANCELLED = dialect.MAV_MISSION_OPERATION_CANCELLED
 FENCE = dialect.MAV_MISSION_TYPE_FENCE
 RALLY = dialect.MAV_MISSION_TYPE_RALLY
 ALL = dialect.MAV_MISSION_TYPE_ALL
+
+
+class MissionClearer(MissionUploader):
+    """Clears the mission of a vehicle as other stations do: by one message, not an empty upload."""
+
+    def __init__(self, own: SystemId, vehicle: SystemId, mission_type: int = 0) -> None:
+        super().__init__(own, vehicle, [], mission_type)
+
+    def _first_request(self) -> MAVLink_message:
+        return MAVLink_mission_clear_all_message(*self._vehicle, self._mission_type)
 
 
 def mission(segments: int, airspeed: float = 30.0) -> list[MissionItem]:

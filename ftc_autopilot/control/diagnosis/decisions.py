@@ -64,53 +64,17 @@ def decide(
     is_new = actuator["decided_s"] < gains["trial_s"]
     on_trial = is_new and actuator["lost"] != 0 and not is_throttle
     is_check = age - actuator["z_s"] < limits.check + limits.suspicion  # raised by it
-    lags, dead = LAGS if is_check else 1, 0
+    lags = LAGS if is_check else 1
     found = _estimates(actuator, dither, lags, limits, on_trial, dt, gains, is_throttle)
     actuator["confidence"] = max(0.0, 1.0 - found.error)
     actuator["decided_s"] += dt
     if actuator["lost"] == 0:
-        r = actuator["measured"] - actuator["effectiveness"] * actuator["commanded"]
-        enough = max(limits.excitation, gains["excitation_sigma"] * math.sqrt(actuator["variance"]))
-        long_enough = actuator["samples"] * dt > gains["least_window_s"]
-        moved = math.sqrt(actuator["var_u"]) if long_enough else 0.0
-        if _is_cleared(found, moved > gains["cleared_excitation"] * enough, actuator, gains):
-            actuator["followed_s"] += dt
-        else:
-            actuator["followed_s"] = 0.0
-        if actuator["followed_s"] > limits.confirm and actuator["suspect_s"] > 0.0:
-            actuator["suspect_s"] = 0.0
-            actuator["followed"] = r
-            actuator["holdoff_s"] = min(actuator["holdoff_s"], gains["cleared_holdoff_s"])
-            if is_check:
-                actuator["cooldown_s"] = 0.0
-                dead = lag_steps(found.lag, dt) if _is_cleared(found, False, actuator, gains) else 0
-        may_be = age > gains["loss_start_s"] and not (
-            is_check and actuator["z_s"] < MAX_DEAD_S + limits.confirm
-        )
-        later = is_check and found.by_dither > gains["following"] * actuator["effectiveness"]
-        excited = moved > enough and not later  # after a dead time that is not known yet
-        seen = may_be and _is_lost(found, excited, actuator, limits, gains)
+        seen, dead = _looks_lost(actuator, found, is_check, limits, age, dt, gains)
         confirm = limits.confirm
     else:
-        moved = actuator["measured"] - actuator["stuck"]
-        may_return = actuator["decided_s"] > gains["return_start_s"]
-        arrived = may_return and not is_throttle and _has_arrived(actuator, moved, limits, gains)
-        jumped = abs(moved) > limits.jump and not arrived
-        if not is_throttle and not is_new and jumped:  # it may be free again
-            actuator["decided_s"] = 0.0
-            restart_instrument(actuator, True)
-        actuator["stuck"] += dt / gains["mean_s"] * moved
-        r = actuator["measured"] - actuator["commanded"]
-        small = abs(r) < gains["quiet"] * limits.jump
-        actuator["quiet_s"] = actuator["quiet_s"] + dt if small else 0.0
-        seen = arrived or (may_return and _follows(actuator, limits, gains, is_throttle))
+        dead = 0
+        seen = _looks_well(actuator, found, is_new, limits, dt, gains, is_throttle)
         confirm = gains["return_confirm_s"]
-        least = max(gains["weak_effectiveness"], gains["weak_sigma"] * found.dither_error)
-        if on_trial and actuator["decided_s"] > gains["trial_least_s"] and found.by_dither > least:
-            _change(actuator)
-            actuator["effectiveness"] = min(found.by_dither, 1.0)
-            actuator["offset"] = actuator["measured"] - found.by_dither * actuator["commanded"]
-            seen = False
     actuator["confirmed_s"] = actuator["confirmed_s"] + dt if seen else 0.0
     if actuator["confirmed_s"] > confirm:
         _change(actuator)
@@ -147,6 +111,73 @@ def _estimates(
     learn_instrument(actuator, dither, lags, lag_s, gains["filter_s"], memory_s, dt)
     by_dither, dither_error, lag = estimate_by_dither(actuator, lags, gains["filter_s"], dt)
     return _Estimates(rho, error, by_dither, dither_error, lag)
+
+
+@compiled
+def _looks_lost(
+    actuator: np.void,
+    found: _Estimates,
+    is_check: bool,
+    limits: Limits,
+    age: float,
+    dt: float,
+    gains: np.void,
+) -> tuple[bool, int]:
+    """Return whether a working actuator seems lost, and its dead time; end a suspicion."""
+    dead = 0
+    r = actuator["measured"] - actuator["effectiveness"] * actuator["commanded"]
+    enough = max(limits.excitation, gains["excitation_sigma"] * math.sqrt(actuator["variance"]))
+    long_enough = actuator["samples"] * dt > gains["least_window_s"]
+    moved = math.sqrt(actuator["var_u"]) if long_enough else 0.0
+    if _is_cleared(found, moved > gains["cleared_excitation"] * enough, actuator, gains):
+        actuator["followed_s"] += dt
+    else:
+        actuator["followed_s"] = 0.0
+    if actuator["followed_s"] > limits.confirm and actuator["suspect_s"] > 0.0:
+        actuator["suspect_s"] = 0.0
+        actuator["followed"] = r
+        actuator["holdoff_s"] = min(actuator["holdoff_s"], gains["cleared_holdoff_s"])
+        if is_check:
+            actuator["cooldown_s"] = 0.0
+            dead = lag_steps(found.lag, dt) if _is_cleared(found, False, actuator, gains) else 0
+    may_be = age > gains["loss_start_s"] and not (
+        is_check and actuator["z_s"] < MAX_DEAD_S + limits.confirm
+    )
+    later = is_check and found.by_dither > gains["following"] * actuator["effectiveness"]
+    excited = moved > enough and not later  # after a dead time that is not known yet
+    return may_be and _is_lost(found, excited, actuator, limits, gains), dead
+
+
+@compiled
+def _looks_well(
+    actuator: np.void,
+    found: _Estimates,
+    is_new: bool,
+    limits: Limits,
+    dt: float,
+    gains: np.void,
+    is_throttle: bool,
+) -> bool:
+    """Return whether a lost actuator seems to work; a trial may return it with a share at once."""
+    moved = actuator["measured"] - actuator["stuck"]
+    may_return = actuator["decided_s"] > gains["return_start_s"]
+    arrived = may_return and not is_throttle and _has_arrived(actuator, moved, limits, gains)
+    jumped = abs(moved) > limits.jump and not arrived
+    if not is_throttle and not is_new and jumped:  # it may be free again
+        actuator["decided_s"] = 0.0
+        restart_instrument(actuator, True)
+    actuator["stuck"] += dt / gains["mean_s"] * moved
+    small = abs(actuator["measured"] - actuator["commanded"]) < gains["quiet"] * limits.jump
+    actuator["quiet_s"] = actuator["quiet_s"] + dt if small else 0.0
+    seen = arrived or (may_return and _follows(actuator, limits, gains, is_throttle))
+    on_trial = is_new and not is_throttle and actuator["decided_s"] > gains["trial_least_s"]
+    least = max(gains["weak_effectiveness"], gains["weak_sigma"] * found.dither_error)
+    if on_trial and found.by_dither > least:
+        _change(actuator)
+        actuator["effectiveness"] = min(found.by_dither, 1.0)
+        actuator["offset"] = actuator["measured"] - found.by_dither * actuator["commanded"]
+        seen = False
+    return bool(seen)
 
 
 @compiled

@@ -79,16 +79,7 @@ def diagnose(
         if j < THROTTLE and actuator["lost"] != before:
             changed = j
         if actuator["lost"] == 0 and state["age"] > gains["offset_start_s"]:
-            if j < THROTTLE:
-                _weigh(actuator, limits.prior, limits.excitation, gains["effectiveness_s"], dt)
-                least, largest = _MAX_OFFSET * lowest, _MAX_OFFSET * highest
-            else:
-                largest = _MAX_THRUST_OFFSET * highest
-                least = -largest
-            most = available_thrust(now.seen.motion.V, aircraft)
-            at_a_stop = j == THROTTLE and not 1.0 < held[j] < most - 1.0
-            if not at_a_stop:
-                _offset(actuator, limits.offset, least, largest, dt)
+            _learn_offset(actuator, limits, j, now, aircraft, gains)
         _report(actuator, j, signals)
     if changed >= 0:
         _wait_for_transient(actuators, changed, gains["transient_s"])
@@ -170,6 +161,26 @@ def _wait_for_transient(actuators: np.ndarray, changed: int, time_s: float) -> N
 
 
 @compiled
+def _learn_offset(
+    actuator: np.void, limits: Limits, j: int, now: Step, aircraft: AircraftRecord, gains: np.void
+) -> None:
+    """Follow the offset f = y - ρ u of actuator j within its bounds; the thrust's between stops."""
+    lowest, highest = range_of(aircraft, j)
+    if j < THROTTLE:
+        _weigh(actuator, limits.prior, limits.excitation, gains["effectiveness_s"], now.dt)
+        least, largest = _MAX_OFFSET * lowest, _MAX_OFFSET * highest
+    else:
+        largest = _MAX_THRUST_OFFSET * highest
+        least = -largest
+        most = available_thrust(now.seen.motion.V, aircraft)
+        if not 1.0 < now.held[THROTTLE] < most - 1.0:
+            return
+    f = actuator["measured"] - actuator["effectiveness"] * actuator["commanded"]
+    offset = actuator["offset"] + now.dt / limits.offset * (f - actuator["offset"])
+    actuator["offset"] = clamp(offset, least, largest)
+
+
+@compiled
 def _weigh(actuator: np.void, prior: float, excitation: float, memory_s: float, dt: float) -> None:
     """Follow the effectiveness, but only where it is clearly off: it is 1 otherwise.
 
@@ -183,11 +194,3 @@ def _weigh(actuator: np.void, prior: float, excitation: float, memory_s: float, 
     elif actuator["effectiveness"] < 0.9 and actuator["long_var_u"] < (0.7 * enough) ** 2:
         target = actuator["effectiveness"]
     actuator["effectiveness"] += dt / memory_s * (target - actuator["effectiveness"])
-
-
-@compiled
-def _offset(actuator: np.void, memory_s: float, least: float, largest: float, dt: float) -> None:
-    """Follow the offset f = y - ρ u, from `least` to `largest`."""
-    f = actuator["measured"] - actuator["effectiveness"] * actuator["commanded"]
-    actuator["offset"] += dt / memory_s * (f - actuator["offset"])
-    actuator["offset"] = clamp(actuator["offset"], least, largest)

@@ -34,10 +34,10 @@ class Backstepping(LawParameters):
 
     kind: Literal["backstepping"] = Field(default="backstepping", description="Name of the law.")
 
-    c_v: float = quantity("1/s", gt=0.0, default=10.0, doc="Gain of the speed error.")
+    c_v: float = quantity("1/s", "Gain of the speed error.", 10.0, gt=0.0)
     K1: Schedule[Gains] = schedule(TABLE_III_K1, doc="Gains of the attitude errors (57) [1/s].")
     K2: Schedule[Gains] = schedule(TABLE_III_K2, doc="Gains of the rate errors [1/s].")
-    tau_omega_d_s: float = quantity("s", gt=0.0, default=0.015, doc="Filter of omega_d (57).")
+    tau_omega_d_s: float = quantity("s", "Filter of omega_d (57).", 0.015, gt=0.0)
 
     def misfits(self, aircraft: Aircraft) -> Iterator[str]:
         """Yield why the law cannot fly a nominal aircraft: its surfaces cannot be inverted."""

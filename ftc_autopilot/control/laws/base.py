@@ -13,7 +13,7 @@ from mavlink_defs.config.quantity import quantity
 from sitl_plant.actuators.config import ActuatorServos
 from sitl_plant.airframe.config import Aircraft
 
-_Gain = Annotated[float, quantity("1/s", gt=0.0, le=500.0, doc="Gain of one axis.")]
+_Gain = Annotated[float, quantity("1/s", "Gain of one axis.", gt=0.0, le=500.0)]
 Gains: TypeAlias = tuple[_Gain, _Gain, _Gain]
 
 TABLE_III_K1 = (
@@ -81,37 +81,37 @@ class LawParameters(Model):
 
     kind: str = Field(description="Name of the law.")
 
-    lambda1: float = quantity("", gt=0.0, default=0.46, doc="Weight of the own speed error (31).")
-    lambda2: float = quantity("", ge=0.0, default=0.17, doc="Weight of speed differences (31).")
-    lambda3: float = quantity("", gt=0.0, default=5.0, doc="Weight of the own attitude error (32).")
-    lambda4: float = quantity("", ge=0.0, default=0.2, doc="Weight of attitude differences (32).")
+    lambda1: float = quantity("", "Weight of the own speed error (31).", 0.46, gt=0.0)
+    lambda2: float = quantity("", "Weight of speed differences (31).", 0.17, ge=0.0)
+    lambda3: float = quantity("", "Weight of the own attitude error (32).", 5.0, gt=0.0)
+    lambda4: float = quantity("", "Weight of attitude differences (32).", 0.2, ge=0.0)
     neighbour_speed_limit_m_s: float = quantity(
-        "m/s", gt=0.0, default=1e3, doc="Largest speed difference to a neighbour that counts."
+        "m/s", "Largest speed difference to a neighbour that counts.", 1e3, gt=0.0
     )
     neighbour_acceleration_limit_m_s2: float = quantity(
-        "m/s^2", gt=0.0, default=1e6, doc="Largest acceleration of a neighbour's error that counts."
+        "m/s^2", "Largest acceleration of a neighbour's error that counts.", 1e6, gt=0.0
     )
     neighbour_angle_limit_deg: float = quantity(
-        "deg", gt=0.0, le=180.0, default=180.0, doc="Largest angle to a neighbour that counts."
+        "deg", "Largest angle to a neighbour that counts.", 180.0, gt=0.0, le=180.0
     )
     neighbour_rate_limit_deg_s: float = quantity(
-        "deg/s", gt=0.0, default=1e6, doc="Largest angle rate of a neighbour's error that counts."
+        "deg/s", "Largest angle rate of a neighbour's error that counts.", 1e6, gt=0.0
     )
     reference_bandwidth_rad_s: float = quantity(
-        "rad/s", gt=0.0, default=2.5, doc="Triple pole of the reference filter (Assumption 4)."
+        "rad/s", "Triple pole of the reference filter (Assumption 4).", 2.5, gt=0.0
     )
     gyro_filter_s: float = quantity(
-        "s", ge=0.0, le=1.0, default=0.0, doc="Low-pass of the angular velocities; 0: none."
+        "s", "Low-pass of the angular velocities; 0: none.", 0.0, ge=0.0, le=1.0
     )
     delay_s: float = quantity(
-        "s", ge=0.0, le=0.1, default=0.0, doc="Known delay of sensors and servos, predicted over."
+        "s", "Known delay of sensors and servos, predicted over.", 0.0, ge=0.0, le=0.1
     )
     predicted_lag_s: float | None = quantity(
         "s",
+        "Lag of the servos in that prediction; from `servos` unless given.",
+        None,
         ge=0.0,
         le=10.0,
-        default=None,
-        doc="Lag of the servos in that prediction; from `servos` unless given.",
     )
 
     @classmethod

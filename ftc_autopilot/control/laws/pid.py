@@ -23,11 +23,11 @@ from sitl_plant.airframe.stops import range_of
 from sitl_plant.airframe.thrust import available_thrust
 from sitl_plant.vec3 import Vec3, clamp, mul
 
-_TimeConstant = Annotated[float, quantity("s", gt=0.0, doc="Time constant of an attitude loop.")]
-_RateLimit = Annotated[float, quantity("deg/s", gt=0.0, doc="Limit of an Euler angle's rate.")]
-_RateGain = Annotated[float, quantity("s", ge=0.0, doc="Gain from rate to deflection.")]
-_IntegralGain = Annotated[float, quantity("", ge=0.0, doc="Gain from angle to deflection.")]
-_IntegralLimit = Annotated[float, quantity("deg", gt=0.0, doc="Limit of an integral's deflection.")]
+_TimeConstant = Annotated[float, quantity("s", "Time constant of an attitude loop.", gt=0.0)]
+_RateLimit = Annotated[float, quantity("deg/s", "Limit of an Euler angle's rate.", gt=0.0)]
+_RateGain = Annotated[float, quantity("s", "Gain from rate to deflection.", ge=0.0)]
+_IntegralGain = Annotated[float, quantity("", "Gain from angle to deflection.", ge=0.0)]
+_IntegralLimit = Annotated[float, quantity("deg", "Limit of an integral's deflection.", gt=0.0)]
 
 
 class Pid(LawParameters):
@@ -70,11 +70,11 @@ class Pid(LawParameters):
         description="Limits of the integrals' deflections [deg].",
     )
     trim_airspeed_m_s: float = quantity(
-        "m/s", gt=0.0, default=45.0, doc="Airspeed at which the rate gains hold."
+        "m/s", "Airspeed at which the rate gains hold.", 45.0, gt=0.0
     )
-    thrust_trim_n: float = quantity("N", ge=0.0, default=900.0, doc="Thrust in cruise.")
-    speed_p_n_s_m: float = quantity("N s/m", ge=0.0, default=206.0, doc="Gain of the speed error.")
-    speed_i_n_m: float = quantity("N/m", ge=0.0, default=400.0, doc="Gain of its integral.")
+    thrust_trim_n: float = quantity("N", "Thrust in cruise.", 900.0, ge=0.0)
+    speed_p_n_s_m: float = quantity("N s/m", "Gain of the speed error.", 206.0, ge=0.0)
+    speed_i_n_m: float = quantity("N/m", "Gain of its integral.", 400.0, ge=0.0)
 
     def misfits(self, aircraft: Aircraft) -> Iterator[str]:
         """Yield why the law cannot fly a nominal aircraft: it holds the heading by a rudder."""

@@ -48,48 +48,40 @@ class Proposed(LawParameters):
 
     kind: Literal["proposed"] = Field(default="proposed", description="Name of the law.")
 
-    c_v: float = quantity("1/s", gt=0.0, default=10.0, doc="Gain of the speed law (33).")
-    eps_v: float = quantity("", gt=0.0, default=0.1, doc="Smoothing of the speed law (33).")
-    gamma_v1: float = quantity("", gt=0.0, default=0.0037, doc="Rate of Phi_v (34).")
-    gamma_v2: float = quantity("", gt=0.0, default=0.0094, doc="Rate of g_v (35).")
-    gamma_v3: float = quantity("", gt=0.0, default=0.052, doc="Rate of beta_v (36).")
-    sigma_v1: float = quantity("1/s", ge=0.0, default=0.11, doc="Leakage of Phi_v (34).")
-    sigma_v2: float = quantity("1/s", ge=0.0, default=0.06, doc="Leakage of g_v (35).")
-    sigma_v3: float = quantity("1/s", ge=0.0, default=0.14, doc="Leakage of beta_v (36).")
-    h_v1: float = quantity("", gt=0.0, default=0.93, doc="Weight of the network (33), (34).")
-    h_v2: float = quantity("", gt=0.0, default=9.2, doc="Weight of the robust term (33).")
+    c_v: float = quantity("1/s", "Gain of the speed law (33).", 10.0, gt=0.0)
+    eps_v: float = quantity("", "Smoothing of the speed law (33).", 0.1, gt=0.0)
+    gamma_v1: float = quantity("", "Rate of Phi_v (34).", 0.0037, gt=0.0)
+    gamma_v2: float = quantity("", "Rate of g_v (35).", 0.0094, gt=0.0)
+    gamma_v3: float = quantity("", "Rate of beta_v (36).", 0.052, gt=0.0)
+    sigma_v1: float = quantity("1/s", "Leakage of Phi_v (34).", 0.11, ge=0.0)
+    sigma_v2: float = quantity("1/s", "Leakage of g_v (35).", 0.06, ge=0.0)
+    sigma_v3: float = quantity("1/s", "Leakage of beta_v (36).", 0.14, ge=0.0)
+    h_v1: float = quantity("", "Weight of the network (33), (34).", 0.93, gt=0.0)
+    h_v2: float = quantity("", "Weight of the robust term (33).", 9.2, gt=0.0)
 
     K1: Schedule[Gains] = schedule(TABLE_III_K1, doc="Gains of the attitude errors (57) [1/s].")
     K2: Schedule[Gains] = schedule(TABLE_III_K2, doc="Gains of the rate errors [1/s].")
-    eps_omega: float = quantity("", gt=0.0, default=1.0, doc="Smoothing of the attitude law (37).")
-    gamma_omega1: float = quantity("", gt=0.0, default=0.01, doc="Rate of Phi_omega (38).")
-    gamma_omega2: float = quantity("", gt=0.0, default=0.01, doc="Rate of beta_omega (39).")
-    sigma_omega1: float = quantity("1/s", ge=0.0, default=25.0, doc="Leakage of Phi_omega (38).")
-    sigma_omega2: float = quantity("1/s", ge=0.0, default=25.0, doc="Leakage of beta_omega (39).")
-    h_omega1: float = quantity("", gt=0.0, default=0.28, doc="Weight of the network (37), (38).")
-    h_omega2: float = quantity("", gt=0.0, default=3.4, doc="Weight of the robust term (37).")
+    eps_omega: float = quantity("", "Smoothing of the attitude law (37).", 1.0, gt=0.0)
+    gamma_omega1: float = quantity("", "Rate of Phi_omega (38).", 0.01, gt=0.0)
+    gamma_omega2: float = quantity("", "Rate of beta_omega (39).", 0.01, gt=0.0)
+    sigma_omega1: float = quantity("1/s", "Leakage of Phi_omega (38).", 25.0, ge=0.0)
+    sigma_omega2: float = quantity("1/s", "Leakage of beta_omega (39).", 25.0, ge=0.0)
+    h_omega1: float = quantity("", "Weight of the network (37), (38).", 0.28, gt=0.0)
+    h_omega2: float = quantity("", "Weight of the robust term (37).", 3.4, gt=0.0)
     gain_floor: float = quantity(
-        "",
-        ge=0.0,
-        le=100.0,
-        default=0.0,
-        doc="Least beta_omega^2 |zeta_omega|^2 in (37); 0: the paper's law.",
+        "", "Least beta_omega^2 |zeta_omega|^2 in (37); 0: the paper's law.", 0.0, ge=0.0, le=100.0
     )
-    tau_omega_d_s: float = quantity("s", gt=0.0, default=0.015, doc="Filter of omega_d (57).")
+    tau_omega_d_s: float = quantity("s", "Filter of omega_d (57).", 0.015, gt=0.0)
     omega_d_limit_deg_s: float = quantity(
-        "deg/s",
-        ge=0.0,
-        le=3600.0,
-        default=0.0,
-        doc="Limit of each component of omega_d (57); 0: none.",
+        "deg/s", "Limit of each component of omega_d (57); 0: none.", 0.0, ge=0.0, le=3600.0
     )
-    tau_delta_s: float = quantity("s", gt=0.0, default=0.01, doc="Filter of delta_0 (23).")
+    tau_delta_s: float = quantity("s", "Filter of delta_0 (23).", 0.01, gt=0.0)
 
-    phi_v0: float = quantity("", ge=0.0, le=100.0, default=0.0, doc="Phi_v at t = 0.")
-    g_v0: float = quantity("", ge=0.0, le=100.0, default=0.0, doc="g_v at t = 0.")
-    beta_v0: float = quantity("", ge=0.0, default=1.0, doc="beta_v at t = 0.")
-    phi_omega0: float = quantity("", ge=0.0, le=100.0, default=0.0, doc="Phi_omega at t = 0.")
-    beta_omega0: float = quantity("", ge=0.0, default=0.011, doc="beta_omega at t = 0.")
+    phi_v0: float = quantity("", "Phi_v at t = 0.", 0.0, ge=0.0, le=100.0)
+    g_v0: float = quantity("", "g_v at t = 0.", 0.0, ge=0.0, le=100.0)
+    beta_v0: float = quantity("", "beta_v at t = 0.", 1.0, ge=0.0)
+    phi_omega0: float = quantity("", "Phi_omega at t = 0.", 0.0, ge=0.0, le=100.0)
+    beta_omega0: float = quantity("", "beta_omega at t = 0.", 0.011, ge=0.0)
 
     rbf: Rbf = Field(default=Rbf(), description="The network's radial basis functions.")
 
@@ -114,11 +106,8 @@ def proposed_law(
     """
     motion = now.motion
     if now.first:
-        state["Phi_v"], state["g_v"], state["beta_v"] = (
-            gains["phi_v0"],
-            gains["g_v0"],
-            gains["beta_v0"],
-        )
+        state["Phi_v"], state["g_v"] = gains["phi_v0"], gains["g_v0"]
+        state["beta_v"] = gains["beta_v0"]
         state["Phi_omega"], state["beta_omega"] = gains["phi_omega0"], gains["beta_omega0"]
     delta_filtered = state["delta_filtered"]
     for i in range(3):  # δ_0 was held over the period that ends here
@@ -127,12 +116,9 @@ def proposed_law(
 
     speed = speed_law(now, basis, aircraft, gains, state)
 
-    omega_d, limit = (
-        virtual_control(now, scheduled(gains["K1"], now.t)),
-        gains["omega_d_limit_rad_s"],
-    )
-    if limit > 0.0:
-        omega_d = clamp_each(omega_d, limit)
+    omega_d = virtual_control(now, scheduled(gains["K1"], now.t))
+    if gains["omega_d_limit_rad_s"] > 0.0:
+        omega_d = clamp_each(omega_d, gains["omega_d_limit_rad_s"])
     omega_d_dot = filtered_derivative(
         now, omega_d, gains["tau_omega_d_s"], state["omega_d_filtered"]
     )

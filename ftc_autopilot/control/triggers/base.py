@@ -36,19 +36,19 @@ class TriggerParameters(Model):
     mode: str = Field(description="Name of the trigger.")
 
     a1: Schedule[
-        Annotated[float, quantity("", ge=0.0, lt=1.0, doc="Relative threshold of the thrust.")]
+        Annotated[float, quantity("", "Relative threshold of the thrust.", ge=0.0, lt=1.0)]
     ] = schedule(0.01, doc="Relative threshold of the thrust, a1 of (25).")
-    a2_n: Schedule[
-        Annotated[float, quantity("N", ge=0.0, doc="Absolute threshold of the thrust.")]
-    ] = schedule(
-        [{"until_s": 14.0, "value": 0.5}, {"value": 1.0}],
-        doc="Absolute threshold of the thrust, a2 of (25) [N].",
+    a2_n: Schedule[Annotated[float, quantity("N", "Absolute threshold of the thrust.", ge=0.0)]] = (
+        schedule(
+            [{"until_s": 14.0, "value": 0.5}, {"value": 1.0}],
+            doc="Absolute threshold of the thrust, a2 of (25) [N].",
+        )
     )
     b1: Schedule[
-        Annotated[float, quantity("", ge=0.0, lt=1.0, doc="Relative threshold of a surface.")]
+        Annotated[float, quantity("", "Relative threshold of a surface.", ge=0.0, lt=1.0)]
     ] = schedule(0.01, doc="Relative threshold of the surfaces, b1 of (29).")
     b2_deg: Schedule[
-        Annotated[float, quantity("deg", ge=0.0, doc="Absolute threshold of a surface.")]
+        Annotated[float, quantity("deg", "Absolute threshold of a surface.", ge=0.0)]
     ] = schedule(1.0, doc="Absolute threshold of the surfaces, b2 of (29) [deg].")
 
     def misfits(self, step_us: int) -> Iterator[tuple[Loc, str]]:

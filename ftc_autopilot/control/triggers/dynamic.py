@@ -35,9 +35,9 @@ class Dynamic(TriggerParameters):
 
     mode: Literal["dynamic"] = Field(default="dynamic", description="Name of the trigger.")
 
-    decay_hz: float = quantity("1/s", ge=0.0, default=10.0, doc="Decay λ of the variable.")
+    decay_hz: float = quantity("1/s", "Decay λ of the variable.", 10.0, ge=0.0)
     theta_s: float = quantity(
-        "s", gt=0.0, default=0.01, doc="Weight θ of the present distance to the threshold."
+        "s", "Weight θ of the present distance to the threshold.", 0.01, gt=0.0
     )
 
     def misfits(self, step_us: int) -> Iterator[tuple[Loc, str]]:

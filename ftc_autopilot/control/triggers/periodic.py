@@ -18,7 +18,7 @@ Times: TypeAlias = tuple[float, float, float, float]
 
 
 def _period(doc: str) -> Any:
-    return quantity("s", ge=0.0, le=3600.0, default=0.0, doc=doc)
+    return quantity("s", doc, 0.0, ge=0.0, le=3600.0)
 
 
 class Periodic(TriggerParameters):

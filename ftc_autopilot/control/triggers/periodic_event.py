@@ -32,7 +32,7 @@ class PeriodicEvent(TriggerParameters):
         default="periodic_event", description="Name of the trigger."
     )
 
-    check_s: float = quantity("s", gt=0.0, default=0.01, doc="Time from one check to the next.")
+    check_s: float = quantity("s", "Time from one check to the next.", 0.01, gt=0.0)
 
     def misfits(self, step_us: int) -> Iterator[tuple[Loc, str]]:
         """Yield the time if it is no whole number of control periods [µs]."""

@@ -54,12 +54,12 @@ class Scaled(TriggerParameters):
 
     within_s: float = quantity(
         "s",
-        gt=0.0,
-        default=0.02,
-        doc="Time P over which changes are watched: about the period of a clock at which the law "
+        "Time P over which changes are watched: about the period of a clock at which the law "
         "tracks as well as at the control rate, and at most a tenth of its loops' oscillation.",
+        0.02,
+        gt=0.0,
     )
-    memory_s: float = quantity("s", gt=0.0, default=1.0, doc="Time constant of the medians.")
+    memory_s: float = quantity("s", "Time constant of the medians.", 1.0, gt=0.0)
 
     def misfits(self, step_us: int) -> Iterator[tuple[Loc, str]]:
         """Yield a time longer than what is remembered, in control periods [µs]."""

@@ -42,10 +42,10 @@ class SelfTriggered(TriggerParameters):
     mode: Literal["self"] = Field(default="self", description="Name of the trigger.")
 
     share: float = quantity(
-        "", gt=0.0, le=1.0, default=0.7, doc="Share of the threshold that the next time aims at."
+        "", "Share of the threshold that the next time aims at.", 0.7, gt=0.0, le=1.0
     )
-    shortest_s: float = quantity("s", gt=0.0, default=0.004, doc="Least time to the next.")
-    longest_s: float = quantity("s", gt=0.0, default=0.05, doc="Longest time to the next.")
+    shortest_s: float = quantity("s", "Least time to the next.", 0.004, gt=0.0)
+    longest_s: float = quantity("s", "Longest time to the next.", 0.05, gt=0.0)
 
     def misfits(self, step_us: int) -> Iterator[tuple[Loc, str]]:
         """Yield times that are no whole number of control periods [µs], or the wrong way round."""

@@ -30,79 +30,65 @@ class GuidanceParameters(Model):
 
     kind: str = Field(description="Name of the law.")
 
-    period_s: float = quantity(
-        "s", gt=0.0, le=1.0, default=0.02, doc="Simulated time between two updates."
-    )
-    bank_max_deg: float = quantity(
-        "deg", gt=0.0, le=70.0, default=40.0, doc="Largest bank angle commanded."
-    )
+    period_s: float = quantity("s", "Simulated time between two updates.", 0.02, gt=0.0, le=1.0)
+    bank_max_deg: float = quantity("deg", "Largest bank angle commanded.", 40.0, gt=0.0, le=70.0)
     incidence_max_deg: float | None = quantity(
         "deg",
+        "Largest angle of attack that a turn may need; none: 3 deg below the aircraft's stall, "
+        "at most 15.",
+        None,
         gt=0.0,
         le=30.0,
-        default=None,
-        doc="Largest angle of attack that a turn may need; none: 3 deg below the aircraft's stall, "
-        "at most 15.",
     )
     climb_max_deg: float | None = quantity(
         "deg",
+        "Steepest climb or descent commanded; none: what 0.9 of the aircraft's thrust climbs, "
+        "at most 20.",
+        None,
         gt=0.0,
         le=45.0,
-        default=None,
-        doc="Steepest climb or descent commanded; none: what 0.9 of the aircraft's thrust climbs, "
-        "at most 20.",
     )
     thrust_share_max: float = quantity(
-        "",
-        gt=0.0,
-        le=1.0,
-        default=0.9,
-        doc="Share of the largest thrust that climb and acceleration may take.",
+        "", "Share of the largest thrust that climb and acceleration may take.", 0.9, gt=0.0, le=1.0
     )
     cruise_m_s: float | None = quantity(
         "m/s",
-        gt=0.0,
-        default=None,
-        doc="Airspeed until a mission sets another; none: 8/9 of the aircraft's cruise_m_s, or the "
+        "Airspeed until a mission sets another; none: 8/9 of the aircraft's cruise_m_s, or the "
         "geometric mean of its airspeeds.",
+        None,
+        gt=0.0,
     )
-    wind_max_m_s: float = quantity(
-        "m/s", ge=0.0, default=5.0, doc="Wind that the turns of a path allow for."
-    )
+    wind_max_m_s: float = quantity("m/s", "Wind that the turns of a path allow for.", 5.0, ge=0.0)
     airspeed_min_m_s: float | None = quantity(
         "m/s",
-        gt=0.0,
-        default=None,
-        doc="Lowest airspeed commanded; none: 3/4 of the aircraft's own cruise here, within its "
+        "Lowest airspeed commanded; none: 3/4 of the aircraft's own cruise here, within its "
         "limits.",
+        None,
+        gt=0.0,
     )
     airspeed_max_m_s: float | None = quantity(
         "m/s",
-        gt=0.0,
-        default=None,
-        doc="Highest airspeed commanded; none: 3/2 of the aircraft's own cruise here, within its "
+        "Highest airspeed commanded; none: 3/2 of the aircraft's own cruise here, within its "
         "limits and its thrust.",
+        None,
+        gt=0.0,
     )
     min_altitude_m: float = quantity(
         "m",
+        "Lowest height above home of a place that is flown to.",
+        0.0,
         ge=-10_000.0,
         le=100_000.0,
-        default=0.0,
-        doc="Lowest height above home of a place that is flown to.",
     )
     max_altitude_m: float = quantity(
-        "m",
-        ge=-10_000.0,
-        le=100_000.0,
-        default=10_000.0,
-        doc="Greatest height above home of such a place.",
+        "m", "Greatest height above home of such a place.", 10_000.0, ge=-10_000.0, le=100_000.0
     )
     acceleration_max_m_s2: float | None = quantity(
         "m/s^2",
-        gt=0.0,
-        default=None,
-        doc="Fastest change of the commanded airspeed; none: by the thrust that the aircraft has "
+        "Fastest change of the commanded airspeed; none: by the thrust that the aircraft has "
         "to spare at its cruise, at most 20.",
+        None,
+        gt=0.0,
     )
 
     @model_validator(mode="after")

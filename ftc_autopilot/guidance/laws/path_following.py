@@ -79,35 +79,28 @@ class PathFollowing(GuidanceParameters):
 
     kind: Literal["path"] = Field(default="path", description="Name of the law.")
 
-    cross_track_1_s: float = quantity(
-        "1/s", gt=0.0, default=0.8, doc="Gain k_e of the distance from the path."
-    )
+    cross_track_1_s: float = quantity("1/s", "Gain k_e of the distance from the path.", 0.8, gt=0.0)
     cross_track_lead_s: float = quantity(
-        "s",
-        ge=0.0,
-        default=0.3,
-        doc="Lead T_p of the distance from the path, beyond the filter's delay.",
+        "s", "Lead T_p of the distance from the path, beyond the filter's delay.", 0.3, ge=0.0
     )
     cross_track_integral_1_s2: float = quantity(
-        "1/s^2", ge=0.0, default=0.08, doc="Gain k_i of the distance's integral."
+        "1/s^2", "Gain k_i of the distance's integral.", 0.08, ge=0.0
     )
-    course_1_s: float = quantity("1/s", gt=0.0, default=3.0, doc="Gain k_chi of the course.")
+    course_1_s: float = quantity("1/s", "Gain k_chi of the course.", 3.0, gt=0.0)
     bank_feedback: float = quantity(
-        "", ge=0.0, default=3.0, doc="Gain k_phi from the error of the course to the bank."
+        "", "Gain k_phi from the error of the course to the bank.", 3.0, ge=0.0
     )
-    height_1_s: float = quantity("1/s", gt=0.0, default=0.4, doc="Gain k_h of the height.")
+    height_1_s: float = quantity("1/s", "Gain k_h of the height.", 0.4, gt=0.0)
     height_integral_1_s2: float = quantity(
-        "1/s^2", ge=0.0, default=0.03, doc="Gain k_hi of the height's integral."
+        "1/s^2", "Gain k_hi of the height's integral.", 0.03, ge=0.0
     )
     climb_feedback: float = quantity(
-        "", ge=0.0, default=1.0, doc="Gain k_gamma from the error of the climb to the pitch."
+        "", "Gain k_gamma from the error of the climb to the pitch.", 1.0, ge=0.0
     )
     rounding_s: float = quantity(
-        "s", gt=0.0, default=0.6, doc="Time of flight before and after a corner of the height."
+        "s", "Time of flight before and after a corner of the height.", 0.6, gt=0.0
     )
-    wind_time_s: float = quantity(
-        "s", gt=0.0, default=2.0, doc="Time constant of the estimate of the wind."
-    )
+    wind_time_s: float = quantity("s", "Time constant of the estimate of the wind.", 2.0, gt=0.0)
 
 
 class _PathPlace(NamedTuple):

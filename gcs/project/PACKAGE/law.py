@@ -19,12 +19,12 @@ class Law(LawParameters):
 
     STATE: ClassVar[np.dtype] = np.dtype([("thrust_integral", "f8")])  # N; 0 before the first step
 
-    attitude_gain: float = quantity("", gt=0.0, default=2.0, doc="Deflection per error.")
-    rate_gain_s: float = quantity("s", ge=0.0, default=0.5, doc="Deflection per body rate.")
-    limit_deg: float = quantity("deg", gt=0.0, le=90.0, default=40.0, doc="Largest deflection.")
-    speed_gain_n_s_m: float = quantity("N s/m", gt=0.0, default=300.0, doc="Thrust per error.")
-    speed_integral_n_m: float = quantity("N/m", ge=0.0, default=100.0, doc="Gain of its integral.")
-    thrust_trim_n: float = quantity("N", ge=0.0, default=900.0, doc="Thrust in cruise.")
+    attitude_gain: float = quantity("", "Deflection per error.", 2.0, gt=0.0)
+    rate_gain_s: float = quantity("s", "Deflection per body rate.", 0.5, ge=0.0)
+    limit_deg: float = quantity("deg", "Largest deflection.", 40.0, gt=0.0, le=90.0)
+    speed_gain_n_s_m: float = quantity("N s/m", "Thrust per error.", 300.0, gt=0.0)
+    speed_integral_n_m: float = quantity("N/m", "Gain of its integral.", 100.0, ge=0.0)
+    thrust_trim_n: float = quantity("N", "Thrust in cruise.", 900.0, ge=0.0)
 
     @staticmethod
     @compiled

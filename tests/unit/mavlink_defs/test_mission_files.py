@@ -264,6 +264,17 @@ def test_a_jump_of_a_list_goes_to_the_line_with_that_number(
     assert [item.seq for item in items] == list(range(len(numbers) + 1))
 
 
+def test_an_entry_has_the_numbers_that_an_item_will_have(tmp_path: Path) -> None:
+    """As float32 fields hold them; the id of a jump is none of these."""
+    path = tmp_path / "a.plan"
+    text = jumping([2**24 + 1, 2**24], 2**24 + 1)
+    path.write_text(text.replace("2, 0, 0, 0, 0, 0]", "0.123456789, null, 0, 0, 0, 1.23456789]"))
+    jump = {"command": 177, "frame": 3, "params": [1.0, 0.12345679, None, 0.0]}
+    held = read_mission_file(path)
+    assert held.entries[-1] == jump | {"x": 0, "y": 0, "z": 1.2345679}
+    assert math.isnan(held.items[-1].param3)
+
+
 def test_public_kinds_of_files_are_read() -> None:
     def held(name: str) -> MissionFile:
         return read_mission_file(OTHERS / name)

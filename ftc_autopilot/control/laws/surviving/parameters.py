@@ -22,9 +22,9 @@ from mavlink_defs.config.quantity import quantity
 from sitl_plant.actuators.config import ActuatorServos
 from sitl_plant.airframe.config import Aircraft
 
-_RateLimit = Annotated[float, quantity("deg/s", gt=0.0, doc="Limit of an Euler angle's rate.")]
+_RateLimit = Annotated[float, quantity("deg/s", "Limit of an Euler angle's rate.", gt=0.0)]
 _AccelerationLimit = Annotated[
-    float, quantity("rad/s^2", gt=0.0, doc="Limit of a commanded rate's derivative.")
+    float, quantity("rad/s^2", "Limit of a commanded rate's derivative.", gt=0.0)
 ]
 
 
@@ -50,16 +50,16 @@ class FaultTolerant(LawParameters):
     )
 
     neighbour_speed_limit_m_s: float = quantity(
-        "m/s", gt=0.0, default=2.0, doc="Largest speed difference to a neighbour that counts."
+        "m/s", "Largest speed difference to a neighbour that counts.", 2.0, gt=0.0
     )
     neighbour_acceleration_limit_m_s2: float = quantity(
-        "m/s^2", gt=0.0, default=2.0, doc="Largest acceleration of a neighbour's error that counts."
+        "m/s^2", "Largest acceleration of a neighbour's error that counts.", 2.0, gt=0.0
     )
     neighbour_angle_limit_deg: float = quantity(
-        "deg", gt=0.0, le=180.0, default=5.0, doc="Largest angle to a neighbour that counts."
+        "deg", "Largest angle to a neighbour that counts.", 5.0, gt=0.0, le=180.0
     )
     neighbour_rate_limit_deg_s: float = quantity(
-        "deg/s", gt=0.0, default=20.0, doc="Largest angle rate of a neighbour's error that counts."
+        "deg/s", "Largest angle rate of a neighbour's error that counts.", 20.0, gt=0.0
     )
 
     K1: Gains = Field(default=(11.5, 10.5, 5.2), description="Gains of the attitude errors [1/s].")
@@ -69,41 +69,36 @@ class FaultTolerant(LawParameters):
         description="Limits of the Euler angle rates that errors ask for [deg/s].",
     )
     full_gain_airspeed_m_s: float = quantity(
-        "m/s", gt=0.0, default=37.0, doc="Airspeed below which the gains decrease."
+        "m/s", "Airspeed below which the gains decrease.", 37.0, gt=0.0
     )
-    tau_omega_d_s: float = quantity(
-        "s", gt=0.0, default=0.015, doc="Filter of the commanded rates."
-    )
+    tau_omega_d_s: float = quantity("s", "Filter of the commanded rates.", 0.015, gt=0.0)
     acceleration_limit_rad_s2: tuple[_AccelerationLimit, _AccelerationLimit, _AccelerationLimit] = (
         Field(
             default=(20.0, 20.0, 10.0),
             description="Limits of the commanded rates' derivatives [rad/s^2].",
         )
     )
-    c_v: float = quantity("1/s", gt=0.0, le=100.0, default=10.5, doc="Gain of the speed error.")
+    c_v: float = quantity("1/s", "Gain of the speed error.", 10.5, gt=0.0, le=100.0)
     alpha_limit_deg: float = quantity(
-        "deg", gt=0.0, lt=90.0, default=33.0, doc="Angle of attack above which the nose is lowered."
+        "deg", "Angle of attack above which the nose is lowered.", 33.0, gt=0.0, lt=90.0
     )
     pitch_lowering_1_s: float = quantity(
-        "1/s", gt=0.0, default=2.0, doc="Rate at which the nose is lowered, by that excess."
+        "1/s", "Rate at which the nose is lowered, by that excess.", 2.0, gt=0.0
     )
     pitch_rate_1_s: float = quantity(
-        "1/s", gt=0.0, default=3.0, doc="Largest pitch rate, by the distance from that limit."
+        "1/s", "Largest pitch rate, by the distance from that limit.", 3.0, gt=0.0
     )
     stop_memory_s: float = quantity(
-        "s", gt=0.0, default=0.7, doc="Memory of a rudder that is at its stop without the aileron."
+        "s", "Memory of a rudder that is at its stop without the aileron.", 0.7, gt=0.0
     )
     driving_deg_s: float = quantity(
-        "deg/s", gt=0.0, default=40.0, doc="Rate at which a lost aileron is then driven to help."
+        "deg/s", "Rate at which a lost aileron is then driven to help.", 40.0, gt=0.0
     )
     pitch_error_limit_deg: float = quantity(
-        "deg",
-        ge=0.0,
-        default=3.0,
-        doc="With the elevator lost, the speed is held up to this error.",
+        "deg", "With the elevator lost, the speed is held up to this error.", 3.0, ge=0.0
     )
     pitch_integral_limit_rad_s: float = quantity(
-        "rad s", gt=0.0, default=0.6, doc="Limit of the pitch error's integral in that loop."
+        "rad s", "Limit of the pitch error's integral in that loop.", 0.6, gt=0.0
     )
     loops: LoopWeights = Field(
         default=LoopWeights(),
@@ -116,13 +111,13 @@ class FaultTolerant(LawParameters):
     )
     heading_gain_1_s: float = quantity(
         "1/s",
+        "Gain of the heading by bank; 0: the largest without overshoot.",
+        0.0,
         ge=0.0,
         le=10.0,
-        default=0.0,
-        doc="Gain of the heading by bank; 0: the largest without overshoot.",
     )
     bank_limit_deg: float = quantity(
-        "deg", gt=0.0, le=70.0, default=40.0, doc="Largest bank that the heading asks for."
+        "deg", "Largest bank that the heading asks for.", 40.0, gt=0.0, le=70.0
     )
     reconfigure: bool = Field(
         default=True,

@@ -119,7 +119,7 @@ def test_the_fleet_decides_what_can_be_flown(tmp_path: Path) -> None:
 
 def test_a_race_track_repeats() -> None:
     fleet = load_scenario("missions/hexagon")
-    itinerary = dry_run("hexagon", load_mission("missions/hexagon").items, fleet)
+    itinerary = dry_run("hexagon", load_mission("missions/hexagon")[0], fleet)
     assert itinerary.repeats == 1
     assert {stage.item for stage in itinerary.stages} == {1, 2, 3, 4, 5, 6}
 

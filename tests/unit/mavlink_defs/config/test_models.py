@@ -49,6 +49,13 @@ class Craft(Model):
         return self
 
 
+def test_a_number_is_declared_with_names_or_in_order() -> None:
+    """Plug-ins write either."""
+    named = quantity("m", gt=0.0, le=9.0, default=2.0, doc="Span.")
+    assert repr(quantity("m", "Span.", 2.0, gt=0.0, le=9.0)) == repr(named)
+    assert repr(whole("", "Count.", 3, ge=1)) == repr(whole("", ge=1, default=3, doc="Count."))
+
+
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     return tmp_path / "craft.yaml"

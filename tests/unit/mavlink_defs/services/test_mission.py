@@ -17,6 +17,7 @@ from mission_bench import (
     CANCELLED,
     FENCE,
     RALLY,
+    MissionClearer,
     Vehicle,
     contents,
     mission,
@@ -34,7 +35,6 @@ from mavlink_defs.services.machine import Machine, SystemId
 from mavlink_defs.services.mission import (
     MAX_RETRIES,
     RESPONSE_TIMEOUT_S,
-    MissionClearer,
     MissionDownloader,
     MissionFinished,
     MissionProgress,
