@@ -7,6 +7,7 @@ import math
 import os
 import resource
 import sys
+import warnings
 from functools import partial
 from typing import Annotated, Any, NoReturn
 
@@ -21,6 +22,7 @@ from gcs.outputs import remove_empty
 from gcs.stopping import ending_at_once, stop_as_ctrl_c
 from gcs.terminal import print_line
 from mavlink_defs.config.problems import ConfigError
+from mavlink_defs.config.renamed import RenamedWarning
 from mavlink_defs.runtime.foreign import PluginError
 
 _EXIT_CTRL_C = 130  # of typer
@@ -35,6 +37,7 @@ _NOT_WRITABLE = {
     errno.EIO,
 }
 _MISPLACED = {errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR}
+_PYTHONS_LINE = warnings.formatwarning
 _SPACE = "free some space, or choose a writable folder; files written so far stay"
 
 _EPILOG = """
@@ -224,6 +227,7 @@ def whole_command() -> Any:
 
 def main() -> None:
     """Run the command line; turn exceptions into one plain message and an exit status."""
+    warnings.formatwarning = _line_of_warning
     try:
         stop_as_ctrl_c()
         try:
@@ -270,6 +274,15 @@ def main() -> None:
     if status:
         remove_empty()
     sys.exit(status)
+
+
+def _line_of_warning(
+    text: Warning | str, category: type[Warning], file: str, number: int, line: str | None = None
+) -> str:
+    """Return a warning of ours as a line for people; others as Python has them."""
+    if category is RenamedWarning:
+        return f"warning: {text}\n"
+    return _PYTHONS_LINE(text, category, file, number, line)
 
 
 _EXPECTED = {  # pydantic's type of an error: what an option or argument expects

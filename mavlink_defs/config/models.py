@@ -7,11 +7,12 @@ keys are in the models: their validators raise `Problems`, which has its own mod
 """
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, GetCoreSchemaHandler
+from pydantic import AfterValidator, BaseModel, ConfigDict, GetCoreSchemaHandler, model_validator
 from pydantic_core import core_schema
 
+from mavlink_defs.config import renamed
 from mavlink_defs.config.problems import (
     ConfigError,
     Loc,
@@ -38,6 +39,7 @@ __all__ = [
     "Problem",
     "ProblemKind",
     "Problems",
+    "Renaming",
     "SystemId",
     "counted",
     "repeated",
@@ -50,6 +52,44 @@ class Model(BaseModel):
     """A mapping with fixed keys; frozen, and unknown keys are refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Renaming(Model):
+    """A model with keys that have other names than in the version before.
+
+    It reads both, and warns of those of before; of two names of one key, the later one counts, as
+    what is merged into a mapping comes last.
+
+    Attributes:
+        SECTION: Its section in the table of renamed keys, `mavlink_defs.config.renamed`.
+    """
+
+    SECTION: ClassVar[str]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _by_present_names(cls, data: Any) -> Any:
+        if not isinstance(data, dict):
+            return data
+        names = cls._renamed()
+        found: dict[Any, Any] = {}
+        for key, value in data.items():
+            now, laid = key, value
+            if key in names:
+                renamed.warn(key, names[key])
+                now, _, inner = names[key].partition(".")
+                laid = {inner: value} if inner else value
+            earlier = found.get(now)
+            if isinstance(laid, dict) and isinstance(earlier, dict):
+                laid = {**earlier, **laid}
+            found[now] = laid
+        return found
+
+    @classmethod
+    def _renamed(cls) -> dict[str, str]:
+        """Return the keys by their names of before, but for those of a subclass's own."""
+        names = renamed.names_of(cls.SECTION)
+        return {before: now for before, now in names.items() if before not in cls.model_fields}
 
 
 @dataclass(frozen=True)
