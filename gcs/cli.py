@@ -37,6 +37,7 @@ _NOT_WRITABLE = {
     errno.EIO,
 }
 _MISPLACED = {errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR}
+_WARNED: set[str] = set()
 _PYTHONS_LINE = warnings.formatwarning
 _SPACE = "free some space, or choose a writable folder; files written so far stay"
 
@@ -279,9 +280,11 @@ def main() -> None:
 def _line_of_warning(
     text: Warning | str, category: type[Warning], file: str, number: int, line: str | None = None
 ) -> str:
-    """Return a warning of ours as a line for people; others as Python has them."""
+    """Return a warning of ours as a line for people, once; others as Python has them."""
     if category is RenamedWarning:
-        return f"warning: {text}\n"
+        is_new = str(text) not in _WARNED
+        _WARNED.add(str(text))
+        return f"warning: {text}\n" if is_new else ""
     return _PYTHONS_LINE(text, category, file, number, line)
 
 

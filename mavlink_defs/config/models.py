@@ -6,8 +6,9 @@ keys are in the models: their validators raise `Problems`, which has its own mod
 `mavlink_defs.config.problems`, for programs that check no model.
 """
 
+import operator
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, GetCoreSchemaHandler, model_validator
 from pydantic_core import core_schema
@@ -57,8 +58,8 @@ class Model(BaseModel):
 class Renaming(Model):
     """A model with keys that have other names than in the version before.
 
-    It reads both, and warns of those of before; of two names of one key, the later one counts, as
-    what is merged into a mapping comes last.
+    It reads both, and warns of old ones, as of attributes that Python programs read. Of two
+    names of one key the later one counts: what is merged into a mapping comes last.
 
     Attributes:
         SECTION: Its section in the table of renamed keys, `mavlink_defs.config.renamed`.
@@ -66,12 +67,27 @@ class Renaming(Model):
 
     SECTION: ClassVar[str]
 
+    def __init_subclass__(cls, **options: Any) -> None:
+        for before, now in renamed.names_of(cls.SECTION).items():
+            if before in cls.__dict__:  # what it declares would have no effect
+                raise TypeError(renamed.text_of(before, now))
+        super().__init_subclass__(**options)
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            names = renamed.names_of(self.SECTION)
+            if name not in names:
+                return super().__getattr__(name)
+            renamed.warn(name, names[name])
+            return operator.attrgetter(names[name])(self)
+
     @model_validator(mode="before")
     @classmethod
     def _by_present_names(cls, data: Any) -> Any:
         if not isinstance(data, dict):
             return data
-        names = cls._renamed()
+        names = renamed.names_of(cls.SECTION)
         found: dict[Any, Any] = {}
         for key, value in data.items():
             now, laid = key, value
@@ -84,12 +100,6 @@ class Renaming(Model):
                 laid = {**earlier, **laid}
             found[now] = laid
         return found
-
-    @classmethod
-    def _renamed(cls) -> dict[str, str]:
-        """Return the keys by their names of before, but for those of a subclass's own."""
-        names = renamed.names_of(cls.SECTION)
-        return {before: now for before, now in names.items() if before not in cls.model_fields}
 
 
 @dataclass(frozen=True)

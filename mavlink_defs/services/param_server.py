@@ -115,7 +115,7 @@ class ParamServer(Machine[ParamEvent]):
             own: SystemId of the vehicle.
             parameters: What there is, in the order of their indices.
             bytewise: Encode integers bytewise instead of C-cast.
-            renamed: Names by names of before; those of parameters that there are not do not count.
+            renamed: Names by names of before; what names no parameter does not count.
 
         Raises:
             ValueError: A name is too long, empty, not ASCII, or given twice.
