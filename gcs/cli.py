@@ -278,14 +278,18 @@ def main() -> None:
 
 
 def _line_of_warning(
-    text: Warning | str, category: type[Warning], file: str, number: int, line: str | None = None
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    line: str | None = None,
 ) -> str:
     """Return a warning of ours as a line for people, once; others as Python has them."""
-    if category is RenamedWarning:
-        is_new = str(text) not in _WARNED
-        _WARNED.add(str(text))
-        return f"warning: {text}\n" if is_new else ""
-    return _PYTHONS_LINE(text, category, file, number, line)
+    if category is not RenamedWarning:
+        return _PYTHONS_LINE(message, category, filename, lineno, line)
+    is_new = str(message) not in _WARNED
+    _WARNED.add(str(message))
+    return f"warning: {message}\n" if is_new else ""
 
 
 _EXPECTED = {  # pydantic's type of an error: what an option or argument expects

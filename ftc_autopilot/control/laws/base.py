@@ -9,7 +9,7 @@ from pydantic import Field
 from ftc_autopilot.common.records import fill, in_si, record_dtype
 from ftc_autopilot.control.triggers import trigger_of
 from mavlink_defs.config import renamed
-from mavlink_defs.config.models import Model, Renaming
+from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import quantity
 from sitl_plant.actuators.config import ActuatorServos
 from sitl_plant.airframe.config import Aircraft
@@ -58,8 +58,8 @@ class LawParameters(Model):
         A law that extends one of ours may read renamed fields by their names of before.
         """
         own = record_dtype(cls, cls.FALLBACK or LawParameters)
-        extends = issubclass(cls, Renaming) and "SECTION" not in cls.__dict__
-        names = renamed.names_of(cls.SECTION) if extends else {}
+        section = "" if "SECTION" in cls.__dict__ else getattr(cls, "SECTION", "")
+        names = renamed.names_of(section) if section else {}
         before = {in_si(now)[0]: in_si(one)[0] for one, now in names.items()}
         fallback = () if cls.FALLBACK is None else (("fallback", cls.FALLBACK.record()),)
         fields = (((before[n], n) if n in before else n, own[n]) for n in own.names or ())

@@ -4,6 +4,7 @@ import operator
 import tomllib
 import warnings
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import yaml
 from vehicle_bench import UAV, Bench, of_type
 
 from ftc_autopilot.control.laws.tube import Tube
+from ftc_autopilot.vehicle.param_table import _cut, law_tunables
 from gcs.runs.details import scenario_keys
 from gcs.scenario.changes import with_changes
 from gcs.scenario.model import scenario_tree
@@ -33,6 +35,7 @@ from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.services.param import NOT_LISTED, Param
 
 ALL = [(section, key) for section, keys in SECTIONS.items() for key in keys]
+KEPT = Path(__file__).parents[3] / "data" / "kept" / "run" / "scenario.yaml"
 TUBE = "paper/scenario1", ["tube"]
 
 
@@ -72,9 +75,9 @@ def test_every_key_is_set_by_its_name_of_before(tmp_path: Path) -> None:
         held = operator.attrgetter(attribute)(plain)
         value = other_than(held)
         expected = law_of(with_values(base, {now: value}))
-        ways = {
-            "file": lambda b=before, v=value: in_a_file(tmp_path / "old.yaml", b, v),
-            "--set": lambda b=before, v=value: law_of(with_values(base, {b: v}, "--set")),
+        ways: dict[str, Callable[[], Tube]] = {
+            "file": partial(in_a_file, tmp_path / "old.yaml", before, value),
+            "--set": lambda v={before: value}: law_of(with_values(base, v, "--set")),
         }
         for way, read in ways.items():
             law, texts = noticed(read)
@@ -82,8 +85,8 @@ def test_every_key_is_set_by_its_name_of_before(tmp_path: Path) -> None:
                 wrong.append(f"{way}: {before}: {texts}")
         if held != value_at({"controller": plain.model_dump()}, before) or present(before) != now:
             wrong.append(f"as the key of a factor: {before}")
-        read = operator.attrgetter(before.removeprefix("controller."))
-        if noticed(lambda r=read: r(plain)) != (held, [text_of(key.before, key.now)]):
+        get = operator.attrgetter(before.removeprefix("controller."))
+        if noticed(partial(get, plain)) != (held, [text_of(key.before, key.now)]):
             wrong.append(f"attribute: {before}")
     assert not wrong, "\n".join(wrong)
 
@@ -117,10 +120,28 @@ def test_every_parameter_answers_to_its_name_of_before() -> None:
     assert not wrong, "\n".join(wrong)
 
 
-def test_a_parameter_that_kept_its_name_has_it() -> None:
-    for _, key in ALL:
-        assert known_quantity(key.parameter) is not None
-        assert (key.parameter_before in PARAMETERS) == (key.parameter_before != key.parameter)
+DEFAULTS_BEFORE = {
+    "takeover_s": 0.5,
+    "takeover_threshold": 2.0,
+    "rescue_deg": 15.0,
+    "storm_events": 17.0,
+    "storm_s": 5.0,
+    **yaml.safe_load(KEPT.read_text())["controller"]["diagnosis"],
+}
+
+
+def test_a_name_of_before_means_what_it_meant() -> None:
+    """Its default is the same, and each parameter is its key's."""
+    fields = {one.name: one.field for one in law_tunables(Tube, np.zeros(1, Tube.record()))}
+    for section, key in ALL:
+        place = f"{section}.{key.now}".removeprefix("controller.")
+        assert operator.attrgetter(place)(Tube()) == DEFAULTS_BEFORE[key.before], key
+        assert fields[key.parameter] == key.now.rpartition(".")[2], key
+        if section == "controller.diagnosis":
+            assert key.now == f"throttle.{key.before.removeprefix('throttle_')}", key
+        prefix = "" if section == "controller" else "DIAG_"
+        assert key.parameter_before == _cut(prefix + key.before.upper()), key
+    assert len({key.now for _, key in ALL}) == len(ALL)
 
 
 def test_a_file_of_parameters_may_have_names_of_before() -> None:
