@@ -55,6 +55,10 @@ def law_of(tree: dict[str, Any]) -> Tube:
     return Tube.model_validate(tree["controller"])
 
 
+def laid_over(tree: dict[str, Any], place: str, value: float) -> Tube:
+    return law_of(with_values(tree, {place: value}, "--set"))
+
+
 def in_a_file(path: Path, place: str, value: float) -> Tube:
     tree: dict[str, Any] = {"extends": ["paper/scenario1", "tube"]}
     here, *keys = tree, *place.split(".")
@@ -77,7 +81,7 @@ def test_every_key_is_set_by_its_name_of_before(tmp_path: Path) -> None:
         expected = law_of(with_values(base, {now: value}))
         ways: dict[str, Callable[[], Tube]] = {
             "file": partial(in_a_file, tmp_path / "old.yaml", before, value),
-            "--set": lambda v={before: value}: law_of(with_values(base, v, "--set")),
+            "--set": partial(laid_over, base, before, value),
         }
         for way, read in ways.items():
             law, texts = noticed(read)
