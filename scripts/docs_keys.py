@@ -41,6 +41,7 @@ from gcs.scenario.sections import (
 from mavlink_defs.capture.impairment import Impairment
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import Quantity, describe
+from mavlink_defs.config.renamed import SECTIONS as RENAMED
 from scripts.docs_table import table
 from sitl_plant.actuators.config import EngineServo, Servos, SurfaceServo
 from sitl_plant.air.config import Disturbance, Dryden, Sinusoid, Wind
@@ -127,6 +128,16 @@ def keys(section: str) -> str:
     rows = ((f"`{key}`", *rest) for key, *rest in key_rows(model) if key not in before.model_fields)
     head = ("key", "expected", "default", "meaning")
     return f'<a id="keys-{section}"></a>\n\n' + table(head, rows)
+
+
+def renamed() -> str:
+    """Return the table of the keys and parameters that have names of before."""
+    rows = (
+        (f"`{section}.{one.before}`", *map("`{}`".format, one[1:]))
+        for section, found in RENAMED.items()
+        for one in found
+    )
+    return table(("key before", "now", "parameter before", "now"), rows)
 
 
 def page_of(section: str) -> str:

@@ -16,7 +16,7 @@ from typer.cli import get_docs_for_click
 
 from gcs.commands.cli import whole_command
 from scripts.docs_dialect import commands, enums, messages
-from scripts.docs_keys import keys, parameters
+from scripts.docs_keys import keys, parameters, renamed
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -125,6 +125,7 @@ def _cell_parts(cell: dict[str, Any]) -> Iterator[str]:
 GENERATORS: dict[str, Callable[..., str]] = {
     "keys": keys,
     "parameters": parameters,
+    "renamed": renamed,
     "messages": messages,
     "enums": enums,
     "commands": commands,

@@ -39,6 +39,7 @@ from ftc_autopilot.vehicle.status_messages import StatusMessages
 from ftc_autopilot.vehicle.telemetry import Telemetry
 from ftc_autopilot.vehicle.telemetry_clock import TelemetryClock
 from mavlink_defs import dialect
+from mavlink_defs.config import renamed
 from mavlink_defs.constants import LOITER, RTL
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.framing.drop_reason import DropReason
@@ -46,7 +47,12 @@ from mavlink_defs.framing.frames import text_chunks
 from mavlink_defs.profile import segments_to_items
 from mavlink_defs.services.command import CommandMessage
 from mavlink_defs.services.machine import SystemId, is_for
-from mavlink_defs.services.param_server import ParamChanged, ParamRefused, ParamServer
+from mavlink_defs.services.param_server import (
+    ParamChanged,
+    ParamRefused,
+    ParamRenamed,
+    ParamServer,
+)
 from mavlink_defs.services.responder import Responder
 from mavlink_defs.system_ids import bits_of
 
@@ -126,7 +132,10 @@ class VehicleServices:
         self.telemetry = [Telemetry(*makers) for _ in self._stations]
         self.telemetry_clock = TelemetryClock(config.telemetry_clock, hot)
         self._params = ParamServer(
-            own, parameters_of(config, hot, controllers), bytewise=config.identity == "generic"
+            own,
+            parameters_of(config, hot, controllers),
+            bytewise=config.identity == "generic",
+            renamed=renamed.PARAMETERS,
         )
         self._requests = MessageRequests(
             self.telemetry,
@@ -369,6 +378,9 @@ class VehicleServices:
             match event:
                 case ParamChanged(name, value):
                     self.say(dialect.MAV_SEVERITY_INFO, f"{name} is {value:g} now")
+                case ParamRenamed(before, name):
+                    text = renamed.text_of(before, name)
+                    self.say(dialect.MAV_SEVERITY_WARNING, text)
                 case ParamRefused(_, text):
                     self.say(dialect.MAV_SEVERITY_WARNING, text)
         self._queue(self._commands.gcs_messages())

@@ -1,5 +1,6 @@
 """From a row of the draws to its scenario, and from its flight to a row of the results."""
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -15,6 +16,7 @@ from gcs.scenario.settings import plain
 from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import PlaceError, merged, value_at, with_values
 from mavlink_defs.config.models import ConfigError, Problem
+from mavlink_defs.config.renamed import RenamedWarning
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -149,11 +151,13 @@ def flights_of(mark: Mark, draws: "pa.Schema") -> Flights:
 def fly_rows(flights: Flights, rows: Sequence[Row]) -> "pa.Table":
     """Fly rows in this process, one after the other; each becomes a row of the results.
 
-    A flight that cannot be computed is one of them: its outcome is ``failed``.
+    A flight that cannot be computed is one of them: its outcome is ``failed``. Names of before were
+    warned of when the campaign was planned.
     """
     import pyarrow as pa
 
-    return pa.Table.from_pylist([_fly(flights, row) for row in rows], flights.schema)
+    with warnings.catch_warnings(action="ignore", category=RenamedWarning):
+        return pa.Table.from_pylist([_fly(flights, row) for row in rows], flights.schema)
 
 
 def _fly(flights: Flights, row: Row) -> dict[str, Any]:

@@ -23,6 +23,7 @@ from gcs.scenario.settings import is_number, plain
 from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import PlaceError, value_at
 from mavlink_defs.config.models import ConfigError, Loc, Problem, ProblemKind
+from mavlink_defs.config.renamed import present
 from mavlink_defs.config.written import located
 
 if TYPE_CHECKING:
@@ -359,7 +360,7 @@ def _cause(flights: Flights, problem: Problem) -> Loc:
     match problem.loc:
         case ("faults", int(i), *_) if i >= len(base["faults"]):
             return ("faults", list(flights.campaign.faults)[i - len(base["faults"])])
-    keys = {name: factor.key or name for name, factor in flights.campaign.factors.items()}
+    keys = {name: present(factor.key or name) for name, factor in flights.campaign.factors.items()}
     names = [name for name, key in keys.items() if _inside(place, key) or _inside(key, place)]
     if not names:
         return ()

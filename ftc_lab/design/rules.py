@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from ftc_autopilot.common.schedule import Schedule
-from ftc_autopilot.control.diagnosis import DiagnosisParameters
+from ftc_autopilot.control.diagnosis import DiagnosisParameters, ThrottleDiagnosis
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.laws.pid import Pid
 from ftc_autopilot.control.laws.proposed import Proposed
@@ -89,7 +89,7 @@ class Rules:
 
     def rule_of(self, model: BaseModel, name: str, declared: Quantity) -> Rule | None:
         """Return the rule of a field's own; None if its unit says all."""
-        if isinstance(model, TriggerParameters | DiagnosisParameters | Pid):
+        if isinstance(model, TriggerParameters | DiagnosisParameters | ThrottleDiagnosis | Pid):
             by_hardware = self._of_actuators(model, name, declared)
             if by_hardware is not None:
                 return by_hardware
@@ -100,7 +100,7 @@ class Rules:
         return None
 
     def _of_actuators(self, model: BaseModel, name: str, declared: Quantity) -> Rule | None:
-        if isinstance(model, DiagnosisParameters) and declared.unit == "N":
+        if isinstance(model, ThrottleDiagnosis) and declared.unit == "N":
             return self._share_of_thrust
         is_deflection = declared.unit == "deg" and (
             not isinstance(model, Pid) or name == "integral_limit_deg"

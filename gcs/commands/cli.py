@@ -7,6 +7,7 @@ import math
 import os
 import resource
 import sys
+import warnings
 from functools import partial
 from typing import Annotated, Any, NoReturn
 
@@ -21,6 +22,7 @@ from gcs.console.outputs import remove_empty
 from gcs.console.stopping import ending_at_once, stop_as_ctrl_c
 from gcs.console.terminal import print_line
 from mavlink_defs.config.problems import ConfigError
+from mavlink_defs.config.renamed import RenamedWarning
 from mavlink_defs.runtime.foreign import PluginError
 
 _EXIT_CTRL_C = 130  # of typer
@@ -35,6 +37,8 @@ _NOT_WRITABLE = {
     errno.EIO,
 }
 _MISPLACED = {errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR}
+_WARNED: set[str] = set()
+_PYTHONS_LINE = warnings.formatwarning
 _SPACE = "free some space, or choose a writable folder; files written so far stay"
 
 _EPILOG = """
@@ -224,6 +228,7 @@ def whole_command() -> Any:
 
 def main() -> None:
     """Run the command line; turn exceptions into one plain message and an exit status."""
+    warnings.formatwarning = _line_of_warning
     try:
         stop_as_ctrl_c()
         try:
@@ -270,6 +275,21 @@ def main() -> None:
     if status:
         remove_empty()
     sys.exit(status)
+
+
+def _line_of_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    line: str | None = None,
+) -> str:
+    """Return a warning of ours as a line for people, once; others as Python has them."""
+    if category is not RenamedWarning:
+        return _PYTHONS_LINE(message, category, filename, lineno, line)
+    is_new = str(message) not in _WARNED
+    _WARNED.add(str(message))
+    return f"warning: {message}\n" if is_new else ""
 
 
 _EXPECTED = {  # pydantic's type of an error: what an option or argument expects

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from gcs.console.errors import CommandRefused, NoAnswer
 from mavlink_defs import dialect
 from mavlink_defs.config.problems import ConfigError, Problem, counted
+from mavlink_defs.config.renamed import PARAMETERS
 from mavlink_defs.config.user_files import read_text
 from mavlink_defs.float32 import float32s
 from mavlink_defs.services.param import MAX_NAME, Param
@@ -88,9 +89,12 @@ def _problem_of(parts: list[str], values: Mapping[str, float]) -> str:
 def differing(held: Iterable[Param], values: Mapping[str, float]) -> dict[str, float | None]:
     """Return the values held that differ from a file; None for a name that is not held.
 
-    Numbers are compared as the wire carries them, in 32 bits.
+    A file may have names of before, which a vehicle knows as well. Numbers are compared as the wire
+    carries them, in 32 bits.
     """
     by_name = {param.name: param.value for param in held}
+    before = {name: by_name[now] for name, now in PARAMETERS.items() if now in by_name}
+    by_name = before | by_name
     return {
         name: by_name.get(name)
         for name, value in values.items()

@@ -28,6 +28,7 @@ from ftc_autopilot.plugins.loading import TRIGGERS as TRIGGER_GROUP
 from ftc_autopilot.plugins.loading import registered
 from ftc_autopilot.vehicle.param_table import Tunable, law_tunables, trigger_tunables, tunables
 from gcs.station.param_file import READ_ONLY
+from mavlink_defs.config import renamed
 from mavlink_defs.config.quantity import Quantity
 from mavlink_defs.float32 import float32s
 from mavlink_defs.runtime.foreign import PluginError
@@ -58,7 +59,7 @@ def permitted(name: str) -> str:
 
 def known_quantity(name: str) -> Quantity | None:
     """Return unit, range and meaning of a parameter; None for one that our vehicles lack."""
-    return _known().get(name)
+    return _known().get(renamed.PARAMETERS.get(name, name))
 
 
 def defaults_of(held: Iterable[Param]) -> Defaults:

@@ -22,6 +22,7 @@ from typing import Any
 
 from mavlink_defs.config.files import read
 from mavlink_defs.config.models import ConfigError, Problem, shown, unknown_key
+from mavlink_defs.config.renamed import present
 from mavlink_defs.config.written import Written, WrittenDict, WrittenList, located, written_in
 from mavlink_defs.config.yaml_text import yaml_of
 
@@ -109,8 +110,8 @@ def merged(base: Any, overlay: Any) -> Any:
     sources = _sources(overlay)
     for key, value in overlay.items():
         new.sources.pop(key, None)
+        new.pop(key, None)  # what is merged comes last: of two names of a key, it counts
         if value is None:
-            new.pop(key, None)
             continue
         new[key] = merged(base.get(key), value)
         if key in sources:
@@ -165,7 +166,7 @@ def with_values(
 
 
 def value_at(tree: dict[Any, Any], place: str) -> Any:
-    """Return what is at a place of a tree, written as for `with_values`.
+    """Return what is at a place of a tree, written as for `with_values`, or by a name of before.
 
     Raises:
         PlaceError: There is no such place, or it is written in another way.
@@ -181,6 +182,8 @@ def value_at(tree: dict[Any, Any], place: str) -> Any:
         if index is not None and isinstance(here, list) and int(index) < len(here):
             here = here[int(index)]
             continue
+        if (now := present(place)) != place:
+            return value_at(tree, now)
         raise PlaceError(f"{place}: no such key")
     return here
 
@@ -204,7 +207,8 @@ def _laid(here: Any, way: list[re.Match[str]], value: Any, source: str) -> Any:
         if not rest:
             return merged(here, WrittenDict({key: value}, {key: source}))
         inner = _laid(here.get(key, {}), rest, value, source)
-        return WrittenDict({**here, key: inner}, {key: source} | _sources(here))
+        others = {other: value for other, value in here.items() if other != key}
+        return WrittenDict({**others, key: inner}, {key: source} | _sources(here))
     if index is not None and isinstance(here, list) and int(index) < len(here):
         i = int(index)
         inner = _laid(here[i], rest, value, source)

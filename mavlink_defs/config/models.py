@@ -6,12 +6,14 @@ keys are in the models: their validators raise `Problems`, which has its own mod
 `mavlink_defs.config.problems`, for programs that check no model.
 """
 
+import operator
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, GetCoreSchemaHandler
+from pydantic import AfterValidator, BaseModel, ConfigDict, GetCoreSchemaHandler, model_validator
 from pydantic_core import core_schema
 
+from mavlink_defs.config import renamed
 from mavlink_defs.config.problems import (
     ConfigError,
     Loc,
@@ -38,6 +40,7 @@ __all__ = [
     "Problem",
     "ProblemKind",
     "Problems",
+    "Renaming",
     "SystemId",
     "counted",
     "repeated",
@@ -50,6 +53,53 @@ class Model(BaseModel):
     """A mapping with fixed keys; frozen, and unknown keys are refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Renaming(Model):
+    """A model with keys that have other names than in the version before.
+
+    It reads both, and warns of old ones, as of attributes that Python programs read. Of two
+    names of one key the later one counts: what is merged into a mapping comes last.
+
+    Attributes:
+        SECTION: Its section in the table of renamed keys, `mavlink_defs.config.renamed`.
+    """
+
+    SECTION: ClassVar[str]
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        for before, now in renamed.names_of(cls.SECTION).items():
+            if before in cls.__dict__:  # what it declares would have no effect
+                raise TypeError(renamed.text_of(before, now))
+        super().__init_subclass__(**options)
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            names = renamed.names_of(self.SECTION)
+            if name not in names:
+                return super().__getattr__(name)
+            renamed.warn(name, names[name])
+            return operator.attrgetter(names[name])(self)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _by_present_names(cls, data: Any) -> Any:
+        if not isinstance(data, dict):
+            return data
+        names = renamed.names_of(cls.SECTION)
+        found: dict[Any, Any] = {}
+        for key, value in data.items():
+            now, laid = key, value
+            if key in names:
+                renamed.warn(key, names[key])
+                now, _, inner = names[key].partition(".")
+                laid = {inner: value} if inner else value
+            earlier = found.get(now)
+            if isinstance(laid, dict) and isinstance(earlier, dict):
+                laid = {**earlier, **laid}
+            found[now] = laid
+        return found
 
 
 @dataclass(frozen=True)

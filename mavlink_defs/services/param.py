@@ -34,7 +34,8 @@ MAX_RETRIES = 4
 MAX_TOGETHER = 10
 """Most missing parameters that are requested at a time."""
 
-_NOT_LISTED = 65535  # param_index of a value sent outside a list
+NOT_LISTED = 65535
+"""`param_index` of a value that is sent outside a list."""
 _REALS = {dialect.MAV_PARAM_TYPE_REAL32, dialect.MAV_PARAM_TYPE_REAL64}
 
 
@@ -172,7 +173,7 @@ class ParamLister(_ParamClient):
         self._ask(requests, RESPONSE_TIMEOUT_S, now)
 
     def _take(self, message: MAVLink_param_value_message, now: float) -> None:
-        if message.param_index == _NOT_LISTED or message.param_index >= message.param_count:
+        if message.param_index == NOT_LISTED or message.param_index >= message.param_count:
             return
         if message.param_count != self._count:
             self._params.clear()  # the vehicle's list has changed, and with it the indices

@@ -7,8 +7,9 @@ bytewise, where an integer's four bytes stand in for a float32.
 
 import math
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TypeAlias
 
 from mavlink_defs import dialect
@@ -23,7 +24,7 @@ from mavlink_defs.dialect import (
 )
 from mavlink_defs.float32 import decimal_of_float32, float32s
 from mavlink_defs.services.machine import Machine, SystemId, is_for, sender_of
-from mavlink_defs.services.param import MAX_NAME, raw_name
+from mavlink_defs.services.param import MAX_NAME, NOT_LISTED, raw_name
 
 INT32, REAL32 = dialect.MAV_PARAM_TYPE_INT32, dialect.MAV_PARAM_TYPE_REAL32
 
@@ -79,7 +80,15 @@ class ParamRefused:
     text: str
 
 
-ParamEvent: TypeAlias = ParamChanged | ParamRefused
+@dataclass(frozen=True)
+class ParamRenamed:
+    """A parameter was asked for by its name of before, for the first time."""
+
+    before: str
+    name: str
+
+
+ParamEvent: TypeAlias = ParamChanged | ParamRefused | ParamRenamed
 
 
 class ParamServer(Machine[ParamEvent]):
@@ -88,11 +97,17 @@ class ParamServer(Machine[ParamEvent]):
     PARAM_VALUE is broadcast, so that every ground station receives every change. A list is paced;
     a request for it that comes while one is being sent makes it go round once more from there.
     A refusal is answered with PARAM_ERROR, and for clients without that message also with the
-    value that stays in force.
+    value that stays in force. Who asks by a name of before is answered by that name, outside the
+    list, as clients wait for the name that they sent; a change is broadcast by the present one too.
     """
 
     def __init__(
-        self, own: SystemId, parameters: Sequence[Parameter], *, bytewise: bool = False
+        self,
+        own: SystemId,
+        parameters: Sequence[Parameter],
+        *,
+        bytewise: bool = False,
+        renamed: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         """Offer parameters.
 
@@ -100,6 +115,7 @@ class ParamServer(Machine[ParamEvent]):
             own: SystemId of the vehicle.
             parameters: What there is, in the order of their indices.
             bytewise: Encode integers bytewise instead of C-cast.
+            renamed: Names by names of before; what names no parameter does not count.
 
         Raises:
             ValueError: A name is too long, empty, not ASCII, or given twice.
@@ -112,6 +128,12 @@ class ParamServer(Machine[ParamEvent]):
             raise ValueError("two parameters have the same name")
         for name in self._indices:
             raw_name(name)
+        self._renamed = {
+            before: name
+            for before, name in renamed.items()
+            if name in self._indices and before not in self._indices
+        }
+        self._warned: set[str] = set()  # names of before that were used
         self._next = 0  # of the list
         self._remaining = 0
         self._deadline = -math.inf  # of the next burst; stays after the last one
@@ -145,9 +167,9 @@ class ParamServer(Machine[ParamEvent]):
 
     def _on_read(self, message: MAVLink_param_request_read_message) -> None:
         by_name = message.param_index < 0
-        index = self._indices.get(message.param_id, -1) if by_name else message.param_index
+        index = self._index_of(message.param_id) if by_name else message.param_index
         if 0 <= index < len(self._parameters):
-            self._send_value(index)
+            self._send_value(index, message.param_id if by_name else "")
         else:
             name = message.param_id if by_name else ""
             error = dialect.MAV_PARAM_ERROR_DOES_NOT_EXIST
@@ -155,8 +177,8 @@ class ParamServer(Machine[ParamEvent]):
 
     def _on_set(self, message: MAVLink_param_set_message) -> None:
         name, sender = message.param_id, sender_of(message)
-        index = self._indices.get(name)
-        if index is None:
+        index = self._index_of(name)
+        if index < 0:
             self._refuse(sender, name, -1, dialect.MAV_PARAM_ERROR_DOES_NOT_EXIST, "is not known")
             return
         parameter = self._parameters[index]
@@ -169,8 +191,18 @@ class ParamServer(Machine[ParamEvent]):
             self._refuse(sender, name, index, problem.error, problem.text)
         else:
             if parameter.get() != before:
-                self._happened.append(ParamChanged(name, parameter.get()))
+                self._happened.append(ParamChanged(parameter.name, parameter.get()))
         self._send_value(index)
+        if name in self._renamed:
+            self._send_value(index, name)
+
+    def _index_of(self, name: str) -> int:
+        """Return the index of a parameter by its name, present or of before; -1: there is none."""
+        now = self._renamed.get(name, name)
+        if now != name and name not in self._warned:
+            self._warned.add(name)
+            self._happened.append(ParamRenamed(name, now))
+        return self._indices.get(now, -1)
 
     def _decoded(self, message: MAVLink_param_set_message, parameter: Parameter) -> float:
         """Return the value in a PARAM_SET.
@@ -193,14 +225,16 @@ class ParamServer(Machine[ParamEvent]):
         self._happened.append(ParamRefused(name, f"{name} {text}"))
         self._send_error(sender, name, index, error)
 
-    def _send_value(self, index: int) -> None:
+    def _send_value(self, index: int, asked: str = "") -> None:
+        """Send a parameter's value, by the name of before if it was asked for by that."""
         parameter = self._parameters[index]
         value = parameter.get()
         if self._bytewise and parameter.type == INT32:
             (value,) = struct.unpack("<f", struct.pack("<i", int(value)))
         (value,) = float32s((value,))
-        raw, count = parameter.name.encode(), len(self._parameters)
-        message = MAVLink_param_value_message(raw, value, parameter.type, count, index)
+        name, place = (asked, NOT_LISTED) if asked in self._renamed else (parameter.name, index)
+        count = len(self._parameters)
+        message = MAVLink_param_value_message(name.encode(), value, parameter.type, count, place)
         self._outbox.append(message)
 
     def _send_error(self, sender: SystemId, name: str, index: int, error: int) -> None:

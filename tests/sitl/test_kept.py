@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -19,6 +20,14 @@ KEPT = Path(__file__).parents[1] / "data" / "kept"
 SHORT = ("--in-process", "--no-figures", "--quiet", "--json")
 
 
+def warned_of(text: str) -> list[str]:
+    """The warnings that a command printed: each once, whoever reads the scenario how often."""
+    lines = [line for line in text.splitlines() if "warning" in line.lower()]
+    assert all(re.fullmatch(r"warning: \w+ is [\w.]+ now; .+", line) for line in lines), lines
+    assert len(set(lines)) == len(lines)
+    return lines
+
+
 @pytest.fixture
 def kept(tmp_path: Path) -> Path:
     return shutil.copytree(KEPT, tmp_path / "kept")
@@ -28,6 +37,7 @@ def test_a_scenario_flies_as_it_flew(kept: Path) -> None:
     """Its keys may have other names now; what they set has not changed."""
     done = run("gcs", "fly", kept / "scenario.yaml", *SHORT, "--out", kept / "now")
     assert done.returncode == 0, done.stderr
+    assert len(warned_of(done.stderr)) == 5
     before, now = (json.loads((kept / f / "summary.json").read_text()) for f in ("run", "now"))
     assert now["uavs"] == before["uavs"]
     assert load_scenario(kept / "run" / "scenario.yaml") == load_scenario(
@@ -52,6 +62,7 @@ def test_a_scenario_flies_as_it_flew(kept: Path) -> None:
 def test_a_command_reads_what_it_wrote(command: tuple[str, ...], kept: Path) -> None:
     done = run("gcs", *command, cwd=kept)
     assert done.returncode == 0, done.stderr
+    warned_of(done.stderr)
 
 
 def test_a_project_flies(kept: Path) -> None:

@@ -25,8 +25,8 @@ ALLOWED = {  # another meaning of the same word, or a published name
     "words": r"(?:32-bit|64-bit|seven) words|words for each array",
     "life": r"life cycle",
     "*_kept": r"(?:attitude|heading)_kept",  # published names of outcomes
-    "storm": r"storm_(?:events|s)\b",  # parameters of the law tube
-    "rescue": r"rescue_(?:deg|rad)\b",  # a parameter of the law tube, and its field in rad
+    "storm": r"storm_(?:events|s)\b",  # names of before, of renamed keys
+    "rescue": r"rescue_deg\b",  # the same
 }
 
 

@@ -9,7 +9,7 @@ lacks (`excitation`). Nothing here knows of fault commands.
 from ftc_autopilot.common.phases import HEALTHY, LOST, SUSPECT
 from ftc_autopilot.control.diagnosis.diagnose import diagnose
 from ftc_autopilot.control.diagnosis.excitation import dithered, dithered_thrust, probe, probed
-from ftc_autopilot.control.diagnosis.parameters import DiagnosisParameters
+from ftc_autopilot.control.diagnosis.parameters import DiagnosisParameters, ThrottleDiagnosis
 from ftc_autopilot.control.diagnosis.state import DIAGNOSIS
 
 __all__ = [
@@ -18,6 +18,7 @@ __all__ = [
     "LOST",
     "SUSPECT",
     "DiagnosisParameters",
+    "ThrottleDiagnosis",
     "diagnose",
     "dithered",
     "dithered_thrust",

@@ -106,7 +106,7 @@ def _estimates(
     rho, error = estimate(actuator, limits.prior, limits.window, gains["filter_s"], dt)
     if actuator["suspect_s"] == 0.0 and not on_trial:
         return _Estimates(rho, error, 1.0, math.inf, 0)
-    lag_s = gains["throttle_lag_s"] if is_throttle else gains["servo_lag_s"]
+    lag_s = gains["throttle"]["lag_s"] if is_throttle else gains["servo_lag_s"]
     memory_s = gains["trial_s"] if on_trial else gains["dither_memory_s"]
     learn_instrument(actuator, dither, lags, lag_s, gains["filter_s"], memory_s, dt)
     by_dither, dither_error, lag = estimate_by_dither(actuator, lags, gains["filter_s"], dt)
@@ -243,7 +243,7 @@ def _follows(actuator: np.void, limits: Limits, gains: np.void, is_throttle: boo
     )
     if not is_throttle:
         return follows or float(actuator["quiet_s"]) > limits.quiet
-    settled = float(actuator["decided_s"]) > gains["throttle_return_start_s"]
+    settled = float(actuator["decided_s"]) > gains["throttle"]["return_start_s"]
     return follows and settled
 
 

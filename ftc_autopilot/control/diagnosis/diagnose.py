@@ -89,8 +89,8 @@ def diagnose(
 def _settles(now: Step, gains: np.void, state: np.void) -> bool:
     """Return whether nothing is to be learnt in this step; advance the time that is left."""
     if now.seen.after_gap:
-        lag_s = max(gains["servo_lag_s"], gains["throttle_lag_s"])
-        settling_s = gains["throttle_dead_time_s"] + _SETTLED * (gains["filter_s"] + lag_s)
+        lag_s = max(gains["servo_lag_s"], gains["throttle"]["lag_s"])
+        settling_s = gains["throttle"]["dead_time_s"] + _SETTLED * (gains["filter_s"] + lag_s)
         state["settling_s"] = settling_s
     settles: bool = state["settling_s"] > 0.0
     state["settling_s"] = max(state["settling_s"] - now.dt, 0.0)

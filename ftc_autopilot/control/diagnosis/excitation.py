@@ -62,9 +62,9 @@ def dithered_thrust(thrust: float, limit: float, gains: np.void, state: np.void)
     throttle = state["actuators"][THROTTLE]
     throttle["dither"] = 0.0
     if throttle["lost"] == 0 and throttle["suspect_s"] > 0.0 and throttle["dither_s"] > 0.0:
-        size: float = gains["dither_n"]
+        size: float = gains["throttle"]["dither_n"]
         thrust = clamp(thrust, size, limit - size)
-        half = gains["throttle_dither_half_s"]
+        half = gains["throttle"]["dither_half_s"]
         is_first_half = throttle["dither_s"] % (2.0 * half) < half
         throttle["dither"] = size if is_first_half else -size
     return thrust + float(throttle["dither"])
@@ -73,7 +73,7 @@ def dithered_thrust(thrust: float, limit: float, gains: np.void, state: np.void)
 @compiled
 def probe(j: int, gains: np.void, state: np.void) -> float:
     """Return the square wave that is added to what the lost actuator j is sent [rad or N]."""
-    size: float = gains["probe_n"] if j == THROTTLE else gains["probe_rad"][j]
+    size: float = gains["throttle"]["probe_n"] if j == THROTTLE else gains["probe_rad"][j]
     return size if state["age"] % (2.0 * gains["probe_s"]) < gains["probe_s"] else -size
 
 

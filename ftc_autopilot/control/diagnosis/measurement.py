@@ -42,7 +42,7 @@ def servo_step(position: float, command: float, j: int, gains: np.void, dt: floa
     change = command - position
     lag_s, limit = gains["servo_lag_s"], gains["servo_rate_limit_rad_s"]
     if j == THROTTLE:
-        lag_s, limit = gains["throttle_lag_s"], math.inf
+        lag_s, limit = gains["throttle"]["lag_s"], math.inf
     if lag_s > 0.0:
         change *= 1.0 - math.exp(-dt / lag_s)
     return position + clamp(change, -limit * dt, limit * dt)
@@ -109,7 +109,7 @@ def steps_back(j: int, now: Step, gains: np.void, state: np.void) -> int:
     """Return how many periods ago the command of actuator j was sent that is measured now."""
     before, dead = now.seen.ahead, int(state["actuators"][j]["dead_steps"])
     if j == THROTTLE:
-        before = now.seen.links + int(gains["throttle_dead_time_s"] / now.dt + 0.5)
+        before = now.seen.links + int(gains["throttle"]["dead_time_s"] / now.dt + 0.5)
     return min(before + dead, HISTORY - 1)
 
 

@@ -1,21 +1,23 @@
 """Parameters of the diagnosis."""
 
 import math
-from typing import Annotated, Any, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, NamedTuple, Self, TypeVar
 
 import numpy as np
 from pydantic import Field
 
-from mavlink_defs.config.models import Model
+from mavlink_defs.config.models import Model, Renaming
 from mavlink_defs.config.quantity import quantity
 from mavlink_defs.constants import RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.actuators.config import ActuatorServos
+from sitl_plant.actuators.config import ActuatorServos, EngineServo
 
 _Angle = Annotated[float, quantity("deg", gt=0.0, doc="Of one surface.")]
 _Time = Annotated[float, quantity("s", gt=0.0, doc="Of one surface.")]
 _Angles = tuple[_Angle, _Angle, _Angle]
 _Times = tuple[_Time, _Time, _Time]
+
+_M = TypeVar("_M", bound=Model)
 
 _UNLIMITED_DEG_S = 1e6
 _MAX_DEAD_TIME_S = 0.1
@@ -29,7 +31,42 @@ def _number(default: float, doc: str) -> Any:
     return quantity("", gt=0.0, default=default, doc=doc)
 
 
-class DiagnosisParameters(Model):
+def _force(default: float, doc: str) -> Any:
+    return quantity("N", gt=0.0, default=default, doc=doc)
+
+
+class ThrottleDiagnosis(Model):
+    """Parameters of the diagnosis of the throttle, by the names of the surfaces' own."""
+
+    lag_s: float | None = quantity(
+        "s", ge=0.0, le=10.0, default=None, doc="Lag of the thrust; from `servos` unless given."
+    )
+    dead_time_s: float | None = quantity(
+        "s", ge=0.0, le=_MAX_DEAD_TIME_S, default=None, doc="Dead time of the thrust; the same."
+    )
+    window_s: float = _time(0.06, "Window of the regression.")
+    jump_n: float = _force(120.0, "Jump of the residual that raises suspicion.")
+    excitation_n: float = _force(50.0, "Standard deviation of the command that a decision needs.")
+    prior_n: float = _force(
+        10.0, "Standard deviation that counts as evidence of full effectiveness."
+    )
+    confirm_s: float = _time(0.008, "Time for which a loss must be seen.")
+    offset_s: float = _time(0.3, "Filter of the offset.")
+    dither_n: float = _force(120.0, "Movements of a suspect throttle, up and down.")
+    dither_half_s: float = _time(0.06, "Half period of this dither.")
+    suspicion_s: float = _time(0.6, "Time for which a suspicion lasts.")
+    probe_n: float = _force(100.0, "Movements of a lost throttle.")
+    check_s: float = _time(0.3, "Control check: time since the start at which it is moved.")
+    return_start_s: float = _time(0.3, "Return test: inhibited until the probe has moved.")
+
+    def with_servo(self, servo: EngineServo) -> Self:
+        """Return the parameters with lag and dead time of the servo, where none are given."""
+        return _completed(
+            self, lag_s=servo.lag_s, dead_time_s=min(servo.dead_time_s, _MAX_DEAD_TIME_S)
+        )
+
+
+class DiagnosisParameters(Renaming):
     """Parameters of the diagnosis; triples are aileron, elevator, rudder.
 
     Where no other reason is given, a value was found on the scenarios of `scenarios/faults`, ideal,
@@ -37,21 +74,17 @@ class DiagnosisParameters(Model):
     actuator is blamed there, and losses are found soonest.
     """
 
+    SECTION: ClassVar[str] = "controller.diagnosis"
+
     servo_lag_s: float | None = quantity(
         "s",
         ge=0.0,
         le=10.0,
         default=None,
-        doc="Lag of the servos, as the diagnosis models them; from `servos` unless given.",
+        doc="Lag of the surfaces' servos, as modelled here; from `servos` unless given.",
     )
     servo_rate_limit_deg_s: float | None = quantity(
         "deg/s", gt=0.0, le=_UNLIMITED_DEG_S, default=None, doc="Their rate limit; the same."
-    )
-    throttle_lag_s: float | None = quantity(
-        "s", ge=0.0, le=10.0, default=None, doc="Lag of the thrust; the same."
-    )
-    throttle_dead_time_s: float | None = quantity(
-        "s", ge=0.0, le=_MAX_DEAD_TIME_S, default=None, doc="Dead time of the thrust; the same."
     )
     filter_s: float = quantity(
         "s", gt=0.0, le=1.0, default=0.01, doc="Filter of measurement and command."
@@ -59,11 +92,9 @@ class DiagnosisParameters(Model):
     window_s: _Times = Field(
         default=(0.06, 0.06, 0.15), description="Windows of the regression [s]."
     )
-    throttle_window_s: float = _time(0.06, "Window of the throttle's regression.")
     jump_deg: _Angles = Field(
         default=(1.5, 2.0, 3.0), description="Jumps of the residual that raise suspicion [deg]."
     )
-    jump_n: float = quantity("N", gt=0.0, default=120.0, doc="The throttle's.")
     smooth_jump_deg: _Angles = Field(
         default=(0.6, 0.15, 3.0),
         description="Jumps of the smoothed residual that raise suspicion [deg].",
@@ -72,16 +103,13 @@ class DiagnosisParameters(Model):
         default=(1.0, 1.2, 2.0),
         description="Standard deviations of the command that a decision needs [deg].",
     )
-    excitation_n: float = quantity("N", gt=0.0, default=50.0, doc="The throttle's.")
     prior_deg: _Angles = Field(
         default=(0.3, 0.4, 1.0),
         description="Standard deviations that count as evidence of full effectiveness [deg].",
     )
-    prior_n: float = quantity("N", gt=0.0, default=10.0, doc="The throttle's.")
     confirm_s: _Times = Field(
         default=(0.008, 0.005, 0.015), description="Times for which a loss must be seen [s]."
     )
-    throttle_confirm_s: float = _time(0.008, "The throttle's.")
     jump_sigma: float = quantity(
         "", ge=0.0, default=5.0, doc="Jumps are at least this many standard deviations of noise."
     )
@@ -92,24 +120,18 @@ class DiagnosisParameters(Model):
         "", gt=0.0, lt=0.5, default=0.2, doc="An actuator with less is lost."
     )
     offset_s: float = _time(0.06, "Filter of the surfaces' offsets.")
-    throttle_offset_s: float = _time(0.3, "The throttle's.")
     dither_deg: _Angles = Field(
         default=(4.0, 10.0, 12.0), description="Movements of a suspect surface [deg]."
-    )
-    dither_n: float = quantity(
-        "N", gt=0.0, default=120.0, doc="Movements of a suspect throttle, up and down."
     )
     dither_half_s: _Times = Field(
         default=(0.035, 0.035, 0.05), description="Half periods of the surfaces' dither [s]."
     )
-    throttle_dither_half_s: float = _time(0.06, "The throttle's.")
     dither_ahead_s: float = _time(
         0.005, "Before the end of the blanking time, when a dither begins; the rudder's at once."
     )
     suspicion_s: _Times = Field(
         default=(0.6, 0.6, 0.9), description="Times for which a suspicion lasts [s]."
     )
-    throttle_suspicion_s: float = _time(0.6, "The throttle's.")
     probe_deg: _Angles = Field(
         default=(2.0, 2.5, 4.0), description="Movements of a lost surface [deg]."
     )
@@ -119,14 +141,12 @@ class DiagnosisParameters(Model):
     )
     trial_least_s: float = _time(0.2, "Return test: inhibited until it has moved to and fro twice.")
     trial_s: float = _time(0.6, "How long it is moved so.")
-    probe_n: float = quantity("N", gt=0.0, default=100.0, doc="Movements of a lost throttle.")
     probe_s: float = _time(0.5, "Half period of these movements.")
 
     check_s: _Times = Field(
         default=(0.06, 0.06, 0.15),
         description="Control check: times since the start at which the surfaces are moved [s].",
     )
-    throttle_check_s: float = _time(0.3, "Control check: the throttle's.")
     jump_start_s: float = _time(
         0.1, "Jump test: inhibited at first, while the aircraft is trimmed."
     )
@@ -173,7 +193,6 @@ class DiagnosisParameters(Model):
     cleared_swings: float = _number(1.5, "Cleared: more swings, and the command says nothing.")
     following: float = _number(0.5, "Cleared: effectiveness less its standard error above this.")
     return_start_s: float = _time(0.25, "Return test: inhibited until the probe has moved.")
-    throttle_return_start_s: float = _time(0.3, "Return test: the same of the throttle.")
     return_confirm_s: float = _time(0.05, "Return test: confirmation time.")
     quiet: float = _number(0.75, "Return test: a small residual, relative to the jump threshold.")
     return_effectiveness: float = _number(0.6, "Return test: least effectiveness, long memory.")
@@ -190,19 +209,25 @@ class DiagnosisParameters(Model):
     )
     effectiveness_s: float = _time(0.2, "Filter of an effectiveness that is clearly below 1.")
     long_s: float = _time(0.3, "Longer memory of the regression.")
+    throttle: ThrottleDiagnosis = Field(
+        default=ThrottleDiagnosis(), description="Of the throttle alone."
+    )
 
     def with_servos(self, servos: ActuatorServos) -> Self:
         """Return the parameters with the slowest of the servos, where none are given."""
         surfaces = (servos.aileron, servos.elevator, servos.rudder)
         limits = [s.rate_limit_deg_s for s in surfaces if s.rate_limit_deg_s is not None]
-        known = {
-            "servo_lag_s": max(servo.lag_s for servo in surfaces),
-            "servo_rate_limit_deg_s": min(limits, default=_UNLIMITED_DEG_S),
-            "throttle_lag_s": servos.throttle.lag_s,
-            "throttle_dead_time_s": min(servos.throttle.dead_time_s, _MAX_DEAD_TIME_S),
-        }
-        left_open = {key: value for key, value in known.items() if getattr(self, key) is None}
-        return self.model_copy(update=left_open)
+        return _completed(
+            self.model_copy(update={"throttle": self.throttle.with_servo(servos.throttle)}),
+            servo_lag_s=max(servo.lag_s for servo in surfaces),
+            servo_rate_limit_deg_s=min(limits, default=_UNLIMITED_DEG_S),
+        )
+
+
+def _completed(model: _M, **known: float) -> _M:
+    """Return a model with these values where it has none."""
+    left_open = {key: value for key, value in known.items() if getattr(model, key) is None}
+    return model.model_copy(update=left_open)
 
 
 class Limits(NamedTuple):
@@ -229,19 +254,20 @@ _MORE_THAN_HALF = 1.04  # a period of the probe
 def limits_of(gains: np.void, j: int) -> Limits:
     """Return the limits of actuator j from a record made of `DiagnosisParameters`."""
     if j == THROTTLE:
+        throttle = gains["throttle"]
         return Limits(
-            jump=gains["jump_n"],
+            jump=throttle["jump_n"],
             smooth_jump=math.inf,
             swing=math.inf,
-            excitation=gains["excitation_n"],
-            prior=gains["prior_n"],
-            window=gains["throttle_window_s"],
-            confirm=gains["throttle_confirm_s"],
-            offset=gains["throttle_offset_s"],
-            suspicion=gains["throttle_suspicion_s"],
+            excitation=throttle["excitation_n"],
+            prior=throttle["prior_n"],
+            window=throttle["window_s"],
+            confirm=throttle["confirm_s"],
+            offset=throttle["offset_s"],
+            suspicion=throttle["suspicion_s"],
             ahead=0.0,
             quiet=math.inf,
-            check=gains["throttle_check_s"],
+            check=throttle["check_s"],
         )
     return Limits(
         jump=gains["jump_rad"][j],

@@ -6,8 +6,9 @@ from typing import Annotated, ClassVar, Self, TypeAlias
 import numpy as np
 from pydantic import Field
 
-from ftc_autopilot.common.records import fill, record_dtype
+from ftc_autopilot.common.records import fill, in_si, record_dtype
 from ftc_autopilot.control.triggers import trigger_of
+from mavlink_defs.config import renamed
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import quantity
 from sitl_plant.actuators.config import ActuatorServos
@@ -52,10 +53,17 @@ class LawParameters(Model):
 
     @classmethod
     def record(cls) -> np.dtype:
-        """Return the record of the law's own parameters and of what it derives."""
+        """Return the record of the law's own parameters and of what it derives.
+
+        A law that extends one of ours may read renamed fields by their names of before.
+        """
         own = record_dtype(cls, cls.FALLBACK or LawParameters)
+        section = "" if "SECTION" in cls.__dict__ else getattr(cls, "SECTION", "")
+        names = renamed.names_of(section) if section else {}
+        before = {in_si(now)[0]: in_si(one)[0] for one, now in names.items()}
         fallback = () if cls.FALLBACK is None else (("fallback", cls.FALLBACK.record()),)
-        return np.dtype([*fallback, *((name, own[name]) for name in own.names or ()), *cls.DERIVED])
+        fields = (((before[n], n) if n in before else n, own[n]) for n in own.names or ())
+        return np.dtype([*fallback, *fields, *cls.DERIVED])
 
     def write_to(self, record: np.void) -> None:
         """Write the parameters to a record of `record`, but for what `derive` computes."""

@@ -16,6 +16,7 @@ from gcs.results.store import EVENTS, TRAJECTORY, batches
 from gcs.scenario.settings import label
 from mavlink_defs.config.files import read
 from mavlink_defs.config.models import ConfigError
+from mavlink_defs.config.renamed import present
 
 _POINTS = 160
 _MAX_BYTES = 200_000_000  # bytes of a recording that is read for its curves
@@ -26,13 +27,13 @@ _FIGURES = ("flight.png", "sweep.png", "polar.png", "figures/*.png")
 def scenario_keys(folder: Path) -> dict[str, str]:
     """Return every key of a run's scenario with its value as a text; none if it has no scenario.
 
-    Keys are as ``--set`` takes them, such as ``faults[0].uav``.
+    Keys are as ``--set`` takes them, such as ``faults[0].uav``, by their present names.
     """
     try:
         tree = read(folder / SCENARIO)
     except ConfigError:
         return {}
-    return dict(leaves(tree, ""))
+    return {present(place): text for place, text in leaves(tree, "")}
 
 
 def leaves(value: Any, place: str) -> Iterator[tuple[str, str]]:

@@ -119,7 +119,7 @@ def check(
             if channels & (1 << c):
                 commands[c] += plan.change * _move(o, c, together, gains)
                 if not (mask & (1 << c) or by_clock):
-                    state["recent"][c] += 1.0
+                    state["event_rate"][c] += 1.0
         state["exit"][j] = plan.leaves * h
         mask |= channels
         _predict_errors(start, commands, h, rows, aircraft, path, error)
@@ -158,7 +158,9 @@ def _start(now: Step, positions: np.ndarray, gains: np.void, state: np.void) -> 
     """Return what the predictions of a step start from."""
     diagnosis = gains["fallback"]["diagnosis"]
     servo = ServoModel(
-        diagnosis["servo_lag_s"], diagnosis["servo_rate_limit_rad_s"], diagnosis["throttle_lag_s"]
+        diagnosis["servo_lag_s"],
+        diagnosis["servo_rate_limit_rad_s"],
+        diagnosis["throttle"]["lag_s"],
     )
     if now.first:
         servo = ServoModel(0.0, math.inf, 0.0)

@@ -45,7 +45,7 @@ def fallback_flies(now: Step, gains: np.void, state: np.void) -> bool:
     """Return whether the surviving law flies in this step; advance the time that it has left."""
     if gains["survive"] == 0:
         return False
-    state["taken_over"] = max(state["taken_over"] - now.dt, 0.0)
+    state["fallback_left"] = max(state["fallback_left"] - now.dt, 0.0)
     lost, actuators = False, state["fallback"]["diagnosis"]["actuators"]
     diagnosis = gains["fallback"]["diagnosis"]
     for j in range(N_CHANNELS):
@@ -54,22 +54,24 @@ def fallback_flies(now: Step, gains: np.void, state: np.void) -> bool:
         noise = math.sqrt(max(actuators[j]["variance"] - actuators[j]["smooth_variance"], 0.0))
         swings = math.sqrt(actuators[j]["smooth_variance"]) > max(_SWING_SIGMA * limits.jump, noise)
         if swings or actuators[j]["swings"] > _CHANGES_OF_SIDE:
-            state["taken_over"] = max(state["taken_over"], now.dt)
+            state["fallback_left"] = max(state["fallback_left"], now.dt)
         if actuators[j]["suspect_s"] > 0.0 and stop_suspected(actuators[j], diagnosis):
-            state["taken_over"] = max(state["taken_over"], actuators[j]["suspect_s"])
-    large = max(abs(now.errors.e[0]), abs(now.errors.e[1])) > gains["rescue_rad"]
+            state["fallback_left"] = max(state["fallback_left"], actuators[j]["suspect_s"])
+    large = max(abs(now.errors.e[0]), abs(now.errors.e[1])) > gains["fallback_error_rad"]
     if large or (lost and not only_rudder_lost(gains, state)):
-        state["taken_over"] = max(state["taken_over"], gains["takeover_s"])
-    recent = state["recent"]
+        state["fallback_left"] = max(state["fallback_left"], gains["fallback_s"])
+    rate = state["event_rate"]
     for j in range(N_CHANNELS):
-        recent[j] *= 1.0 - now.dt
-        if recent[j] > gains["storm_events"]:
-            longer = gains["storm_s"] * 2.0 ** min(state["crowded"], _MAX_DOUBLINGS)
-            state["taken_over"] = max(state["taken_over"], longer)
-            state["crowded"] += 1
+        rate[j] *= 1.0 - now.dt
+        if rate[j] > gains["event_rate_limit"]:
+            longer = gains["event_rate_cooldown_s"] * 2.0 ** min(
+                state["rate_exceeded"], _MAX_DOUBLINGS
+            )
+            state["fallback_left"] = max(state["fallback_left"], longer)
+            state["rate_exceeded"] += 1
             for i in range(N_CHANNELS):
-                recent[i] = 0.0
-    return bool(state["taken_over"] > 0.0 and not now.first)
+                rate[i] = 0.0
+    return bool(state["fallback_left"] > 0.0 and not now.first)
 
 
 @inlined

@@ -44,7 +44,7 @@ def tube_law(
         state: Record of dtype `Tube.STATE`, updated in place.
         signals: The diagnosis and the predicted exits are written.
     """
-    thresholds = coarser(now.thresholds, gains["takeover_threshold"])
+    thresholds = coarser(now.thresholds, gains["fallback_threshold"])
     surviving = reconfigured(now, aircraft, gains["fallback"], state["fallback"], signals)
     surviving = reaching_stops(surviving, thresholds, aircraft)
     no_rudder = flies_without_rudder(aircraft, gains, state)

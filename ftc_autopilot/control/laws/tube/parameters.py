@@ -8,6 +8,7 @@ from pydantic import Field
 from ftc_autopilot.control.laws.base import Gains, LawParameters
 from ftc_autopilot.control.laws.surviving.parameters import FaultTolerant, Surviving
 from ftc_autopilot.control.pairing import is_coupled, joint_moves
+from mavlink_defs.config.models import Renaming
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from sitl_plant.airframe.aircraft import AIRCRAFT
@@ -27,7 +28,7 @@ _Shares = tuple[_Share, _Share, _Share, _Share]
 _Times = tuple[_Time, _Time, _Time, _Time]
 
 
-class Tube(FaultTolerant):
+class Tube(Renaming, FaultTolerant):
     """Predicts what follows from not sending, and sends only where the aircraft would leave a tube.
 
     Choose it where messages are dear; it goes with the trigger `consequence`, and `surviving` is
@@ -36,6 +37,7 @@ class Tube(FaultTolerant):
     Lists of three are roll, pitch, yaw; of four, airspeed, roll, pitch, yaw.
     """
 
+    SECTION: ClassVar[str] = "controller"
     PAGE: ClassVar[str] = "explanation/tube.md"
     SELECTS_CHANNELS: ClassVar[bool] = True
     FALLBACK: ClassVar[type[LawParameters] | None] = Surviving
@@ -66,9 +68,9 @@ class Tube(FaultTolerant):
             ("exit", "f8", (N_CHANNELS,)),  # time until the output's predicted exit [s]
             # the fallback
             ("dither", "f8", (N_CHANNELS,)),  # in the commands in force
-            ("taken_over", "f8"),  # time for which it still flies [s]
-            ("recent", "f8", (N_CHANNELS,)),  # events that are forgotten within a second
-            ("crowded", "i8"),  # times that there were too many
+            ("fallback_left", "f8"),  # time for which it still flies [s]
+            ("event_rate", "f8", (N_CHANNELS,)),  # events that are forgotten within a second
+            ("rate_exceeded", "i8"),  # times that there were too many
         ]
     )
 
@@ -185,21 +187,21 @@ class Tube(FaultTolerant):
         "rad/s^2", gt=0.0, default=0.15, doc="Residual from which on Huber's weights decrease."
     )
 
-    takeover_s: float = quantity(
+    fallback_s: float = quantity(
         "s", gt=0.0, default=0.5, doc="Time for which the surviving law flies after the last loss."
     )
-    takeover_threshold: float = quantity(
+    fallback_threshold: float = quantity(
         "",
         gt=0.0,
         default=2.0,
         doc="Thresholds of (25) and (29) while the surviving law flies, relative to the trigger's.",
     )
-    rescue_deg: float = quantity(
+    fallback_error_deg: float = quantity(
         "deg", gt=0.0, default=15.0, doc="Roll or pitch error at which it takes over as well."
     )
-    storm_events: float = quantity(
+    event_rate_limit: float = quantity(
         "", gt=0.0, default=17.0, doc="Events of a channel in about a second at which it does, too."
     )
-    storm_s: float = quantity(
+    event_rate_cooldown_s: float = quantity(
         "s", ge=0.0, default=5.0, doc="For how long it does then; twice as long each further time."
     )

@@ -36,7 +36,7 @@ from ftc_autopilot.control.triggers.static import Consequence, PerChannel
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
 from mavlink_defs.framing.codec import ACTUATORS, SIM_STATE
-from sitl_plant.actuators.config import ActuatorServos
+from sitl_plant.actuators.config import ActuatorServos, EngineServo
 from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft
 from sitl_plant.airframe.rigid_body import STILL_AIR, gravity_body, state_derivative
@@ -269,7 +269,7 @@ def test_what_cannot_be_made_is_not_missed(
     }  # fmt: skip
     plant = new_plant_state(Scenario.model_validate(tree).plant_config())
     gains, state = np.zeros(1, record_dtype(DiagnosisParameters))[0], np.zeros(1, DIAGNOSIS)[0]
-    fill(gains, DiagnosisParameters(throttle_lag_s=0.3).with_servos(ActuatorServos()))
+    fill(gains, DiagnosisParameters().with_servos(ActuatorServos(throttle=EngineServo(lag_s=0.3))))
     aircraft, most = plant.uavs[0]["aircraft"], []
     for step in range(800):
         observe(plant, 0, step, STEP_US)

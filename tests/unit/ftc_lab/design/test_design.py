@@ -241,7 +241,9 @@ def test_axes_and_thrust_have_their_own_scale() -> None:
     for limit, known, s in zip(law["rate_limit_deg_s"], home, similar.axes, strict=True):
         assert limit == pytest.approx(known / s, rel=1e-3)
     assert len({round(s, 2) for s in similar.axes}) > 1
-    assert law["diagnosis"]["jump_n"] == pytest.approx(0.06 * airframe.aircraft.thrust_limit_n)
+    assert law["diagnosis"]["throttle"]["jump_n"] == pytest.approx(
+        0.06 * airframe.aircraft.thrust_limit_n
+    )
     assert law["diagnosis"]["jump_deg"] == pytest.approx(
         [x * 25.0 / 35.0 for x in (1.5, 2.0, 3.0)], rel=1e-3
     )

@@ -22,7 +22,7 @@ from mavlink_defs.services.param import Param
 
 _OF_THE_AIRCRAFT = {
     "DIAG_SERVO_LAG_S",
-    "DIAG_THROT_LAG_S",
+    "DIAG_THR_LAG_S",
     "DI_SE_RA_LI_DE_S",
     "DI_THR_DEA_TIM_S",
     "PREDICTED_LAG_S",

@@ -149,4 +149,4 @@ def test_of_two_lags_the_larger_one_counts(
     for uav in scenario.plant_config().uavs:
         assert uav.servos.throttle.lag_s == counts_s
     law: Any = scenario.autopilot_config(scenario.uavs[0].id).controller
-    assert law.diagnosis.throttle_lag_s == counts_s
+    assert law.diagnosis.throttle.lag_s == counts_s

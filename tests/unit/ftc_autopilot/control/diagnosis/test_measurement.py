@@ -109,7 +109,7 @@ def test_the_commands_are_as_old_as_the_measurement(ahead: int, scenario1: Scena
 
 def test_the_throttle_s_dead_time_comes_on_top_of_the_links(scenario1: Scenario) -> None:
     gains, state = servo(0.0), np.zeros(1, DIAGNOSIS)[0]
-    gains["throttle_dead_time_s"] = 0.05
+    gains["throttle"]["dead_time_s"] = 0.05
     plant = new_plant_state(scenario1.plant_config())
     observe(plant, 0, 0, STEP_US)
     now = step_of(motion_of(plant.uavs[0]["message"], plant.uavs[0]["aircraft"]))

@@ -85,15 +85,18 @@ TUBES: dict[str, tuple[dict[str, Any], Any, tuple[Fault, ...]]] = {
     "wide": ({"tube_scale": 3.0, "dwell_s": 0.1, "gain_s": 0.1}, Consequence(), ()),
     "no_rudder": ({}, Consequence(), (actuator_fault(RUDDER, 0.0, 20.0, 0.0, 0.3, math.inf),)),
     "no_aileron": (
-        {"takeover_s": 0.2}, Consequence(), (actuator_fault(AILERON, 0.0, 2.0, 0.0, 0.3, 0.6),),
+        {"fallback_s": 0.2}, Consequence(), (actuator_fault(AILERON, 0.0, 2.0, 0.0, 0.3, 0.6),),
     ),
     "only_reported": (
         {"survive": False}, Consequence(), (actuator_fault(ELEVATOR, 0.0, -1.0, 0.0, 0.3, 0.5),),
     ),
     "crowded": (
-        {"storm_events": 3.0, "storm_s": 0.1, "tube_scale": 0.1, "dwell_s": 0.0}, Consequence(), (),
+        {
+            "event_rate_limit": 3.0, "event_rate_cooldown_s": 0.1,
+            "tube_scale": 0.1, "dwell_s": 0.0,
+        }, Consequence(), (),
     ),
-    "rescue": ({"rescue_deg": 2.0, "takeover_s": 0.1}, Consequence(), ()),
+    "rescue": ({"fallback_error_deg": 2.0, "fallback_s": 0.1}, Consequence(), ()),
     "swinging": (
         {"adapt": False}, Consequence(), (actuator_fault(AILERON, 1.0, 4.0, 3.0, 0.1, math.inf),),
     ),

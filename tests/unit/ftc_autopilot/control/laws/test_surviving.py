@@ -236,10 +236,10 @@ def test_the_diagnosis_knows_the_servos_unless_configured_otherwise() -> None:
     assert isinstance(law, Surviving)
     known = law.diagnosis
     assert (known.servo_lag_s, known.servo_rate_limit_deg_s) == (0.04, 400.0)  # the slowest
-    assert known.throttle_lag_s == 0.3
+    assert known.throttle.lag_s == 0.3
     saved = scenario_with("paper/scenario1", servos=servos).model_dump()  # as campaigns do
     assert Scenario.model_validate(saved).autopilot_config(1).controller == law
     given = {"diagnosis": {"servo_lag_s": 0.0}}
     law = scenario_with("paper/scenario1", given, servos=servos).autopilot_config(1).controller
     assert isinstance(law, Surviving)
-    assert (law.diagnosis.servo_lag_s, law.diagnosis.throttle_lag_s) == (0.0, 0.3)
+    assert (law.diagnosis.servo_lag_s, law.diagnosis.throttle.lag_s) == (0.0, 0.3)

@@ -33,10 +33,9 @@ def scenario_with(name: str = "paper/scenario1", *additions: str, **keys: Any) -
 
 NEVER_SUSPECT = {
     "check_s": [1e3] * 3,
-    "throttle_check_s": 1e3,
     "jump_deg": [1e3] * 3,
     "smooth_jump_deg": [1e3] * 3,
-    "jump_n": 1e6,
+    "throttle": {"check_s": 1e3, "jump_n": 1e6},
 }
 """Of the diagnosis: nothing is moved but by the plans."""
 

@@ -320,7 +320,7 @@ def test_the_surviving_law_takes_over_for_as_long_as_needed(nominal: np.void) ->
     assert not fallback_flies(now, gains, state)
     actuators[1]["lost"] = 1
     assert fallback_flies(now, gains, state)
-    assert state["taken_over"] == 0.5
+    assert state["fallback_left"] == 0.5
     actuators[1]["lost"] = 0
     assert sum(fallback_flies(now, gains, state) for _ in range(1000)) in {499, 500}
     assert not fallback_flies(now, gains_of(survive=False), state)
@@ -343,9 +343,9 @@ def test_a_large_error_and_a_high_event_rate_are_reasons_too(nominal: np.void) -
     assert fallback_flies(step_of(motion, errors=off), gains, new_state())
     state = new_state()
     for longer in (5.0, 10.0, 20.0):
-        state["recent"][2], state["taken_over"] = 17.1, 0.0
+        state["event_rate"][2], state["fallback_left"] = 17.1, 0.0
         assert fallback_flies(step_of(motion), gains, state)
-        assert state["taken_over"] == longer
+        assert state["fallback_left"] == longer
 
 
 @given(rudder=st.floats(-0.7, 0.7), thrust=st.floats(-100.0, 2200.0), factor=st.floats(0.5, 4.0))
