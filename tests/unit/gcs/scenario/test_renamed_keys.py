@@ -15,7 +15,7 @@ from vehicle_bench import UAV, Bench, of_type
 
 from ftc_autopilot.control.laws.tube import Tube
 from ftc_autopilot.vehicle.param_table import _cut, law_tunables
-from gcs.runs.details import scenario_keys
+from gcs.results.runs.details import scenario_keys
 from gcs.scenario.changes import with_changes
 from gcs.scenario.model import scenario_tree
 from gcs.station.param_file import differing
