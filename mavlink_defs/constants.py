@@ -49,14 +49,6 @@ Faults call the last two gps and airspeed, as MAVLink does.
 LAST_SYSTEM = 250
 """Largest system id of a UAV."""
 
-GCS_PORT = 14550
-"""Default UDP port that ground stations bind; those below are defaults, too."""
-HUB_PORT = 14555
-"""UDP port of the hub of `gcs up`."""
-PLANT_PORT = 14560
-FORMATION_BASE_PORT = 14600
-"""UAV i binds this UDP port plus i."""
-
 AUTO, RTL, LOITER, GUIDED = 10, 11, 12, 15
 """custom_mode numbers of ArduPlane."""
 MODE_NAMES = {AUTO: "AUTO", RTL: "RTL", LOITER: "LOITER", GUIDED: "GUIDED"}

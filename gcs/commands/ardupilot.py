@@ -168,18 +168,18 @@ def _report(flown: "ArduPilotFlown", console: Console, *, no_figures: bool, as_j
 
     served = flown.served
     summary, ending = flown.finish()
-    if ending.steps and not no_figures:
-        from gcs.reports.figures.overview import draw_flight
-
-        with working(console, "drawing the flight"):
-            preview = flown.recorder.preview
-            draw_flight(preview.recording(ending), flown.scenario, preview.gaps(), flown.folder)
     output = console_of(stderr=as_json, quiet=console.quiet)
     if as_json:
         print_json(summary.to_json(), indent=2)
     else:
         output.print(*ardupilot_tables(summary, flown.scenario), sep="\n")
     output.print(f"results in {flown.folder}", soft_wrap=True)
+    if ending.steps and not no_figures:
+        from gcs.reports.figures.overview import draw_flight
+
+        with working(console, "drawing the flight"):
+            preview = flown.recorder.preview
+            draw_flight(preview.recording(ending), flown.scenario, preview.gaps(), flown.folder)
     if flown.stopped:
         raise Interrupted(f"interrupted at {summary.flight.duration_s:g} s")
     if served.silence is not None:

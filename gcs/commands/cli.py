@@ -20,7 +20,6 @@ from gcs.console.errors import BadInput, GcsError, Interrupted
 from gcs.console.extras import missing
 from gcs.console.outputs import remove_empty
 from gcs.console.stopping import ending_at_once, stop_as_ctrl_c
-from gcs.console.terminal import print_line
 from mavlink_defs.config.problems import ConfigError
 from mavlink_defs.config.renamed import RenamedWarning
 from mavlink_defs.runtime.foreign import PluginError
@@ -116,6 +115,8 @@ def _show_versions(asked: bool) -> None:
         import platform
         from importlib.metadata import version
 
+        from gcs.console.terminal import print_line
+
         print_line(f"ftc-sitl {version('ftc-sitl')}\nPython {platform.python_version()}")
         for package in ("pymavlink", "numba"):
             print_line(f"{package} {version(package)}")
@@ -179,8 +180,7 @@ def _without_types(command: Any) -> Any:
         commands += getattr(one, "commands", {}).values()
         one.format_help = _format_help.__get__(one)
         for parameter in one.get_params(typer.Context(one)):
-            if "float" in str(parameter.type_descriptor.annotation):
-                parameter.process_value = partial(_finite_only, parameter)
+            parameter.process_value = partial(_processed, parameter)
             if getattr(parameter, "is_flag", False):
                 parameter.metavar = ""
             elif parameter.param_type_name == "argument":
@@ -190,12 +190,40 @@ def _without_types(command: Any) -> Any:
     return command
 
 
-def _finite_only(parameter: Any, ctx: typer.Context, value: Any) -> Any:
-    """Convert the value of a number as typer does, which takes NaN and infinity for numbers.
+def _processed(parameter: Any, ctx: typer.Context, value: Any) -> Any:
+    """Process the value of a parameter as typer does, which takes NaN and infinity for numbers.
+
+    Typer has pydantic for it, whose import takes as long as all else that a short command imports:
+    what has the right type, or is a plain number, does without.
 
     Raises:
         BadInput: It is one of these.
     """
+    if "float" in str(parameter.type_descriptor.annotation):
+        _check_finite(parameter, value)
+    plain, is_many = _plain(parameter, value), parameter.multiple or parameter.nargs != 1
+    if plain is None and (is_many or parameter.required or value is not None):
+        return type(parameter).process_value(parameter, ctx, value)
+    return plain if parameter.callback is None else parameter.callback(ctx, parameter, plain)
+
+
+def _plain(parameter: Any, value: Any) -> Any:
+    """Return a value that needs no conversion of typer's; None if it does, or is none."""
+    how = parameter.type_descriptor
+    kind, is_text = how.annotation, isinstance(value, str)
+    texts = [choice for choice in how.choices or () if type(choice) is str]  # no enumerations
+    if how.is_path or how.parameter_info.parser:
+        return None
+    if type(value) is kind or (is_text and value in texts):
+        return value
+    if kind is float and is_text and value.replace(".", "", 1).isdigit() and value.isascii():
+        least, most = parameter.min, parameter.max
+        number = float(value)
+        return number if (least or 0.0) <= number <= (math.inf if most is None else most) else None
+    return None
+
+
+def _check_finite(parameter: Any, value: Any) -> None:
     for text in value if isinstance(value, list | tuple) else (value,):
         with contextlib.suppress(TypeError, ValueError):
             if not math.isfinite(float(text)):
@@ -204,7 +232,6 @@ def _finite_only(parameter: Any, ctx: typer.Context, value: Any) -> Any:
                 bounds += [f"at most {most:g}"] if most is not None else []
                 expected = " of ".join(["a finite number", *filter(None, [" and ".join(bounds)])])
                 raise BadInput(f"{parameter.opts[0]}: expected {expected}, got {text!r}")
-    return type(parameter).process_value(parameter, ctx, value)
 
 
 def _format_help(command: Any, ctx: typer.Context, _formatter: Any) -> None:
@@ -324,6 +351,8 @@ def _wrong_value(problem: Any) -> str:
 
 
 def _end(status: int, text: str, hint: str = "") -> NoReturn:
+    from gcs.console.terminal import print_line
+
     remove_empty()
     with contextlib.suppress(OSError):  # the terminal may be gone
         print_line(text, stderr=True)

@@ -5,7 +5,6 @@ from typing import Annotated, Literal
 import typer
 
 from gcs.commands.station import EXIT_STATUS, StationOptions, station_command
-from gcs.station.vehicle import Vehicle
 
 ARM_EPILOG = f"""
 Examples:
@@ -40,7 +39,7 @@ Examples:
 @station_command
 def arm(station: StationOptions) -> None:
     """Arm vehicles; time begins when the whole fleet is armed."""
-    station.do(Vehicle.arm, "armed")
+    station.do(lambda vehicle: vehicle.arm(), "armed")
 
 
 @station_command
@@ -60,7 +59,7 @@ def start(station: StationOptions) -> None:
 
     It starts at once in flight, else when simulated time begins.
     """
-    station.do(Vehicle.start_mission, "started its mission")
+    station.do(lambda vehicle: vehicle.start_mission(), "started its mission")
 
 
 @station_command

@@ -1,5 +1,6 @@
 """``gcs fly``: fly one scenario to its end."""
 
+import contextlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,6 +16,7 @@ from gcs.commands.common import (
     prepared,
     tell,
 )
+from gcs.commands.drawing import FlightDrawing, drawn
 from gcs.commands.options import options_of, with_options
 from gcs.console.errors import BadInput, FlightLost, Interrupted
 from gcs.console.extras import load_lab
@@ -124,12 +126,15 @@ def fly(
     folder = make_run_folder(options.out, loaded.name)
     console = console_of(quiet=options.quiet)
     try:
-        with recorded(flight, folder) as recorder:
+        with (
+            contextlib.nullcontext() if options.no_figures else drawn(loaded, folder) as drawing,
+            recorded(flight, folder) as recorder,
+        ):
             tell(flight.remarks, console)
             warm_up(loaded, console, in_process=options.in_process)
             with flight_progress(loaded, console) as shown:
                 ending = fly_prepared(flight, recorder, folder, shown, shown.starts)
-            _report(recorder, ending, loaded, folder, console, options)
+            _report(recorder, ending, loaded, folder, console, options, drawing)
     except KeyboardInterrupt:
         raise Interrupted(f"interrupted; what was recorded is in {folder}") from None
     except FlightLost as problem:
@@ -162,35 +167,26 @@ def _report(
     folder: Path,
     console: Console,
     options: FlyOptions,
+    drawing: FlightDrawing | None,
 ) -> None:
     from gcs.reports.flight import flight_tables
 
     summary = recorder.finish(ending)
-    if not options.no_figures:
-        with working(console, "drawing the flight"):
-            _draw(recorder, ending, scenario, folder)
+    if drawing is not None:
+        drawing.begin(recorder.preview.recording(ending), recorder.preview.gaps())
     output = console_of(stderr=options.as_json, quiet=console.quiet)  # --json leaves no room for it
     if options.as_json:
         print_json(summary.to_json(), indent=2)
     else:
         output.print(*flight_tables(summary, scenario), sep="\n")
     output.print(f"results in {folder}", soft_wrap=True)
+    if drawing is not None:
+        with working(console, "drawing the flight"):
+            drawing.finish()
     if options.campaign is not None and options.speed is None:
         _compare(options.campaign, options.row or 0, summary, output)
     if summary.loss is not None:
         raise FlightLost(summary.loss)
-
-
-def _draw(recorder: "FlightRecorder", ending: "Ending", scenario: Scenario, folder: Path) -> None:
-    from gcs.reports.figures.mission import draw_mission
-    from gcs.reports.figures.overview import draw_flight
-    from gcs.results.path_following import leaders_of, paths_of
-
-    preview = recorder.preview
-    shown = preview.recording(ending)
-    draw_flight(shown, scenario, preview.gaps(), folder)
-    if (paths := paths_of(scenario)) is not None:
-        draw_mission(shown, scenario, paths, leaders_of(scenario), folder)
 
 
 def _compare(campaign: Path, row: int, summary: "FlightSummary", console: Console) -> None:

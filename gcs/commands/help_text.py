@@ -3,17 +3,18 @@
 The columns of typer's own help leave a third of a narrow terminal to the texts.
 """
 
+import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from inspect import cleandoc
 from typing import Any
 
-from rich.markdown import Markdown
+from rich.console import Group, RenderableType
 from rich.padding import Padding
 from rich.panel import Panel
 from rich.text import Text
 
-from gcs.console.terminal import console_of, names_and_texts
+from gcs.console.terminal import bulleted, console_of, names_and_texts
 
 _WIDEST_NAME = 29
 
@@ -27,12 +28,12 @@ def print_help(command: Any, context: Any) -> None:
     usage = Text(command.get_usage(context), style="bold yellow")
     console.print(Padding(usage, (0, 1, 1, 1)))
     if command.help:
-        console.print(Padding(Markdown(cleandoc(command.help)), (0, 1, 1, 1)))
+        console.print(Padding(_prose(cleandoc(command.help)), (0, 1, 1, 1)))
     options = getattr(command, "default", command)
     for panel in (*_of_commands(command, context), *_of_parameters(options, context)):
         console.print(panel)
     if options.epilog:
-        console.print(Padding(Markdown(cleandoc(options.epilog)), (0, 1)))
+        console.print(Padding(_prose(cleandoc(options.epilog)), (0, 1)))
 
 
 def _of_commands(command: Any, context: Any) -> Iterator[Panel]:
@@ -65,5 +66,26 @@ def _by_panel(shown: Iterable[Any], default: str) -> dict[str, list[Any]]:
 
 
 def _panel(title: str, rows: Iterable[tuple[str, str]], width: int) -> Panel:
-    table = names_and_texts(((name.strip(), Markdown(text)) for name, text in rows), width)
+    table = names_and_texts(((name.strip(), _prose(text)) for name, text in rows), width)
     return Panel(table, title=title, title_align="left", border_style="dim")
+
+
+def _prose(text: str) -> RenderableType:
+    """Return a text of help: paragraphs and lists, with `code` in them.
+
+    Rich's own Markdown, which looks the same, takes as long to import as to show the help.
+    """
+    shown: list[RenderableType] = []
+    for block in re.split(r"\n\s*\n", text.strip()):
+        shown += [Text()] if shown else []
+        if not block.startswith("- "):
+            shown.append(_paragraph(block))
+            continue
+        items = re.split(r"^- ", block, flags=re.MULTILINE)[1:]
+        shown.append(bulleted(map(_paragraph, items)))
+    return Group(*shown)
+
+
+def _paragraph(text: str) -> Text:
+    parts = re.sub(r"\s*\n\s*", " ", text.strip()).split("`")
+    return Text.assemble(*((part, "markdown.code" * (k % 2)) for k, part in enumerate(parts)))

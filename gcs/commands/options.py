@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 import typer
 
-from mavlink_defs.constants import GCS_PORT, HUB_PORT
+from mavlink_defs.ports import GCS_PORT, HUB_PORT
 
 SIGNING_KEY_VARIABLE = "FTC_SITL_SIGNING_KEY"
 """Environment variable with the path of a key file."""

@@ -4,11 +4,10 @@ Such a command does the same with every chosen vehicle concurrently, and reports
 successes on standard output, everything else on standard error.
 """
 
-import asyncio
 import inspect
 from collections.abc import Awaitable, Callable, Coroutine
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import typer
 
@@ -23,10 +22,10 @@ from gcs.commands.options import (
 )
 from gcs.console.errors import BadInput, CommandRefused, Interrupted, NoAnswer
 from gcs.console.terminal import print_json, print_line
-from gcs.station.client import Client
-from gcs.station.connection import choose_connection, own_identity
-from gcs.station.patience import Patience
-from gcs.station.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from gcs.station.client import Client
+    from gcs.station.vehicle import Vehicle
 
 EXIT_STATUS = """
 Exit status: 0 accepted or answered by all, 2 bad input, 3 refused by one, 4 no answer from one
@@ -75,8 +74,8 @@ class StationOptions:
 
     def act(
         self,
-        action: Callable[[Vehicle], Awaitable[str]],
-        data: Callable[[Vehicle], dict[str, Any]] = lambda _: {},
+        action: "Callable[[Vehicle], Awaitable[str]]",
+        data: "Callable[[Vehicle], dict[str, Any]]" = lambda _: {},
     ) -> None:
         """Apply an action to every chosen vehicle and report it; exit with its status.
 
@@ -84,8 +83,9 @@ class StationOptions:
             action: Acts on a vehicle and returns a line for the user.
             data: Returns further JSON data of a vehicle after the action.
         """
+        import asyncio
 
-        async def with_vehicles(_: Client, vehicles: list[Vehicle]) -> list[_Outcome]:
+        async def with_vehicles(_: "Client", vehicles: "list[Vehicle]") -> list[_Outcome]:
             return await asyncio.gather(*(self._try(v, action, data) for v in vehicles))
 
         outcomes = self.run(with_vehicles)
@@ -97,10 +97,10 @@ class StationOptions:
                 print_line(prefix + outcome.text, stderr=outcome.status != 0)
         raise typer.Exit(max(outcome.status for outcome in outcomes))
 
-    def do(self, operation: Callable[[Vehicle], Awaitable[object]], done: str) -> None:
+    def do(self, operation: "Callable[[Vehicle], Awaitable[object]]", done: str) -> None:
         """Apply an operation to every chosen vehicle, and report that it is "UAV 1 done"."""
 
-        async def action(vehicle: Vehicle) -> str:
+        async def action(vehicle: "Vehicle") -> str:
             await operation(vehicle)
             return f"UAV {vehicle.system} {done}"
 
@@ -108,7 +108,7 @@ class StationOptions:
 
     def run(
         self,
-        work: Callable[[Client, list[Vehicle]], Awaitable[T]],
+        work: "Callable[[Client, list[Vehicle]], Awaitable[T]]",
         *,
         inquire: bool = False,
         private: bool = False,
@@ -126,6 +126,9 @@ class StationOptions:
             BadInput: An option cannot be used.
             NoAnswer: No vehicle was heard, or one of the chosen or of the fleet was not.
         """
+        from gcs.station.client import Client
+        from gcs.station.connection import choose_connection, own_identity
+
         systems, connection = self.systems, choose_connection(self.connect, self.signing_key)
 
         async def connected() -> T:
@@ -147,9 +150,9 @@ class StationOptions:
 
     async def _try(
         self,
-        vehicle: Vehicle,
-        action: Callable[[Vehicle], Awaitable[str]],
-        data: Callable[[Vehicle], dict[str, Any]],
+        vehicle: "Vehicle",
+        action: "Callable[[Vehicle], Awaitable[str]]",
+        data: "Callable[[Vehicle], dict[str, Any]]",
     ) -> _Outcome:
         uav = vehicle.system
         try:
@@ -161,7 +164,7 @@ class StationOptions:
         return _Outcome(uav, "accepted", text, data=data(vehicle))
 
     async def _while_it_lives(
-        self, vehicle: Vehicle, action: Callable[[Vehicle], Awaitable[str]]
+        self, vehicle: "Vehicle", action: "Callable[[Vehicle], Awaitable[str]]"
     ) -> str:
         """Apply an action; wait for a vehicle that is heard longer than for a silent one.
 
@@ -169,6 +172,10 @@ class StationOptions:
             CommandRefused: As of the action.
             NoAnswer: It has not answered, and is silent, or is waited for no longer.
         """
+        import asyncio
+
+        from gcs.station.patience import Patience
+
         patience = Patience(answer_s=_SLOW * self.timeout)
         loop = asyncio.get_running_loop()
         begin_s, acting = (
@@ -211,13 +218,15 @@ def station_command(command: Callable[..., None], timeout_s: float = 10.0) -> Ca
 
 def run_interruptible(work: Coroutine[Any, Any, T]) -> T:
     """Run a coroutine to its end; Ctrl-C ends the command with the status that shells expect."""
+    import asyncio
+
     try:
         return asyncio.run(work)
     except KeyboardInterrupt:
         raise Interrupted("interrupted") from None
 
 
-def _hint(client: Client, systems: set[int] | None) -> str:
+def _hint(client: "Client", systems: set[int] | None) -> str:
     """Return what to do if the vehicles that a command is for were not heard."""
     heard = ",".join(str(i) for i, vehicle in client.vehicles.items() if not vehicle.state.lost)
     if systems is None and heard:

@@ -29,8 +29,8 @@ from gcs.console.terminal import console_of, print_json
 from gcs.scenario.model import Scenario
 from gcs.scenario.signing_key import refuse_unsigned
 from mavlink_defs.config.models import counted
-from mavlink_defs.constants import HUB_PORT
 from mavlink_defs.endpoint import Connection, UdpAddress
+from mavlink_defs.ports import HUB_PORT
 
 if TYPE_CHECKING:
     from gcs.commands.foxglove import FoxgloveServer

@@ -32,9 +32,10 @@ from mavlink_defs.capture.tlog import TlogCutOff, TlogError, read_frames
 from mavlink_defs.config.files import parse, validate
 from mavlink_defs.config.problems import counted
 from mavlink_defs.config.user_files import open_file
-from mavlink_defs.constants import FORMATION_BASE_PORT, GCS_PORT, LAST_SYSTEM, PLANT_PORT
+from mavlink_defs.constants import LAST_SYSTEM
 from mavlink_defs.endpoint import EndpointError, is_loopback, parse_address
 from mavlink_defs.framing.signing import counts_text
+from mavlink_defs.ports import FORMATION_BASE_PORT, GCS_PORT, PLANT_PORT
 from mavlink_defs.runtime.shutdown import on_stop
 from mavlink_defs.visible import visible
 

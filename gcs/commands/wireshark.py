@@ -7,8 +7,9 @@ from typing import Annotated
 import typer
 
 from gcs.console.outputs import check_file, write_file
-from mavlink_defs.constants import FORMATION_BASE_PORT, GCS_PORT, LAST_SYSTEM, PLANT_PORT
+from mavlink_defs.constants import LAST_SYSTEM
 from mavlink_defs.mavgen import generate
+from mavlink_defs.ports import FORMATION_BASE_PORT, GCS_PORT, PLANT_PORT
 
 _PORTS = f"{GCS_PORT},{PLANT_PORT},{FORMATION_BASE_PORT + 1}-{FORMATION_BASE_PORT + LAST_SYSTEM}"
 """The defaults of a scenario's links."""

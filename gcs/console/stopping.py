@@ -17,7 +17,6 @@ from pathlib import Path
 from types import FrameType
 
 from gcs.console.errors import Interrupted
-from gcs.console.terminal import print_line
 
 _LONG_S = 5.0
 
@@ -136,6 +135,8 @@ def running_code(file: Path, digest: str) -> Iterator[None]:
     Of the command line, those signals meanwhile end the process, with the name of the file: code of
     others may catch, or lose, an exception.
     """
+    from gcs.console.terminal import print_line  # not before a command needs it
+
     print_line(f"runs {file}, code {digest}", stderr=True)
     what = f"{file} is being imported"
     text = f"{what} for {_LONG_S:g} s now; Ctrl-C ends it"
@@ -155,6 +156,7 @@ def _ending_with(text: str) -> Iterator[None]:
         yield
         return
     with ending_at_once():
+        from gcs.console.terminal import print_line
 
         def end(number: int, _frame: FrameType | None) -> None:
             signal.signal(number, signal.SIG_DFL)

@@ -145,6 +145,14 @@ def names_and_texts(rows: Iterable[tuple[str, RenderableType]], width: int) -> T
     return table
 
 
+def bulleted(items: Iterable[Text]) -> Table:
+    """Return a list of texts, each folded beside its bullet."""
+    table = Table.grid(Column(), Column(overflow="fold"))
+    for item in items:
+        table.add_row(Text(" • ", style="bold"), item)
+    return table
+
+
 class _Uncut(Table):
     """A table that is wider than the terminal where it would have to cut a number."""
 

@@ -66,6 +66,19 @@ def _end_unused() -> None:
         server.communicate()
 
 
+def leave_server() -> None:
+    """Let go of the server that was started ahead: called in a fork of the process that has it.
+
+    It ends when no process has its pipes any more.
+    """
+    while _ahead:
+        server = _ahead.pop()
+        assert server.stdin is not None
+        assert server.stdout is not None
+        server.stdin.close()
+        server.stdout.close()
+
+
 def _started_ahead() -> subprocess.Popen[bytes] | None:
     """Return the server that was started ahead, if it runs; if not, another one reports why."""
     server = _ahead.pop() if _ahead else None

@@ -16,22 +16,31 @@ _Result = TypeVar("_Result")
 
 _FORKS = "forkserver" in multiprocessing.get_all_start_methods()
 _PROCESSES: Any = multiprocessing.get_context("forkserver" if _FORKS else "spawn")
+_END_S = 5.0
 
 
 class LocalWorkers(Generic[_Task, _Result]):
     """Processes on this machine, which end with this one; a killed one is replaced."""
 
-    def __init__(self, count: int, work: Callable[[_Task, str], _Result]) -> None:
+    def __init__(
+        self, count: int, work: Callable[[_Task, str], _Result], *, forked: bool = False
+    ) -> None:
         """Prepare the processes; each is started with its first task.
 
         Args:
             count: How many.
             work: Does a task, given it and the name of the worker; like tasks and results, it can
                 be pickled.
+            forked: Fork them from this process, which has no other threads yet, so that they have
+                what it has imported, and `work` need not be pickled. Where `FORKS` says so.
         """
         self._count, self._work = count, work
         self._workers: dict[multiprocessing.connection.Connection, Any] = {}
         self._running: dict[Any, _Task] = {}
+        self._processes = _PROCESSES
+        if forked:
+            self._processes = multiprocessing.get_context("fork")
+            return
         multiprocessing.resource_tracker.ensure_running()  # it would unblock the signals
         if _FORKS:
             _PROCESSES.set_forkserver_preload(["gcs.fleet.preload"])
@@ -74,9 +83,10 @@ class LocalWorkers(Generic[_Task, _Result]):
             self._end(connection)
 
     def _start(self) -> Any:
-        ours, theirs = _PROCESSES.Pipe()
+        ours, theirs = self._processes.Pipe()
         name = f"worker {len(self._workers) + 1}"
-        process = _PROCESSES.Process(target=_serve, args=(theirs, self._work, name), daemon=True)
+        arguments = (theirs, self._work, name)
+        process = self._processes.Process(target=_serve, args=arguments, daemon=True)
         with _signals_blocked(), _program_not_imported():
             process.start()
         theirs.close()
@@ -85,6 +95,8 @@ class LocalWorkers(Generic[_Task, _Result]):
 
     def _end(self, connection: Any) -> None:
         process = self._workers.pop(connection)
+        process.terminate()
+        process.join(_END_S)
         process.kill()
         process.join()
         process.close()
@@ -94,7 +106,8 @@ class LocalWorkers(Generic[_Task, _Result]):
 def _serve(connection: Any, work: Callable[[Any, str], Any], name: str) -> None:
     """Do tasks; this is the program of a process of `LocalWorkers`."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    with contextlib.suppress(EOFError):  # the end of the process that started this one
+    # the end of the process that started this one, or, of a forked one, its handler of SIGTERM
+    with contextlib.suppress(EOFError, KeyboardInterrupt):
         while True:
             task = connection.recv()
             try:

@@ -23,9 +23,10 @@ from mavlink_defs.config.models import (
     Title,
 )
 from mavlink_defs.config.quantity import quantity
-from mavlink_defs.constants import FORMATION_BASE_PORT, GCS_PORT, LAST_SYSTEM, PLANT_PORT
+from mavlink_defs.constants import LAST_SYSTEM
 from mavlink_defs.endpoint import EndpointError, parse_address
 from mavlink_defs.faults.spec import SPECS, ActuatorFaultSpec, FaultSpec, SensorFaultSpec
+from mavlink_defs.ports import FORMATION_BASE_PORT, GCS_PORT, PLANT_PORT
 from mavlink_defs.profile import Segment
 from sitl_plant.actuators.config import Servos
 from sitl_plant.airframe.config import Aircraft

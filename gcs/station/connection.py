@@ -5,7 +5,6 @@ import os
 
 from gcs.console.errors import BadInput
 from gcs.console.terminal import print_line
-from mavlink_defs.constants import GCS_PORT, HUB_PORT
 from mavlink_defs.endpoint import (
     Connection,
     EndpointError,
@@ -15,6 +14,7 @@ from mavlink_defs.endpoint import (
     parse_connection,
     someone_listens,
 )
+from mavlink_defs.ports import GCS_PORT, HUB_PORT
 from mavlink_defs.services.machine import SystemId
 
 _HOST = "127.0.0.1"

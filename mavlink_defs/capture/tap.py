@@ -31,17 +31,11 @@ from mavlink_defs.capture.tap_counts import (
 )
 from mavlink_defs.capture.tap_report import LinkReport, StreamReport, TapReport, UavReport
 from mavlink_defs.capture.transmissions import counted, min_intervals_s, reported
-from mavlink_defs.constants import (
-    ACTUATORS,
-    FORMATION_BASE_PORT,
-    GCS_PORT,
-    LAST_SYSTEM,
-    MAX_DATAGRAM,
-    PLANT_PORT,
-)
+from mavlink_defs.constants import ACTUATORS, LAST_SYSTEM, MAX_DATAGRAM
 from mavlink_defs.endpoint import UdpAddress
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import parse
+from mavlink_defs.ports import FORMATION_BASE_PORT, GCS_PORT, PLANT_PORT
 
 DEFAULT_PORTS: Mapping[int, str] = {
     GCS_PORT: "gcs",

@@ -14,6 +14,7 @@ from gcs.reports.figures.style import (
     SMALL,
     draw_curve,
     draw_legend,
+    fit_margins,
     frame,
     mark_loss,
     new_figure,
@@ -71,7 +72,7 @@ def mission_figure(
         leaders: As for `gcs.results.path_following.PathErrors`.
     """
     flight = PlottedFlight(scenario.name, scenario, recording)
-    figure = new_figure(8.6)
+    figure = new_figure(8.6, layout=None)
     grid = figure.add_gridspec(4, 4, height_ratios=(1.0, 1.0, 1.0, 0.9))
     below = [figure.add_subplot(grid[3, k]) for k in range(4)]
     beside: list[Axes] = [figure.add_subplot(grid[k, 2:], sharex=below[0]) for k in range(3)]
@@ -86,7 +87,10 @@ def mission_figure(
         mark_loss(axis, flight)
         tidy(axis, scenario.duration_s)
     figure.align_ylabels(beside)
-    draw_legend(figure)
+    lines = draw_legend(figure)
+    for _ in range(2):  # the numbers of the map depend on its size, and its size on them
+        fit_margins(figure, lines)
+        _equal_scales(chart)
     return figure
 
 
@@ -119,12 +123,19 @@ def _draw_map(axis: "Axes", flight: PlottedFlight, paths: np.ndarray) -> None:
     for i, name in enumerate(flight.names):
         axis.plot(*_thinned(tracks[:, i]).T, label=name, **style(i).thin)
     axis.plot(0.0, 0.0, "+", color="black", ms=9.0, mew=1.2, label="origin")
-    axis.set_aspect("equal", adjustable="datalim")
     axis.margins(0.18)
     axis.set_xlabel("east [m]")
     axis.set_ylabel("north [m]")
     tidy(axis)
     _draw_formations(axis, flight, tracks)
+
+
+def _equal_scales(axis: "Axes") -> None:
+    """Widen one of a map's axes, so that a metre is as long on both."""
+    size, limits = np.array(axis.bbox.size), np.array([axis.get_xlim(), axis.get_ylim()])
+    half = 0.5 * size * (np.ptp(limits, axis=1) / size).max()
+    low, high = limits.mean(axis=1) - half, limits.mean(axis=1) + half
+    axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
 
 
 def _thinned(track: np.ndarray) -> np.ndarray:

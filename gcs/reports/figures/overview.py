@@ -10,6 +10,7 @@ from gcs.reports.figures.flown import PlottedFlight
 from gcs.reports.figures.style import (
     draw_curve,
     draw_legend,
+    fit_margins,
     frame,
     logarithmic_intervals,
     mark_loss,
@@ -50,7 +51,7 @@ def overview(recording: Recording, scenario: Scenario, gaps: Gaps) -> "Figure":
         gaps: Intervals between events, as there.
     """
     flight = PlottedFlight(scenario.name, scenario, recording)
-    figure = new_figure(7.4)
+    figure = new_figure(7.4, layout=None)
     axes = figure.subplots(3, 4, sharex=True)
     draw_tracking(axes[0], flight)
     for column, channel in enumerate(PAPER_ORDER):
@@ -61,7 +62,7 @@ def overview(recording: Recording, scenario: Scenario, gaps: Gaps) -> "Figure":
         mark_loss(axis, flight)
         tidy(axis, scenario.duration_s)
     figure.align_ylabels()
-    draw_legend(figure)
+    fit_margins(figure, draw_legend(figure))
     return figure
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from string import ascii_lowercase
+from tempfile import TemporaryDirectory
 from threading import Lock
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
@@ -35,8 +36,10 @@ __all__ = [
     "decimated",
     "draw_curve",
     "draw_legend",
+    "fit_margins",
     "frame",
     "letter",
+    "load_matplotlib",
     "logarithmic_if_wide",
     "logarithmic_intervals",
     "mark_loss",
@@ -107,6 +110,12 @@ _BUCKETS = 600  # of a curve; a panel has fewer pixels
 _SHADE = "0.88"
 _HANDLE_IN = 0.6  # of an entry of a legend, with the space around it
 _LETTER_IN = 0.066  # of its text, on the average
+_DIGIT_IN = 0.64 * SMALL / 72.0  # of a number
+_LABEL_IN = 0.4  # of an axis, with the space around it
+_BELOW_IN = 0.45  # a panel, for numbers and label of its x axis
+_ABOVE_IN, _NOTE_IN = 0.07, 0.17  # a panel, without and with a note
+_EDGE_IN = 0.12  # of the page, right of the panels
+_LEGEND_IN, _LEGEND_LINE_IN = 0.08, 0.19  # of a legend, and of each of its lines
 _PNG_DPI = 150.0
 _SHOWN_DPI = 100.0
 _SVG_DPI = 200.0  # of its images: dots
@@ -270,22 +279,72 @@ def letter(axis: "Axes", k: int) -> None:
     axis.set_title(f"({text})", loc="left", size=SMALL + 1.0, pad=3.0)
 
 
-def draw_legend(figure: "Figure") -> None:
-    """Put one legend above a figure, with each label of its panels once."""
+def draw_legend(figure: "Figure") -> int:
+    """Put one legend above a figure, with each label of its panels once; return its lines."""
     named: dict[str, Any] = {}
     for axis in figure.axes:
         for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
             named.setdefault(label, handle)
+    columns = _columns(list(named))
     if named:
         figure.legend(
             list(named.values()),
             list(named),
             frameon=False,
             loc="outside upper center" if figure.get_layout_engine() else "upper center",
-            ncols=_columns(list(named)),
+            ncols=columns,
             fontsize=SMALL + 1.0,
             handlelength=2.6,
         )
+    return -(-len(named) // columns)
+
+
+def fit_margins(figure: "Figure", legend_lines: int) -> None:
+    """Place the panels of a grid so that numbers and labels have room, below a legend.
+
+    The room is known by the length of the numbers. Matplotlib's own layouts measure each text of a
+    page, twice: that takes as long as to draw it.
+    """
+    from matplotlib.transforms import Bbox
+
+    grid = figure.axes[0].get_gridspec()
+    assert grid is not None
+    page = np.array([WIDTH_IN, figure.get_figheight()])
+    above = np.full(grid.nrows, _ABOVE_IN)
+    for axis in figure.axes:
+        if axis.get_title("right"):
+            above[_place(axis)[0].start] = _NOTE_IN
+    top = page[1] - _LEGEND_IN - _LEGEND_LINE_IN * legend_lines
+    ratios = np.array(grid.get_height_ratios())
+    tall = (top - above.sum() - grid.nrows * _BELOW_IN) * ratios / ratios.sum()
+    floor = top - np.cumsum(above + tall + _BELOW_IN) + _BELOW_IN
+    for _ in range(2):  # how many numbers a panel has depends on its size
+        beside = np.zeros(grid.ncols)
+        for axis in figure.axes:
+            first = _place(axis)[1].start
+            beside[first] = max(beside[first], _numbers_in(axis) + _LABEL_IN)
+        wide = (WIDTH_IN - _EDGE_IN - beside.sum()) / grid.ncols
+        begin = np.cumsum(beside) + wide * np.arange(grid.ncols)
+        for axis in figure.axes:
+            rows, column = _place(axis)
+            low = begin[column.start], floor[rows.stop - 1]
+            high = begin[column.stop - 1] + wide, floor[rows.start] + tall[rows.start]
+            axis.set_position(Bbox(np.array([low, high]) / page))
+
+
+def _place(axis: "Axes") -> tuple[range, range]:
+    """Return which rows and columns of the grid a panel spans."""
+    spec = axis.get_subplotspec()
+    assert spec is not None
+    return spec.rowspan, spec.colspan
+
+
+def _numbers_in(axis: "Axes") -> float:
+    """Return the width of the longest number of a panel's y axis [in]."""
+    ticks, (low, high) = axis.yaxis.get_majorticklocs(), sorted(axis.get_ylim())
+    shown = ticks[(ticks >= low) & (ticks <= high)]
+    texts = axis.yaxis.get_major_formatter().format_ticks(list(shown))
+    return max((_DIGIT_IN * (len(text) - 0.5 * text.count(".")) for text in texts), default=0.0)
 
 
 def _columns(labels: list[str]) -> int:
@@ -297,6 +356,14 @@ def _columns(labels: list[str]) -> int:
         if sum(column.max() for column in np.array_split(widths, n)) < WIDTH_IN
     ]
     return max(fits, default=1)
+
+
+def load_matplotlib() -> None:
+    """Load what drawing takes, fonts included, by a page that nobody sees."""
+    figure = new_figure(1.0)
+    figure.subplots()
+    with TemporaryDirectory() as folder:
+        save(figure, Path(folder), "none")
 
 
 def save(figure: "Figure", folder: Path, stem: str) -> None:

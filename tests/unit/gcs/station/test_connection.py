@@ -6,8 +6,8 @@ import pytest
 from gcs.console.errors import BadInput
 from gcs.station import connection
 from gcs.station.connection import choose_connection, own_identity
-from mavlink_defs.constants import GCS_PORT, HUB_PORT
 from mavlink_defs.endpoint import EndpointError, UdpAddress, parse_connection, someone_listens
+from mavlink_defs.ports import GCS_PORT, HUB_PORT
 
 
 @pytest.mark.parametrize(

@@ -270,6 +270,29 @@ def test_a_transient_does_not_scale_an_axis(
     assert np.all(after <= 1.75 * before), after / before
 
 
+@pytest.mark.parametrize("name", ["flight", "mission"])
+@pytest.mark.parametrize("offset", [0.0, -9_000.0])
+def test_numbers_and_labels_have_room(flight: PlottedFlight, name: str, offset: float) -> None:
+    """Without a layout of matplotlib's; with short numbers, and long ones."""
+    recording = flight.recording
+    signals, states = recording.signals.copy(), recording.states.copy()
+    states[:, :, :2] += offset
+    signals["held"] += offset
+    moved = replace(flight, recording=replace(recording, signals=signals, states=states))
+    figure = OF_A_FLIGHT[name](moved)
+    figure.draw_without_rendering()
+    boxes = [box for axes in panels(figure) if (box := axes.get_tightbbox()) is not None]
+    boxes += [legend.get_window_extent() for legend in figure.legends]
+    page = figure.bbox.padded(1.0)
+    for box in boxes:
+        assert page.containsx(box.x0)
+        assert page.containsx(box.x1)
+        assert page.containsy(box.y0)
+        assert page.containsy(box.y1)
+    for one, other in combinations(boxes, 2):
+        assert not one.padded(-4.0).overlaps(other.padded(-4.0))
+
+
 values = st.lists(st.floats(-1e3, 1e3) | st.just(np.nan), min_size=1, max_size=300)
 
 
