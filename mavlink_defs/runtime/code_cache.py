@@ -45,6 +45,7 @@ _PACKAGES = ("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs", "ftc_lab")
 _ROOT = Path(__file__).resolve().parents[2]
 _GENERATED = {_ROOT / "mavlink_defs" / "dialect.py": _ROOT / "mavlink_defs" / "ftc.xml"}
 _IMPORT = re.compile(r"^from ([\w.]+) import (\([^)]*\)|.*)|^import ([\w.]+)", re.MULTILINE)
+_DECORATED = re.compile(rb"@(?:compiled|inlined)\b")
 _WARM = "warm-"
 _KEPT_DAYS = 14
 _COMMON_CPU = "x86-64-v3"
@@ -177,6 +178,17 @@ def mark_cache_warm() -> None:
                 shutil.rmtree(place) if place.is_dir() else place.unlink()
 
 
+def compiled_functions() -> tuple[int, int]:
+    """Return how many of our functions lie in the cache, and about how many there are.
+
+    A few are of use to callers with other settings only, and are never compiled.
+    """
+    sources = _compiled_sources()
+    folders = [_cache_folder / _digest_with_imports(source) for source in sources]
+    indices = [path.name for folder in folders for path in folder.glob("*.inner-*.nbi")]
+    return len(indices), sum(len(_DECORATED.findall(source.read_bytes())) for source in sources)
+
+
 def source_digest(sources: Iterable[Path], place: str = "") -> str:
     """Return a digest of source files, a place, and the versions of numba and numpy."""
     digest = hashlib.sha256(f"{numba.__version__} {np.__version__} {place}".encode())
@@ -277,7 +289,7 @@ def _first(source: Path, top: Path) -> str:
 @functools.cache
 def _compiled_sources() -> list[Path]:
     sources = (path for package in _PACKAGES for path in (_ROOT / package).rglob("*.py"))
-    return sorted(path for path in sources if re.search(rb"@(compiled|inlined)", path.read_bytes()))
+    return sorted(path for path in sources if _DECORATED.search(path.read_bytes()))
 
 
 def _warm_mark() -> Path:
