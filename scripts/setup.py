@@ -64,6 +64,9 @@ _AS_UV = {
 """Variables that say where packages are: pip's, and the same of uv."""
 
 
+_OFFLINE = ". If no package index is reached, docs/how-to/install.md has two ways"
+
+
 class FailedError(Exception):
     """Why .venv cannot be made, and what to do: one line."""
 
@@ -126,8 +129,12 @@ class Jobs:
             self.say(f"{job.what}: {time.monotonic() - job.begin_s:.1f} s")
         return job.process.returncode == 0
 
-    def must(self, job: Job) -> None:
+    def must(self, job: Job, advice: str = "") -> None:
         """Show progress until a program has ended.
+
+        Args:
+            job: The program.
+            advice: What to do if it fails, before it is run again.
 
         Raises:
             FailedError: It failed.
@@ -138,7 +145,7 @@ class Jobs:
         if free_mb < FULL_MB:
             why = f"{ROOT} has {free_mb:.0f} MB left: free some"
         else:
-            why = f"{job.last_line()}. {job.log.relative_to(ROOT)} says more"
+            why = f"{job.last_line()}. {job.log.relative_to(ROOT)} says more{advice}"
         raise FailedError(f"{job.what}: {why}; run make again, which goes on from here")
 
     def stop(self) -> None:
@@ -177,7 +184,7 @@ def main(what: str) -> None:
             _make(jobs, locked(LOCKS[what]))
         finally:
             jobs.stop()
-    size_mb = sum(path.lstat().st_size for path in VENV.rglob("*")) / 2**20
+    size_mb = sum(512 * path.lstat().st_blocks for path in VENV.rglob("*")) / 2**20
     jobs.say(f".venv is ready: {size_mb:.0f} MB, {time.monotonic() - begin_s:.0f} s")
 
 
@@ -196,11 +203,12 @@ def _make(jobs: Jobs, packages: dict[str, str]) -> None:
     with _half_done():
         install = _installer(jobs)
         text = f"{len(first)} packages, the compiler among them"
-        jobs.must(jobs.start(text, "first", [*install, *_chosen("first", first)]))
-        jobs.must(jobs.start("ftc-sitl and its MAVLink messages", "own", [*install, *_own()]))
+        jobs.must(jobs.start(text, "first", [*install, *_chosen("first", first)]), _OFFLINE)
+        own = jobs.start("ftc-sitl and its MAVLink messages", "own", [*install, *_own()])
+        jobs.must(own, _OFFLINE)
         compiling = jobs.start("numeric core", "compile", [_python(), "-c", COMPILE])
         text = f"{len(rest)} packages more"
-        jobs.must(jobs.start(text, "rest", [*install, *_chosen("rest", rest)]))
+        jobs.must(jobs.start(text, "rest", [*install, *_chosen("rest", rest)]), _OFFLINE)
     jobs.must(compiling)
 
 
