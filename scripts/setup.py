@@ -206,7 +206,7 @@ def _make(jobs: Jobs, packages: dict[str, str]) -> None:
         jobs.must(jobs.start(text, "first", [*install, *_chosen("first", first)]), _OFFLINE)
         own = jobs.start("ftc-sitl and its MAVLink messages", "own", [*install, *_own()])
         jobs.must(own, _OFFLINE)
-        compiling = jobs.start("numeric core", "compile", [_python(), "-c", COMPILE])
+        compiling = jobs.start("compiling", "compile", [_python(), "-c", COMPILE])
         text = f"{len(rest)} packages more"
         jobs.must(jobs.start(text, "rest", [*install, *_chosen("rest", rest)]), _OFFLINE)
     jobs.must(compiling)

@@ -148,6 +148,16 @@ def test_a_missing_package_is_one_line(
     assert [name.lower() for name in shlex.split(found[1])] == [name.lower() for name in declared]
 
 
+def test_other_peoples_programs_need_pymavlink(tmp_path: Path) -> None:
+    program = "mavlink_defs.runtime.run_with_dialect"
+    done = run_without(TOOLS_PACKAGES, tmp_path, "-m", program, "mavlogdump.py")
+    assert done.returncode == 2
+    first, hint = done.stderr.splitlines()
+    assert "ftc-mavlink needs pymavlink" in first
+    (pinned,) = PROJECT["optional-dependencies"]["tools"]
+    assert hint.endswith(f"hint: pip install {pinned} (the extra `tools`)")
+
+
 def test_the_packages_match_the_extra() -> None:
     names = {re.split(r"[>\[=]", name)[0] for name in PROJECT["optional-dependencies"]["lab"]}
     assert names - {"markdown-it-py"} == {
