@@ -83,11 +83,11 @@ clean:  ## remove the environment and everything generated
 CHECK := import sys; sys.exit("ftc-sitl needs Python 3.11 or newer, this is " + sys.version.split()[0]) if sys.version_info < (3, 11) else None
 SETUP := requirements.txt requirements/fly.txt pyproject.toml hatch_build.py mavlink_defs/ftc.xml scripts/setup.py
 $(FLY): $(SETUP)
-	$(PYTHON) -c '$(CHECK)'
-	$(PYTHON) scripts/setup.py fly
-	touch $@
+	@$(PYTHON) -c '$(CHECK)'
+	@$(PYTHON) scripts/setup.py fly
+	@touch $@
 
 $(READY): $(SETUP)
-	$(PYTHON) -c '$(CHECK)'
-	$(PYTHON) scripts/setup.py all
-	touch $(FLY) $@
+	@$(PYTHON) -c '$(CHECK)'
+	@$(PYTHON) scripts/setup.py all
+	@touch $(FLY) $@

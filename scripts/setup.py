@@ -145,7 +145,9 @@ class Jobs:
         if free_mb < FULL_MB:
             why = f"{ROOT} has {free_mb:.0f} MB left: free some"
         else:
-            why = f"{job.last_line()}. {job.log.relative_to(ROOT)} says more{advice}"
+            code = job.process.returncode
+            last = f"{signal.Signals(-code).name} ended it" if code < 0 else job.last_line()
+            why = f"{last}. {job.log.relative_to(ROOT)} says more{advice}"
         raise FailedError(f"{job.what}: {why}; run make again, which goes on from here")
 
     def stop(self) -> None:

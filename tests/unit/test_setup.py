@@ -127,6 +127,13 @@ def test_what_fails_is_one_line_with_its_log(setup: ModuleType) -> None:
     assert (setup.BUILD / "rest.log").read_text() == "first\nno such host\n"
 
 
+def test_what_is_killed_is_said(setup: ModuleType) -> None:
+    jobs = setup.Jobs()
+    job = jobs.start("3 packages", "rest", ["sh", "-c", "echo all is well; kill -9 $$"])
+    with pytest.raises(setup.FailedError, match=r"^3 packages: SIGKILL ended it\. build/rest\.log"):
+        jobs.must(job)
+
+
 def test_a_full_disk_is_said(setup: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     def usage(_: Any) -> SimpleNamespace:
         return SimpleNamespace(free=20 * 2**20)
