@@ -146,7 +146,11 @@ class Jobs:
             why = f"{ROOT} has {free_mb:.0f} MB left: free some"
         else:
             code = job.process.returncode
-            last = f"{signal.Signals(-code).name} ended it" if code < 0 else job.last_line()
+            last = (
+                f"{signal.Signals(-code).name} ended it"
+                if code < 0
+                else job.last_line().rstrip(".")
+            )
             why = f"{last}. {job.log.relative_to(ROOT)} says more{advice}"
         raise FailedError(f"{job.what}: {why}; run make again, which goes on from here")
 
