@@ -1,6 +1,8 @@
-# Everything runs in .venv, made from Python >= 3.11 and the locked requirements.txt.
+# Everything runs in .venv, made by scripts/setup.py from Python >= 3.11 and the locked requirements.txt,
+# of which `make fly` takes a part, requirements/fly.txt.
 PYTHON ?= python3
 BIN := .venv/bin
+FLY := .venv/ready-to-fly
 READY := .venv/ready
 # keep bytecode even if the shell forbids it: commands start in half the time, and tests start hundreds
 export PYTHONDONTWRITEBYTECODE :=
@@ -12,10 +14,12 @@ WORKERS ?= $(shell echo $$((2 * $$(getconf _NPROCESSORS_ONLN))))
 PLAIN := tests/plain_python.txt
 COMPILED := $(addprefix --ignore=,$(shell cat $(PLAIN)))
 
-.PHONY: fly check test coverage explore mutants docs bench fuzz soak lock clean
+.PHONY: fly packages check test coverage explore mutants docs bench fuzz soak lock clean
 
-fly: $(READY)  ## fly the paper's scenario 1 over MAVLink
+fly: $(FLY)  ## fly the paper's scenario 1 over MAVLink
 	$(BIN)/gcs fly scenarios/paper/scenario1.yaml
+
+packages: $(READY)  ## all packages into .venv: extras, tests, documentation
 
 check: lint  ## for the daily loop: format, lint, types and the quick tests
 	NUMBA_DISABLE_JIT=1 $(BIN)/pytest -q -n auto --dist worksteal -m "not slow" @$(PLAIN)
@@ -63,21 +67,27 @@ fuzz: $(READY)  ## over a million datagrams through every parser and handler; me
 soak: $(READY)  ## an hour of ten UAVs with random faults, restarts, bad links; SEED=... repeats one
 	$(BIN)/python -m soak --seed $(SEED)
 
+LOCK := uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
+  --no-annotate --custom-compile-command "make lock" --quiet
+# declared, as an installed ftc-sitl has them, and left out of a flight's environment: no flight imports them
+NOT_TO_FLY := lxml pymavlink scipy
 lock:  ## choose new dependency versions (wants uv on the PATH)
-	uv pip compile pyproject.toml --extra lab --extra jsbsim --extra python --extra foxglove --extra web --group build --group docs --group test --universal --python-version 3.11 \
-	  --generate-hashes --no-emit-index-url --no-annotate --custom-compile-command "make lock" \
-	  --upgrade --quiet --output-file requirements.txt
+	$(LOCK) --all-extras --group build --group clone --group docs --group test --upgrade --output-file requirements.txt
+	$(LOCK) --group clone --constraint requirements.txt $(addprefix --no-emit-package ,$(NOT_TO_FLY)) \
+	  --upgrade --output-file requirements/fly.txt
 
 clean:  ## remove the environment and everything generated
 	rm -rf .venv build dist site mavlink_defs/dialect.py
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-$(READY): requirements.txt pyproject.toml hatch_build.py mavlink_defs/ftc.xml
-	$(PYTHON) -c 'import sys; sys.exit("ftc-sitl needs Python 3.11 or newer, this is " + sys.version.split()[0]) if sys.version_info < (3, 11) else None'
-	@echo "installing the packages of requirements.txt into .venv: $$(grep -c == requirements.txt) packages, a few minutes"
-	$(PYTHON) -m venv .venv
-	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes --no-deps -r requirements.txt
-	$(BIN)/pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable '.[lab,jsbsim,python,foxglove,web]'
-	@$(BIN)/python -c 'from rich.console import Console; from gcs.fleet.warm_up import warm_up; from gcs.scenario.model import load_scenario; warm_up(load_scenario("paper/scenario1"), Console())'
-	@$(BIN)/python -m compileall -q gcs ftc_lab ftc_autopilot sitl_plant mavlink_defs
-	touch $@
+CHECK := import sys; sys.exit("ftc-sitl needs Python 3.11 or newer, this is " + sys.version.split()[0]) if sys.version_info < (3, 11) else None
+SETUP := requirements.txt requirements/fly.txt pyproject.toml hatch_build.py mavlink_defs/ftc.xml scripts/setup.py
+$(FLY): $(SETUP)
+	@$(PYTHON) -c '$(CHECK)'
+	@$(PYTHON) scripts/setup.py fly
+	@touch $@
+
+$(READY): $(SETUP)
+	@$(PYTHON) -c '$(CHECK)'
+	@$(PYTHON) scripts/setup.py all
+	@touch $(FLY) $@

@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gcs.console.errors import BadInput
-from gcs.console.extras import WEB_PACKAGES, check_packages
+from gcs.console.extras import TOOLS_PACKAGES, WEB_PACKAGES, check_packages
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -80,7 +80,11 @@ OWN: Mapping[str, GcsCommand] = {
     ),
 }
 """Our commands, in the order of the help."""
-OWN = {**OWN, "web": OWN["web"]._replace(extra="web", packages=WEB_PACKAGES)}
+OWN = {
+    **OWN,
+    "web": OWN["web"]._replace(extra="web", packages=WEB_PACKAGES),
+    "wireshark": OWN["wireshark"]._replace(extra="tools", packages=TOOLS_PACKAGES),
+}
 
 
 def registered() -> dict[str, "EntryPoint"]:

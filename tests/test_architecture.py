@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from importlinter.cli import EXIT_STATUS_SUCCESS, lint_imports
 
-from gcs.console.extras import LAB_PACKAGES
+from gcs.console.extras import DESIGN_PACKAGES, LAB_PACKAGES, TOOLS_PACKAGES
 
 ROOT = Path(__file__).parent.parent
 WITHOUT = """
@@ -72,7 +72,7 @@ def run_without(
 
 @pytest.mark.sitl
 def test_the_core_runs_without_the_lab(tmp_path: Path) -> None:
-    absent = (*LAB_PACKAGES, "dask", "ftc_lab")
+    absent = (*LAB_PACKAGES, *DESIGN_PACKAGES, *TOOLS_PACKAGES, "dask", "ftc_lab", "lxml", "mcap")
     short = ("paper/scenario1", "--set", "duration_s=0.05", "--quiet")
     commands = (
         ("--help",),
@@ -127,6 +127,8 @@ def test_commands_of_the_lab_run_without_the_packages_of_its_campaigns(
         ("SALib", ("campaign", "campaigns/uncertainty"), "lab"),
         ("distributed", ("sweep", "paper/scenario1"), "lab"),
         ("jinja2", ("baseline", "paper/scenario1"), "lab"),
+        ("scipy", ("trim", "paper/scenario1"), "lab"),
+        ("pymavlink", ("wireshark",), "tools"),
         ("aiohttp", ("web",), "web"),
         ("textual_serve", ("web",), "web"),
         ("foxglove", ("up", "paper/scenario1", "--free-ports", "--foxglove"), "foxglove"),
@@ -146,8 +148,26 @@ def test_a_missing_package_is_one_line(
     assert [name.lower() for name in shlex.split(found[1])] == [name.lower() for name in declared]
 
 
+def test_other_peoples_programs_need_pymavlink(tmp_path: Path) -> None:
+    program = "mavlink_defs.runtime.run_with_dialect"
+    done = run_without(TOOLS_PACKAGES, tmp_path, "-m", program, "mavlogdump.py")
+    assert done.returncode == 2
+    first, hint = done.stderr.splitlines()
+    assert "ftc-mavlink needs pymavlink" in first
+    (pinned,) = PROJECT["optional-dependencies"]["tools"]
+    assert hint.endswith(f"hint: pip install {pinned} (the extra `tools`)")
+
+
 def test_the_packages_match_the_extra() -> None:
     names = {re.split(r"[>\[=]", name)[0] for name in PROJECT["optional-dependencies"]["lab"]}
     assert names - {"markdown-it-py"} == {
-        name.replace("distributed", "dask") for name in LAB_PACKAGES
+        name.replace("distributed", "dask") for name in (*LAB_PACKAGES, *DESIGN_PACKAGES)
     }
+
+
+def test_what_is_declared_and_extra_as_well_is_the_same() -> None:
+    """What the installed package brings for commands that `make fly` does without."""
+    core = PROJECT["dependencies"]
+    extras = {extra: set(names) for extra, names in PROJECT["optional-dependencies"].items()}
+    both = {extra: names & {*core} for extra, names in extras.items() if names & {*core}}
+    assert both == {"lab": {"scipy>=1.15"}, "tools": {"pymavlink==2.4.50"}}

@@ -113,13 +113,16 @@ app = typer.Typer(
 def _show_versions(asked: bool) -> None:
     if asked:
         import platform
-        from importlib.metadata import version
+        from importlib.metadata import PackageNotFoundError, version
 
         from gcs.console.terminal import print_line
 
         print_line(f"ftc-sitl {version('ftc-sitl')}\nPython {platform.python_version()}")
         for package in ("pymavlink", "numba"):
-            print_line(f"{package} {version(package)}")
+            try:
+                print_line(f"{package} {version(package)}")
+            except PackageNotFoundError:  # no flight needs it
+                print_line(f"{package} is not installed")
         raise typer.Exit
 
 

@@ -9,6 +9,10 @@ from gcs.console.errors import BadInput
 
 LAB_PACKAGES = ("SALib", "distributed", "jinja2")
 """What campaigns and reports import besides what the core brings: the extra `lab`."""
+DESIGN_PACKAGES = ("scipy",)
+"""What trims and designs import, and no flight: of the extra `lab` as well."""
+TOOLS_PACKAGES = ("pymavlink",)
+"""What generates code for the dialect: the extra `tools`."""
 WEB_PACKAGES = ("aiohttp", "textual_serve")
 """What `gcs web` imports: the extra `web`."""
 

@@ -1,11 +1,17 @@
 """The numeric core is compiled before a flight needs it."""
 
+import contextlib
+import threading
+from collections.abc import Iterator
+
 from rich.console import Console
 
 from ftc_autopilot.config import parts_of as parts_of_controller
-from gcs.console.progress import working
+from gcs.console.progress import Task, working
 from gcs.scenario.model import Scenario
-from mavlink_defs.runtime.code_cache import EVERYTHING, cold_parts
+from mavlink_defs.runtime.code_cache import EVERYTHING, cold_parts, compiled_functions
+
+_COUNT_S = 1.0
 
 
 def warm_up(scenario: Scenario | None, console: Console, *, in_process: bool = False) -> None:
@@ -25,7 +31,26 @@ def warm_up(scenario: Scenario | None, console: Console, *, in_process: bool = F
     console.print("compiling the numeric core for this machine, once after an install")
     with working(console) as work, ctrl_c_while_compiling():
         task = work.add("compiling", len(cold), "parts")
-        compile_parts(None if scenario is None else cold, task.show)
+        with _counting(task):
+            compile_parts(None if scenario is None else cold, task.show)
+
+
+@contextlib.contextmanager
+def _counting(task: Task) -> Iterator[None]:
+    """Show how many functions are compiled, whichever process compiles them."""
+    over, before = threading.Event(), compiled_functions()
+
+    def count() -> None:
+        while not over.wait(_COUNT_S):
+            task.show(task.done, f"{compiled_functions() - before} functions")
+
+    thread = threading.Thread(target=count, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
 
 
 def parts_of(scenario: Scenario, *, in_process: bool) -> list[str]:

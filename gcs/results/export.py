@@ -18,6 +18,7 @@ import numpy as np
 from ftc_autopilot.common.geography import Origin, place_of
 from ftc_autopilot.control.signals import SIGNALS
 from gcs.console.errors import BadInput
+from gcs.console.extras import check_packages
 from gcs.results.channels import EVENT, LOCATION, ChannelKind, encoded, nanoseconds, state_kind
 from gcs.results.choices import Format
 from gcs.results.columns import COLUMNS, ESTIMATES
@@ -267,6 +268,7 @@ def _to_mcap(run: Path, path: Path) -> Path:
 
     Topics: ``/uav1/state``, ``/uav1/location`` (foxglove.LocationFix), ``/uav1/event``.
     """
+    check_packages(("mcap",), "gcs export --to mcap", "export")
     from mcap.writer import Writer
 
     with complete_file(path) as file:

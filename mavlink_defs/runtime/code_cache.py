@@ -45,6 +45,7 @@ _PACKAGES = ("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs", "ftc_lab")
 _ROOT = Path(__file__).resolve().parents[2]
 _GENERATED = {_ROOT / "mavlink_defs" / "dialect.py": _ROOT / "mavlink_defs" / "ftc.xml"}
 _IMPORT = re.compile(r"^from ([\w.]+) import (\([^)]*\)|.*)|^import ([\w.]+)", re.MULTILINE)
+_DECORATED = re.compile(rb"@(?:compiled|inlined|apart)\b")
 _WARM = "warm-"
 EVERYTHING = "everything"
 """All parts of the numeric core."""
@@ -182,6 +183,12 @@ def mark_warm(part: str) -> None:
                 shutil.rmtree(place) if place.is_dir() else place.unlink()
 
 
+def compiled_functions() -> int:
+    """Return how many of our functions lie in the cache, of present sources."""
+    folders = [_cache_folder / _digest_with_imports(source) for source in _compiled_sources()]
+    return sum(len([*folder.glob("*.nbi")]) for folder in folders)
+
+
 def source_digest(sources: Iterable[Path], place: str = "") -> str:
     """Return a digest of source files, a place, and the versions of numba and numpy."""
     digest = hashlib.sha256(f"{numba.__version__} {np.__version__} {place}".encode())
@@ -282,8 +289,7 @@ def _first(source: Path, top: Path) -> str:
 @functools.cache
 def _compiled_sources() -> list[Path]:
     sources = (path for package in _PACKAGES for path in (_ROOT / package).rglob("*.py"))
-    mark = re.compile(rb"@(compiled|inlined|apart)")
-    return sorted(path for path in sources if mark.search(path.read_bytes()))
+    return sorted(path for path in sources if _DECORATED.search(path.read_bytes()))
 
 
 def _warm_mark(part: str) -> Path:

@@ -5,6 +5,7 @@ uses pymavlink (MAVProxy, mavlogdump.py, …) in this interpreter, where a modul
 "ftc" is our dialect; nothing of pymavlink is changed. Tell the program ``--dialect ftc``.
 """
 
+import importlib.util
 import os
 import runpy
 import shutil
@@ -48,6 +49,10 @@ def main(arguments: list[str] | None = None) -> None:
     if program is None:
         log_line(f"ftc-mavlink: there is no program '{arguments[0]}'")
         log_line("hint: MAVProxy comes with `pip install MAVProxy`")
+        sys.exit(2)
+    if importlib.util.find_spec("pymavlink") is None:
+        log_line("ftc-mavlink needs pymavlink, not installed here")
+        log_line("hint: pip install pymavlink==2.4.50 (the extra `tools`)")
         sys.exit(2)
     offer_dialect()
     if Path(program).name == "mavgraph.py":

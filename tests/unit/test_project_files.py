@@ -2,7 +2,6 @@
 
 import re
 import tomllib
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -35,10 +34,3 @@ def test_the_citation_names_the_paper() -> None:
     assert paper["title"] in readme
     names = [author["family-names"] for author in paper["authors"]]
     assert f"{', '.join(names[:-1])} and {names[-1]}" in readme
-
-
-def test_what_make_imports_exists() -> None:
-    """A fresh clone runs it, and no other test does."""
-    found = re.findall(r"from ([\w.]+) import (\w+)", (ROOT / "Makefile").read_text())
-    assert any(module.startswith("gcs.") for module, _ in found)
-    assert not [f"{m}: {name}" for m, name in found if not hasattr(import_module(m), name)]

@@ -1,9 +1,10 @@
 """What docs, templates and messages say to install can be installed, and hides nothing."""
 
+import importlib.metadata
 import re
 import shlex
 import tomllib
-from importlib.metadata import Distribution, distribution
+from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +58,20 @@ def test_what_texts_say_to_install_can_be_installed() -> None:
 def test_the_page_has_every_extra() -> None:
     rows = re.findall(r"^\| `(\w+)` \|", (ROOT / "docs/how-to/install.md").read_text(), re.M)
     assert set(rows) == EXTRAS
+
+
+def test_the_versions_are_shown_where_pymavlink_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    own = importlib.metadata.version
+
+    def version(name: str) -> str:
+        if name == "pymavlink":
+            raise PackageNotFoundError(name)
+        return own(name)
+
+    monkeypatch.setattr(importlib.metadata, "version", version)
+    done = CliRunner().invoke(app, ["--version"])
+    assert done.exit_code == 0
+    assert "\npymavlink is not installed\nnumba " in done.stdout
 
 
 def new(*arguments: str) -> str:

@@ -30,6 +30,8 @@ LONGITUDINAL = 5
 _MIN_AIRSPEED = 1.25  # times the aircraft's lowest airspeed
 _DIGITS = 9  # significant; further ones depend on the linear algebra library
 _ALPHA = (-0.5, 0.7)  # angles of attack among which level flight is searched [rad]
+_WORST_CONDITION = 1e8  # of real aircraft 1e4; beyond this rounding makes the solution
+_HALVINGS = 60  # of that interval: to the last digit
 
 
 class LoopWeights(Model):
@@ -96,7 +98,7 @@ def lateral_gain(aircraft: Aircraft, V: float, weights: LoopWeights = _DEFAULT) 
     phi_dot = np.array([0.0, 1.0, 0.0, 0.0, 0.0])
     model = np.array([beta_dot, p_dot, r_dot, phi_dot])
     Q = np.diag([0.0, weights.roll_rate_s2, 0.0, weights.roll])
-    return _riccati(model, Q, 1.0)
+    return riccati(model, Q, 1.0)
 
 
 def longitudinal_gain(aircraft: Aircraft, V: float, weights: LoopWeights = _DEFAULT) -> np.ndarray:
@@ -138,13 +140,11 @@ def longitudinal_gain(aircraft: Aircraft, V: float, weights: LoopWeights = _DEFA
             weights.pitch_integral_1_s2,
         ]
     )
-    return _riccati(np.column_stack([model, by_thrust]), Q, weights.thrust_1_n2)
+    return riccati(np.column_stack([model, by_thrust]), Q, weights.thrust_1_n2)
 
 
 def _level_alpha(a: np.void, V: float) -> float:
     """Return α [rad] of level flight, whose lift and thrust carry m g; the nearest to it."""
-    from scipy.optimize import brentq
-
     qS = 0.5 * a["rho"] * V * V * a["S"]
 
     def excess(alpha: float) -> float:
@@ -153,15 +153,29 @@ def _level_alpha(a: np.void, V: float) -> float:
     low, high = _ALPHA
     if excess(low) >= 0.0:
         return low
-    return high if excess(high) <= 0.0 else float(brentq(excess, low, high, xtol=1e-12))
+    if excess(high) <= 0.0:
+        return high
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if excess(middle) < 0.0 else (low, middle)
+    return high
 
 
-def _riccati(model: np.ndarray, Q: np.ndarray, R: float) -> np.ndarray:
-    """Return the gains of ẋ = A x + B u for the cost xᵀQx + R u²; `model` is [A B]."""
-    from scipy.linalg import solve_continuous_are
+def riccati(model: np.ndarray, Q: np.ndarray, R: float) -> np.ndarray:
+    """Return the gains of ẋ = A x + B u for the cost xᵀQx + R u²; `model` is [A B].
 
+    P solves the Riccati equation if the stable vectors of its Hamiltonian matrix are [U, P U].
+
+    Raises:
+        numpy.linalg.LinAlgError: No gains hold this model.
+    """
     A, B = model[:, :-1], model[:, -1:]
-    P = solve_continuous_are(A, B, Q, np.array([[R]]))
+    n = len(A)
+    values, vectors = np.linalg.eig(np.block([[A, -B @ B.T / R], [-Q, -A.T]]))
+    stable = vectors[:, values.real < 0.0]
+    if stable.shape[1] != n or np.linalg.cond(stable[:n]) > _WORST_CONDITION:
+        raise np.linalg.LinAlgError("the Riccati equation has no stabilising solution")
+    P = np.linalg.solve(stable[:n].T, stable[n:].T).T.real
     gains = (B.T @ P)[0] / R
     return np.array([float(f"{gain:.{_DIGITS}g}") for gain in gains])
 

@@ -13,6 +13,7 @@ from mcap.reader import make_reader
 from pyarrow import csv, parquet
 
 from gcs.commands.export import export
+from gcs.console import extras
 from gcs.console.errors import BadInput, FlightLost
 from gcs.fleet.in_process import fly_in_steps
 from gcs.results.choices import Format, Record
@@ -110,6 +111,15 @@ def test_kml_has_the_tracks(run: Path, tmp_path: Path) -> None:
         north = np.radians(latitude + 35.363262) * 6378137.0
         assert north == pytest.approx(own["north"].to_numpy(), abs=0.02)
         assert np.ptp(longitude) < 1e-3
+
+
+def test_what_mcap_lacks_is_said(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(extras, "missing", lambda packages: [*packages])
+    with pytest.raises(BadInput, match=r"^gcs export --to mcap needs mcap, not installed here$"):
+        convert(run, Format.MCAP, tmp_path)
+    assert not list(tmp_path.iterdir())
 
 
 def test_mcap_has_states_places_and_events(run: Path, tmp_path: Path) -> None:

@@ -128,6 +128,23 @@ def test_python_calls_a_function_that_compiled_code_has_called(project: Path) ->
         assert done.stdout.split()[-3:] == [b"24", b"18", b"18.0"]
 
 
+def test_functions_in_the_cache_are_counted(project: Path) -> None:
+    """For those who wait for the compiler; code of old sources does not count."""
+    count = "from mavlink_defs.runtime import code_cache\nprint(code_cache.compiled_functions())"
+    env = os.environ | {"NUMBA_CACHE_DIR": str(project / "cache"), "NUMBA_DISABLE_JIT": "0"}
+
+    def counted() -> int:
+        command = [sys.executable, "-c", count]
+        done = subprocess.run(command, check=True, cwd=project, env=env, capture_output=True)
+        return int(done.stdout)
+
+    assert counted() == 0
+    run(project)
+    assert counted() == 3  # `scaled` alone is called by compiled code, two by Python
+    (project / "mavlink_defs" / "constant.py").write_text("FACTOR = 3\n")
+    assert counted() == 1
+
+
 def test_equal_sources_elsewhere_share_the_code(project: Path, tmp_path: Path) -> None:
     assert run(project)[-2:] == ["False", "False"]
     elsewhere = tmp_path / "elsewhere"

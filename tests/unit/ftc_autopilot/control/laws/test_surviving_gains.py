@@ -1,16 +1,24 @@
 """The gains of the reconfigured loops, against a model derived from the plant's equations."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import linalg, optimize
 
+from ftc_autopilot.control.laws.surviving import gains
 from ftc_autopilot.control.laws.surviving.gains import (
+    AIRSPEEDS,
+    LoopWeights,
     gain_at,
+    gains_of,
     lateral_gain,
     longitudinal_gain,
+    riccati,
 )
+from gcs.scenario.aircraft_file import load_aircraft
 from gcs.scenario.model import Scenario
 from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft
@@ -150,6 +158,35 @@ def test_both_loops_are_stable_on_the_whole_model(
     K[0, :4] = longitudinal_gain(aircraft, V)[:4]
     K[3, 4:] = lateral_gain(aircraft, V)
     assert np.linalg.eigvals(A - B @ K).real.max() < -0.2
+
+
+BUNDLED = sorted(path.stem for path in (Path(__file__).parents[5] / "aircraft").glob("*.yaml"))
+
+
+@pytest.mark.parametrize("name", BUNDLED)
+def test_gains_are_scipys_to_their_last_digit(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What another solver gives is recorded by no flight: gains have nine digits."""
+    pairs = []
+
+    def both(model: np.ndarray, Q: np.ndarray, R: float) -> np.ndarray:
+        A, B = model[:, :-1], model[:, -1:]
+        P = linalg.solve_continuous_are(A, B, Q, [[R]])
+        scipys = [float(f"{gain:.9g}") for gain in (B.T @ P)[0] / R]
+        found = riccati(model, Q, R)
+        pairs.append((found.tolist(), scipys))
+        return found
+
+    monkeypatch.setattr(gains, "riccati", both)
+    gains_of.__wrapped__(load_aircraft(name), LoopWeights())
+    assert len(pairs) >= AIRSPEEDS
+    assert all(ours == scipys for ours, scipys in pairs)
+
+
+@pytest.mark.parametrize("column", [0.0, 1e-9])
+def test_a_loop_that_its_surface_cannot_hold_has_no_gains(column: float) -> None:
+    unstable = np.array([[1.0, 0.0, column], [0.0, -1.0, 1.0]])
+    with pytest.raises(np.linalg.LinAlgError):
+        riccati(unstable, np.eye(2), 1.0)
 
 
 @given(st.floats(0.0, 200.0))
