@@ -30,7 +30,7 @@ def warm_up(scenario: Scenario | None, console: Console, *, in_process: bool = F
     cold = cold_parts(PARTS if scenario is None else parts)
     console.print("compiling the numeric core for this machine, once after an install")
     with working(console) as work, ctrl_c_while_compiling():
-        task = work.add("compiling", len(cold), "parts")
+        task = work.add("compiling", len(cold), "parts", rated=False)
         with _counting(task):
             compile_parts(None if scenario is None else cold, task.show)
 
