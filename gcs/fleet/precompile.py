@@ -25,10 +25,12 @@ from mavlink_defs.capture import relay_loop
 from mavlink_defs.capture.impairing import new_directions
 from mavlink_defs.capture.tap_counts import new_counts
 from mavlink_defs.constants import N_CHANNELS
+from mavlink_defs.framing.hot_signing import SIGNING_PARTS
 from mavlink_defs.runtime.apart import load
 from mavlink_defs.runtime.code_cache import EVERYTHING, cold_parts, mark_warm, not_cached
 from sitl_plant.air.turbulence import advance_turbulence
 from sitl_plant.loop.warm_up import call_everything as call_plant
+from sitl_plant.sensing.sense import sense
 
 _COMPILER = os.path.dirname(llvmlite.__file__) + os.sep
 _LATER_S = 0.02
@@ -188,6 +190,8 @@ PARTS: Mapping[str, Callable[[], object]] = MappingProxyType(
         "results": _call_results,
         "messages": _call_messages,
         "relay": _call_relay,
+        "sensors": lambda: load(sense),
+        "signing": lambda: load(*SIGNING_PARTS),
         "turbulence": lambda: load(advance_turbulence),
     }
 )

@@ -61,6 +61,8 @@ def parts_of(scenario: Scenario, *, in_process: bool) -> list[str]:
     law, on_path = scenario.controller.kind, scenario.mission is not None
     uses = {
         **dict.fromkeys(parts_of_controller(law, scenario.navigation, on_path=on_path), True),
+        "sensors": scenario.navigation == "estimated",
+        "signing": not in_process and scenario.links.signing_key is not None,
         "turbulence": scenario.wind.turbulence != "none",
         "relay": not in_process and scenario.links.impairments is not None,
         "in process": in_process,

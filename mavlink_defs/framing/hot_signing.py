@@ -4,7 +4,7 @@ A `LinkSigner` without a key costs nothing: frames go out unsigned and are check
 """
 
 import time
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from mavlink_defs.framing.signing import (
     new_time,
     open_time,
 )
+from mavlink_defs.runtime.apart import apart
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.native import unix_s
 
@@ -112,6 +113,9 @@ def refresh(key_file: KeyFile, *link_signers: LinkSigner) -> None:
         use_keys(link_signer, key_file.at(time.time()))
 
 
+_EXAMPLES: Any = {"link_signer": new_link_signer(b"", 0), "datagram": new_buffer()}
+
+
 @compiled
 def sign_frame(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> int:
     """Sign an unsigned hot frame in place, if there is a key.
@@ -162,7 +166,7 @@ def _is_radio_status(datagram: np.ndarray) -> bool:
     return bool(datagram[MESSAGE_ID] == _RADIO_STATUS and high == 0)
 
 
-@compiled
+@apart(**_EXAMPLES)
 def _verify(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> int:
     code = identify(datagram)
     if code < FOREIGN:
@@ -197,7 +201,7 @@ def _note(link_signer: LinkSigner, stamp: int) -> None:
     link_signer.shared[0] = max(link_signer.shared[0], stamp)
 
 
-@compiled
+@apart(**_EXAMPLES)
 def append_signature(link_signer: LinkSigner, datagram: np.ndarray, length: int) -> int:
     """Append the signature to the frame of so many bytes; the length with it."""
     stamp = _now(link_signer, 1)
@@ -210,6 +214,10 @@ def append_signature(link_signer: LinkSigner, datagram: np.ndarray, length: int)
     for k in range(_HASH):
         datagram[end + k] = (given >> (8 * (_HASH - 1 - k))) & 0xFF
     return end + _HASH
+
+
+SIGNING_PARTS = (_verify, append_signature)
+"""What links with a key use beyond what all use."""
 
 
 @compiled

@@ -33,14 +33,15 @@ _LATER_S = 0.02
 _parts: dict[Callable[..., Any], "_Part"] = {}
 
 
-def apart(**memory: np.dtype | np.ndarray) -> Callable[[_F], _F]:
+def apart(**memory: np.dtype | np.ndarray | tuple[Any, ...]) -> Callable[[_F], _F]:
     """Compile a function as `compiled` does, but apart from what calls it.
 
     It is for functions of which a flight needs few, or whose code would be repeated in several
     callers: a call costs a few nanoseconds more than one of `compiled`.
 
     Args:
-        memory: The dtype of each argument that is a record, an example of one that is an array.
+        memory: The dtype of each argument that is a record, an example of one that is an array or
+            holds one.
             The others are numbers and tuples of such, and so is what it returns, as annotated;
             none has a default.
     """
@@ -79,7 +80,7 @@ class _Part:
         self,
         function: Callable[..., Any],
         call: Callable[..., Any],
-        memory: dict[str, np.dtype | np.ndarray],
+        memory: dict[str, np.dtype | np.ndarray | tuple[Any, ...]],
     ) -> None:
         """Let compiled code call it in place of `call`."""
         self._function, self._memory = function, memory
@@ -170,7 +171,7 @@ def _type_of(kind: Any) -> Any:
     """Return the compiler's type of what `apart` or an annotation names."""
     if isinstance(kind, np.dtype):
         return _typeof(np.zeros(1, kind)[0])
-    if isinstance(kind, np.ndarray):
+    if isinstance(kind, np.ndarray | tuple):
         return _typeof(kind)
     if kind in {None, type(None)}:
         return _types.none

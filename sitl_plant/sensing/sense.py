@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from mavlink_defs.constants import ACCELEROMETER, BAROMETER, GNSS, GYRO, MAGNETOMETER, PITOT
-from mavlink_defs.framing.codec import HIL_GPS, HIL_SENSOR
+from mavlink_defs.framing.codec import HIL_GPS, HIL_SENSOR, SIM_STATE
 from mavlink_defs.origin import Origin, degrees_at
+from mavlink_defs.runtime.apart import apart
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.airframe.rigid_body import R1
 from sitl_plant.sensing.config import NavigationSensors
@@ -130,7 +131,7 @@ def _range(unit: Unit) -> SensorRange:
     return SensorRange(FAULT_NAMES[unit.kind], unit.imu + 1, errors.noise, errors.low, errors.high)
 
 
-@compiled
+@apart(sensing=sensing_of(NavigationSensors(), Origin(), {}, 0, 1000), message=SIM_STATE)
 def sense(sensing: Sensing, i: int, step: int, message: np.void) -> bool:
     """Write what the sensors of an aircraft report in a step.
 
