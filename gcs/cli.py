@@ -112,9 +112,10 @@ def _show_versions(asked: bool) -> None:
         import platform
         from importlib.metadata import version
 
+        from mavlink_defs.runtime.sources import compiler_version
+
         print_line(f"ftc-sitl {version('ftc-sitl')}\nPython {platform.python_version()}")
-        for package in ("pymavlink", "numba"):
-            print_line(f"{package} {version(package)}")
+        print_line(f"pymavlink {version('pymavlink')}\nnumba {compiler_version()}")
         raise typer.Exit
 
 

@@ -29,7 +29,7 @@ from mavlink_defs import dialect
 from mavlink_defs.capture.tap_report import TapReport
 from mavlink_defs.capture.tlog import read_tlog
 from mavlink_defs.constants import ACTUATORS
-from mavlink_defs.runtime.code_cache import cache_is_cold
+from mavlink_defs.runtime.jit import cache_is_cold
 from soak.chapters import Chapter, chapter
 
 

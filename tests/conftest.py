@@ -9,7 +9,7 @@ from hypothesis import settings
 
 from gcs.fleet.precompile import compile_everything
 from gcs.scenario.model import Scenario, load_scenario
-from mavlink_defs.runtime.code_cache import cache_is_cold
+from mavlink_defs.runtime.jit import cache_is_cold
 from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft
 

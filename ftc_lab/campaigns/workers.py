@@ -204,7 +204,7 @@ def cluster(address: str, flights: Flights) -> Iterator[ClusterWorkers]:
 def compile_for(scenario: Scenario) -> None:
     """Compile the numeric core on this host, unless it is cached."""
     from gcs.fleet.precompile import compile_everything
-    from mavlink_defs.runtime.code_cache import cache_is_cold
+    from mavlink_defs.runtime.jit import cache_is_cold
 
     if cache_is_cold():
         compile_everything(scenario)

@@ -96,13 +96,34 @@ def _in_compiler(frame: FrameType | None) -> bool:
     return False
 
 
+def call_everything(scenario: Scenario) -> None:
+    """Call every entry point in this process.
+
+    Args:
+        scenario: As above.
+    """
+    with _seldom_collected():
+        short = _short(scenario)
+        _call_processes(short)
+        _call_rest(short)
+
+
 def _call_everything(scenario: Scenario) -> None:
-    short = scenario.model_copy(update={"duration_s": 2 * scenario.step_us / 1e6})
+    short = _short(scenario)
     with _other_process(short):
-        call_plant(short.plant_config(speed=None))
-        _call_relay()
-        call_loop(short.autopilot_config(short.uavs[0].id))
+        _call_processes(short)
     _call_rest(short)
+
+
+def _short(scenario: Scenario) -> Scenario:
+    return scenario.model_copy(update={"duration_s": 2 * scenario.step_us / 1e6})
+
+
+def _call_processes(scenario: Scenario) -> None:
+    """Call what plant, relay and autopilot call in flight."""
+    call_plant(scenario.plant_config(speed=None))
+    _call_relay()
+    call_loop(scenario.autopilot_config(scenario.uavs[0].id))
 
 
 @contextlib.contextmanager

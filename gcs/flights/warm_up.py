@@ -4,7 +4,7 @@ from rich.console import Console
 
 from gcs.progress import working
 from gcs.scenario.model import Scenario, load_scenario
-from mavlink_defs.runtime.code_cache import cache_is_cold
+from mavlink_defs.runtime.jit import cache_is_cold
 
 
 def warm_up(scenario: Scenario | None, console: Console) -> None:

@@ -1,37 +1,47 @@
-"""Compiled functions: numba, with the cache of `mavlink_defs.runtime.code_cache`.
+"""Compiled functions: their machine code came with the package, or numba makes it.
+
+Machine code that was made when the wheel was built is called if it is of these sources
+(`mavlink_defs.runtime.prebuilt`). Otherwise numba, which is imported only then, compiles a function
+on its first call and keeps the code on disk (`mavlink_defs.runtime.code_cache`).
 
 With ``NUMBA_DISABLE_JIT=1`` the same functions run as plain Python.
 """
 
 import functools
+import inspect
+import os
+import sys
 from collections.abc import Callable
-from types import FunctionType
 from typing import Any, TypeVar, cast
 
-import numba
-from numba.extending import is_jitted, overload
-
-from mavlink_defs.runtime.code_cache import add_to_cache, forget_unreadable
+from mavlink_defs.config.problems import ConfigError, Problem
+from mavlink_defs.runtime.prebuilt import Kinds, entries_of, is_complete, kinds_of, why_not
 
 _F = TypeVar("_F", bound=Callable[..., object])
+_Typed = Callable[..., Any]
 
-_njit: Any = numba.njit  # whose types leave out some of its options
+PLAIN = os.environ.get("NUMBA_DISABLE_JIT", "0") not in {"", "0"}
+"""Whether all runs as plain Python."""
+
+_COMPILER = "mavlink_defs.runtime.compiler"
 _compiled_functions: set[Callable[..., object]] = set()
+_waiting: list[Callable[[Any], None]] = []
+listeners: list[Callable[[Callable[..., object], tuple[Any, ...]], None]] = []
+"""Called with every function that Python calls, and all its arguments."""
+
+
+class CompilerMissing(ConfigError):  # noqa: N818 - the name says it
+    """Something has to be compiled, and numba is not installed."""
 
 
 def compiled(function: _F) -> _F:
-    """Compile a function with numba on its first call, and keep the machine code on disk.
+    """Compile a function on its first call, unless its machine code came with the package.
 
     Floating-point rules stay strict (no ``fastmath``), so that the same inputs give the
     same bits in every process and from every caller; division by zero gives inf or NaN as
     in numpy.
     """
     return _compiled(function, forceinline=False)
-
-
-def is_compiled(function: Callable[..., object]) -> bool:
-    """Return whether compiled code can call a function; none is with ``NUMBA_DISABLE_JIT=1``."""
-    return function in _compiled_functions or is_jitted(function)
 
 
 def inlined(function: _F) -> _F:
@@ -43,48 +53,116 @@ def inlined(function: _F) -> _F:
     return _compiled(function, forceinline=True)
 
 
-def _compiled(function: _F, forceinline: bool) -> _F:
-    """Return a function for Python; compiled code calls a variant that Python cannot.
+def is_compiled(function: Callable[..., object]) -> bool:
+    """Return whether compiled code can call a function; none is with ``NUMBA_DISABLE_JIT=1``."""
+    if function in _compiled_functions:
+        return True
+    return "numba" in sys.modules and bool(compiler("").is_jitted(function))
 
-    That variant takes half the time to compile: what unpacks Python's objects is often longer than
-    the function, and an overload is compiled once for all calls with the same types, where numba
-    would compile a function for each constant that it is called with.
+
+def in_machine_code(plain: Callable[..., object]) -> Callable[[_Typed], _Typed]:
+    """Decorate what builds the machine code of a function, as `numba.extending.intrinsic` does.
+
+    Python calls the function itself, compiled code what is built.
+
+    Args:
+        plain: The function.
+
+    Returns:
+        The decorator of a function that gets the module `mavlink_defs.runtime.compiler`, with
+        numba's tools, and the types of the arguments. It returns a signature, and what builds code
+        from (context, builder, signature, arguments); None if the types do not fit.
     """
-    if vars(numba.config)["DISABLE_JIT"]:
+
+    def decorate(typed: _Typed) -> _Typed:
+        when_compiling(lambda numba_side: numba_side.add_builtin(plain, typed))
+        return typed
+
+    return decorate
+
+
+def when_compiling(add: Callable[[Any], None]) -> None:
+    """Call a function with the module `mavlink_defs.runtime.compiler` as soon as it is needed."""
+    if _COMPILER in sys.modules:
+        add(sys.modules[_COMPILER])
+    else:
+        _waiting.append(add)
+
+
+def compiler(why: str, file: str = "") -> Any:
+    """Import the compiler, the module `mavlink_defs.runtime.compiler`.
+
+    Args:
+        why: What needs it, for the message.
+        file: Where that is.
+
+    Raises:
+        CompilerMissing: Numba is not installed.
+    """
+    try:
+        from mavlink_defs.runtime import compiler as numba_side
+    except ModuleNotFoundError as problem:
+        if problem.name not in {"numba", "llvmlite"}:
+            raise
+        from mavlink_defs.extras import install_command
+
+        advice = f"{install_command('compile')} (the extra `compile`)"
+        text = f"{why}, and the compiler numba is not installed: {advice}"
+        raise CompilerMissing(file, [Problem((), text)]) from None
+    numba_side.do(_waiting)
+    return numba_side
+
+
+def cache_is_cold() -> bool:
+    """Return whether the next flight has to compile the numeric core first.
+
+    Raises:
+        ConfigError: It has to, and the cache cannot be written, or numba is not installed.
+        OSError: Too many files are open.
+    """
+    if PLAIN or is_complete():
+        return False
+    compiler(*why_not())
+    from mavlink_defs.runtime.code_cache import is_cold
+
+    return is_cold()
+
+
+def _compiled(function: _F, forceinline: bool) -> _F:
+    """Return a function for Python; compiled code calls a variant that Python cannot."""
+    if PLAIN:
         return function
-    inner = _renamed(function, f"{function.__qualname__}.inner")
-    options: dict[str, Any] = {
-        "error_model": "numpy",
-        "nogil": True,
-        "no_cfunc_wrapper": True,
-        "forceinline": forceinline,
-        "cache": add_to_cache(function, inner),
-    }
-    entry: Any = None
+    signature = inspect.signature(function)
+    count = len(signature.parameters)
+    made: dict[Kinds, Callable[..., Any]] | None = None
+    by_numba: Callable[..., Any] | None = None
 
     @functools.wraps(function)
     def call(*arguments: Any, **keywords: Any) -> Any:
-        nonlocal entry
-        if entry is None:
-            entry = _njit(function, **options)
-        try:
-            return entry(*arguments, **keywords)
-        except (AttributeError, ModuleNotFoundError):
-            if not forget_unreadable():
-                raise
-            return entry(*arguments, **keywords)
+        nonlocal made, by_numba
+        if made is None:
+            made = entries_of(function)
+        given = arguments
+        if keywords or len(arguments) != count:
+            given = _bound(signature, arguments, keywords)
+        for heard in listeners:
+            heard(function, given)
+        entry = made.get(kinds_of(given)) if made else None
+        if entry is not None:
+            return entry(*given)
+        if by_numba is None:
+            by_numba = compiler(*why_not(function, given)).entry_of(function)
+        return by_numba(*arguments, **keywords)
 
-    options_inside: Any = options | {"no_cpython_wrapper": True}
-    overload(call, jit_options=options_inside, strict=False)(lambda *_, **__: inner)
+    when_compiling(lambda numba_side: numba_side.add_function(call, function, forceinline))
     _compiled_functions.add(call)
     return cast(_F, call)
 
 
-def _renamed(function: Callable[..., object], name: str) -> FunctionType:
-    """Return a copy of a function whose code has a name of its own in the cache."""
-    original = cast(FunctionType, function)
-    copy = FunctionType(original.__code__, original.__globals__, closure=original.__closure__)
-    functools.update_wrapper(copy, original)
-    copy.__defaults__, copy.__kwdefaults__ = original.__defaults__, original.__kwdefaults__
-    copy.__qualname__ = name
-    return copy
+def _bound(
+    signature: inspect.Signature, arguments: tuple[Any, ...], keywords: dict[str, Any]
+) -> tuple[Any, ...]:
+    """Return all arguments of a call in order, defaults among them."""
+    bound = signature.bind(*arguments, **keywords)
+    bound.apply_defaults()
+    return bound.args

@@ -244,7 +244,8 @@ def test_all_that_is_no_code_comes_along(programs: Path, folder: Path) -> None:
 def test_an_installation_shares_the_compiled_code_of_equal_sources(
     programs: Path, folder: Path
 ) -> None:
-    cache = "from mavlink_defs.runtime.code_cache import cache_is_cold, mark_cache_warm"
+    cache = "from mavlink_defs.runtime.jit import cache_is_cold; "
+    cache += "from mavlink_defs.runtime.code_cache import mark_cache_warm"
     code = f"{cache}; print(cache_is_cold()); mark_cache_warm()"
     changes = {"NUMBA_DISABLE_JIT": "0", "NUMBA_CACHE_DIR": str(folder / "cache")}
     assert run_well(programs, folder, "python", "-c", code, **changes) == "True\n"

@@ -53,7 +53,7 @@ import pwd
 def nobody(_):
     raise KeyError
 pwd.getpwuid = nobody
-from mavlink_defs.runtime.code_cache import cache_is_cold
+from mavlink_defs.runtime.jit import cache_is_cold
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.config.models import ConfigError
 assert compiled(lambda x: x + 1)(2) == 3
