@@ -10,9 +10,10 @@ import subprocess
 import sys
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from pyarrow import feather
+from pyarrow import ipc
 
 from mavlink_defs.runtime.ahead_of_time import GLIBC
 
@@ -45,6 +46,16 @@ for name in content().functions:
 print(refused, "calls with other types refused")
 sys.exit(bool({"numba", "llvmlite"} & set(sys.modules)))
 """
+LAW = """
+from ftc_autopilot.control.step import ALL, Command
+from ftc_autopilot.control.laws.base import LawParameters
+from mavlink_defs.runtime.jit import compiled
+class Mine(LawParameters):
+    @staticmethod
+    @compiled
+    def step(now, aircraft, gains, state):
+        return Command((0.0, 0.0, 0.0), 10.0, ALL)
+"""
 TABLES = ("events.arrows", "trajectory.arrows")
 MOST_BYTES = 5_000_000
 
@@ -68,6 +79,7 @@ def main(wheel: Path, scratch: Path) -> None:
     print("plain Python flies the same")
     check(run(programs / "python", "-c", WRONG) == 0, "calls with other types")
     check_edited(programs, scratch)
+    check_compiled_law(programs, scratch)
 
 
 def run(*command: str | Path) -> int:
@@ -133,11 +145,15 @@ def fly(programs: Path, flight: tuple[str, ...], out: Path, **variables: str) ->
 
 def check_alike(a: Path, b: Path) -> None:
     """Check that two tables have nearly the same numbers."""
-    for one, other in zip(
-        feather.read_table(a).columns, feather.read_table(b).columns, strict=True
-    ):
+    for one, other in zip(table(a).columns, table(b).columns, strict=True):
         pair = [np.stack(column.to_numpy()) for column in (one, other)]
         check(np.allclose(*pair, rtol=1e-9, atol=1e-9, equal_nan=True), a, b)
+
+
+def table(file: Path) -> Any:
+    """Return a table of a run folder."""
+    with ipc.open_stream(file) as stream:
+        return stream.read_all()
 
 
 def check_edited(programs: Path, scratch: Path) -> None:
@@ -152,6 +168,17 @@ def check_edited(programs: Path, scratch: Path) -> None:
     law.write_text(before)
     check(done.returncode == 2 and "tube/law.py" in done.stderr, done.stderr)
     check("numba" in done.stderr and len(done.stderr.splitlines()) == 1, done.stderr)
+    print(done.stderr.strip())
+
+
+def check_compiled_law(programs: Path, scratch: Path) -> None:
+    """Check that a law of compiled Python asks for the compiler, in one line."""
+    (scratch / "mine.py").write_text(LAW)
+    chosen = ("--set", "controller.kind=mine.py:Mine", "--quiet", "--out", scratch / "mine")
+    command = [programs / "gcs", "fly", "paper/scenario1", *chosen]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, cwd=scratch)
+    check(done.returncode == 2 and "compiled Python, and the compiler" in done.stderr, done.stderr)
+    check(len(done.stderr.splitlines()) == 1, done.stderr)
     print(done.stderr.strip())
 
 

@@ -27,7 +27,7 @@ from ftc_autopilot.plugins.loading import (
 from ftc_autopilot.plugins.memory import c_function
 from mavlink_defs.config.models import Model
 from mavlink_defs.runtime.foreign import ForeignCode, PluginError, is_ctrl_c
-from mavlink_defs.runtime.jit import compiler, is_compiled
+from mavlink_defs.runtime.jit import CompilerMissing, compiler, is_compiled
 
 _STYLE = re.compile(r"\x1b\[[0-9;]*m")
 _PLACE = re.compile(r"During: .* at (?P<file>.+) \((?P<line>\d+)\)")
@@ -138,12 +138,14 @@ def compiled_function(
         found: The class of the plug-in, whose function `entry` calls.
 
     Raises:
-        PluginError: The function cannot be compiled.
-        CompilerMissing: Numba is not installed.
+        PluginError: The function cannot be compiled, or numba is not installed.
     """
     plugin = plugin_of(found)
     assert plugin is not None
-    numba_side = compiler(f"{found.__name__}.step is compiled Python", str(file_of(found)))
+    try:
+        numba_side = compiler(f"{found.__name__}.step is compiled Python", str(file_of(found)))
+    except CompilerMissing as problem:
+        raise PluginError(str(problem)) from None
     kinds = [not_empty(dtype) for dtype in records]
     try:
         made = numba_side.c_function_of(entry, kinds, plugin.sources)

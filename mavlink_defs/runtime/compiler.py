@@ -8,7 +8,6 @@ would compile a function for each constant that it is called with.
 
 import functools
 import inspect
-import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import FunctionType
@@ -21,14 +20,13 @@ from numba import extending
 from numba.core import cgutils, types
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.errors import NumbaError, TypingError
-from numba.np.arrayobj import make_array, populate_array
 
 from mavlink_defs.runtime.code_cache import add_to_cache, forget_unreadable
 
 is_jitted = extending.is_jitted
 
 # what `jit.in_machine_code` builds with
-__all__ = ["NumbaError", "TypingError", "cgutils", "ir", "make_array", "populate_array", "types"]
+__all__ = ["NumbaError", "TypingError", "cgutils", "ir", "types"]
 
 _njit: Any = numba.njit  # whose types leave out some of its options
 _extending: Any = extending
@@ -38,11 +36,11 @@ _types: Any = types  # without annotations
 _options: dict[Callable[..., object], dict[str, Any]] = {}
 
 
-def do(waiting: list[Callable[[Any], None]]) -> None:
-    """Call all that waits for this module with it, once; other threads wait meanwhile."""
+def do(waiting: list[Callable[[], None]]) -> None:
+    """Do what waits for this module, once; other threads wait meanwhile."""
     with global_compiler_lock:
         while waiting:
-            waiting.pop(0)(sys.modules[__name__])
+            waiting.pop(0)()
 
 
 def add_function(
@@ -108,12 +106,11 @@ def c_function_of(
 
 def add_builtin(plain: Callable[..., object], typed: Callable[..., Any]) -> None:
     """Let compiled code have what `typed` builds where a function is called."""
-    tools = sys.modules[__name__]
 
     @_extending.type_callable(plain)  # type: ignore[untyped-decorator]  # numba's, as below
     def typer(_context: Any) -> Callable[..., Any]:
         def signature(*kinds: Any) -> Any:
-            made = typed(tools, *kinds)
+            made = typed(*kinds)
             return None if made is None else made[0]
 
         signature.__signature__ = inspect.signature(plain)  # type: ignore[attr-defined]
@@ -121,7 +118,7 @@ def add_builtin(plain: Callable[..., object], typed: Callable[..., Any]) -> None
 
     @_extending.lower_builtin(plain, _types.VarArg(_types.Any))  # type: ignore[untyped-decorator]
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return typed(tools, *signature.args)[1](context, builder, signature, arguments)
+        return typed(*signature.args)[1](context, builder, signature, arguments)
 
 
 def _renamed(function: Callable[..., object], name: str) -> FunctionType:

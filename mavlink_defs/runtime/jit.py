@@ -10,7 +10,6 @@ With ``NUMBA_DISABLE_JIT=1`` the same functions run as plain Python.
 import functools
 import inspect
 import os
-import sys
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
@@ -23,9 +22,9 @@ _Typed = Callable[..., Any]
 PLAIN = os.environ.get("NUMBA_DISABLE_JIT", "0") not in {"", "0"}
 """Whether all runs as plain Python."""
 
-_COMPILER = "mavlink_defs.runtime.compiler"
 _compiled_functions: set[Callable[..., object]] = set()
-_waiting: list[Callable[[Any], None]] = []
+_imported: list[Any] = []  # the module `mavlink_defs.runtime.compiler`, once it is needed
+_waiting: list[Callable[[], None]] = []
 listeners: list[Callable[[Callable[..., object], tuple[Any, ...]], None]] = []
 """Called with every function that Python calls, and all its arguments."""
 
@@ -57,7 +56,7 @@ def is_compiled(function: Callable[..., object]) -> bool:
     """Return whether compiled code can call a function; none is with ``NUMBA_DISABLE_JIT=1``."""
     if function in _compiled_functions:
         return True
-    return "numba" in sys.modules and bool(compiler("").is_jitted(function))
+    return hasattr(function, "py_func") and bool(compiler("").is_jitted(function))
 
 
 def in_machine_code(plain: Callable[..., object]) -> Callable[[_Typed], _Typed]:
@@ -75,18 +74,21 @@ def in_machine_code(plain: Callable[..., object]) -> Callable[[_Typed], _Typed]:
     """
 
     def decorate(typed: _Typed) -> _Typed:
-        when_compiling(lambda numba_side: numba_side.add_builtin(plain, typed))
+        @_when_compiling
+        def add(numba_side: Any) -> None:
+            numba_side.add_builtin(plain, functools.partial(typed, numba_side))
+
         return typed
 
     return decorate
 
 
-def when_compiling(add: Callable[[Any], None]) -> None:
+def _when_compiling(add: Callable[[Any], None]) -> None:
     """Call a function with the module `mavlink_defs.runtime.compiler` as soon as it is needed."""
-    if _COMPILER in sys.modules:
-        add(sys.modules[_COMPILER])
+    if _imported:
+        add(_imported[0])
     else:
-        _waiting.append(add)
+        _waiting.append(lambda: add(_imported[0]))
 
 
 def compiler(why: str, file: str = "") -> Any:
@@ -109,6 +111,7 @@ def compiler(why: str, file: str = "") -> Any:
         advice = f"{install_command('compile')} (the extra `compile`)"
         text = f"{why}, and the compiler numba is not installed: {advice}"
         raise CompilerMissing(file, [Problem((), text)]) from None
+    _imported[:] = [numba_side]
     numba_side.do(_waiting)
     return numba_side
 
@@ -154,7 +157,7 @@ def _compiled(function: _F, forceinline: bool) -> _F:
             by_numba = compiler(*why_not(function, given)).entry_of(function)
         return by_numba(*arguments, **keywords)
 
-    when_compiling(lambda numba_side: numba_side.add_function(call, function, forceinline))
+    _when_compiling(lambda numba_side: numba_side.add_function(call, function, forceinline))
     _compiled_functions.add(call)
     return cast(_F, call)
 

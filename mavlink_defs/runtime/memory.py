@@ -82,11 +82,19 @@ def _bytes_of(tools: Any, record: Any) -> Any:
     memory = tools.types.Array(tools.types.uint8, 1, "C")
 
     def build(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        array = tools.make_array(memory)(context, builder)
-        data = builder.bitcast(arguments[0], tools.cgutils.voidptr_t)
         size, one = (context.get_constant(tools.types.intp, number) for number in (record.size, 1))
-        tools.populate_array(array, data, [size], [one], one, None)
-        return array._getvalue()
+        parts = {
+            "nitems": size,
+            "itemsize": one,
+            "data": builder.bitcast(arguments[0], tools.cgutils.voidptr_t),
+            "shape": tools.cgutils.pack_array(builder, [size]),
+            "strides": tools.cgutils.pack_array(builder, [one]),
+        }
+        model = context.data_model_manager[memory]
+        value = context.get_constant_null(memory)
+        for name, part in parts.items():
+            value = model.set(builder, value, part, name)
+        return value
 
     return memory(record), build
 

@@ -96,11 +96,12 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def run(project: Path, code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    paths = os.pathsep.join([str(project), os.environ.get("PYTHONPATH", "")])  # another numba's
     own = {"NUMBA_CACHE_DIR": str(project / "cache"), "NUMBA_DISABLE_JIT": "0"}
     return subprocess.run(
         [sys.executable, "-c", code, *arguments],
         cwd=project,
-        env=os.environ | own | {"PYTHONDONTWRITEBYTECODE": "1", "PYTHONPATH": str(project)},
+        env=os.environ | own | {"PYTHONDONTWRITEBYTECODE": "1", "PYTHONPATH": paths},
         capture_output=True,
         text=True,
         check=False,
