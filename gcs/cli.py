@@ -112,10 +112,10 @@ def _show_versions(asked: bool) -> None:
         import platform
         from importlib.metadata import version
 
-        from mavlink_defs.runtime.sources import compiler_version
+        from mavlink_defs.runtime.sources import version_of
 
         print_line(f"ftc-sitl {version('ftc-sitl')}\nPython {platform.python_version()}")
-        print_line(f"pymavlink {version('pymavlink')}\nnumba {compiler_version()}")
+        print_line(f"pymavlink {version('pymavlink')}\nnumba {version_of('numba')}")
         raise typer.Exit
 
 

@@ -1,7 +1,7 @@
 """Makes the module of `mavlink_defs.runtime.prebuilt`, by numba's ahead-of-time compiler.
 
 `numba.pycc` is to be replaced one day, and only this file knows it. The way out, should it go: take
-the object code of every entry from the library that `numba.core.compiler.compile_extra` fills, as
+the object code of every entry from the library that numba's `compile_extra` fills, as
 pycc does, and link it with the C sources of numba's helpers by the system's linker.
 
 With `ziglang` installed, C sources are compiled, and all is linked, against a C library as old as
@@ -34,7 +34,7 @@ from mavlink_defs.runtime.prebuilt import (
     kinds_of,
     name_of,
 )
-from mavlink_defs.runtime.sources import ROOT, compiler_version, resolved, with_imports
+from mavlink_defs.runtime.sources import ROOT, resolved, version_of, with_imports
 
 GLIBC = "2.28"
 """Of distributions since 2018: Debian 10, Ubuntu 18.10, RHEL 8."""
@@ -46,7 +46,7 @@ class _Entry(NamedTuple):
 
 
 class Calls:
-    """The kinds of calls that machine code is made for: those of Python while it listens."""
+    """The kinds of calls that machine code is made for: what Python calls while it listens."""
 
     def __init__(self) -> None:
         self._functions: dict[str, Callable[..., object]] = {}
@@ -103,7 +103,7 @@ class Calls:
             for name, entries in self._entries.items()
         }
         sources = [(str(file.relative_to(ROOT)), digest_now(file)) for file in files]
-        return json.dumps(Content(compiler_version(), sources, functions))
+        return json.dumps(Content(version_of("numba"), sources, functions))
 
 
 def _check(name: str, kinds: Any) -> None:

@@ -14,8 +14,6 @@ import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-import numpy as np
-
 _PACKAGES = ("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs", "ftc_lab")
 ROOT = Path(__file__).resolve().parents[2]
 """The folder of our packages."""
@@ -39,17 +37,17 @@ def forget_sources() -> None:
 
 def source_digest(sources: Iterable[Path], place: str = "") -> str:
     """Return a digest of source files, a place, and the versions of numba and numpy."""
-    digest = hashlib.sha256(f"{compiler_version()} {np.__version__} {place}".encode())
+    digest = hashlib.sha256(f"{version_of('numba')} {version_of('numpy')} {place}".encode())
     for source in sources:
         digest.update(content_digest(source))
     return digest.hexdigest()
 
 
 @functools.cache
-def compiler_version() -> str:
-    """Return the version of numba, which is not imported for it; "not installed"."""
+def version_of(package: str) -> str:
+    """Return the version of a package, which is not imported for it, or "not installed"."""
     try:
-        return importlib.metadata.version("numba")
+        return importlib.metadata.version(package)
     except importlib.metadata.PackageNotFoundError:
         return "not installed"
 
