@@ -37,7 +37,9 @@ class DialectHook(BuildHookInterface):
             build_data["force_include"]["aircraft"] = "gcs/bundled_aircraft"
             if asks_for_machine_code():
                 self._scratch = tempfile.TemporaryDirectory()
-                made = machine_code(root, Path(self._scratch.name))
+                scratch = Path(self._scratch.name)
+                write_metadata(root, scratch / "metadata")
+                made = machine_code(root, scratch)
                 build_data["force_include"][str(made)] = f"mavlink_defs/runtime/{made.name}"
                 build_data["pure_python"], build_data["tag"] = False, tag()
 
@@ -56,14 +58,28 @@ def asks_for_machine_code() -> bool:
     return os.environ.get(ASKED, "") not in {"", "0"}
 
 
-def machine_code(root: Path, folder: Path) -> Path:
-    """Make the machine code in a folder; return its file.
+def write_metadata(root: Path, folder: Path) -> None:
+    """Write what is read of an installed ftc-sitl, which an isolated build has not."""
+    project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
+    info = folder / f"ftc_sitl-{project['version']}.dist-info"
+    info.mkdir(parents=True)
+    text = f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
+    (info / "METADATA").write_text(text)
+    commands = project["entry-points"]["ftc_sitl.commands"]
+    lines = (f"{name} = {place}\n" for name, place in commands.items())
+    (info / "entry_points.txt").write_text(f"[ftc_sitl.commands]\n{''.join(lines)}")
+
+
+def machine_code(root: Path, scratch: Path) -> Path:
+    """Make the machine code in a folder that has the `metadata`; return its file.
 
     Raises:
         subprocess.CalledProcessError: It could not be made.
     """
+    folder = scratch / "made"
+    folder.mkdir()
     command = [sys.executable, str(root / "scripts" / "prebuild.py"), str(folder)]
-    paths = [str(root), *filter(None, sys.path)]  # of an isolated build, too
+    paths = [str(root), str(scratch / "metadata"), *filter(None, sys.path)]  # isolated, too
     env = os.environ | {"PYTHONPATH": os.pathsep.join(paths), "NUMBA_DISABLE_JIT": "0"}
     subprocess.run(command, check=True, env=env, stdout=sys.stderr)
     (made,) = folder.iterdir()

@@ -1,8 +1,8 @@
 """Makes the module of `mavlink_defs.runtime.prebuilt`, by numba's ahead-of-time compiler.
 
 `numba.pycc` is to be replaced one day, and only this file knows it. The way out, should it go: take
-the object code of every entry from the library that numba's `compile_extra` fills, as
-pycc does, and link it with the C sources of numba's helpers by the system's linker.
+the object code of every entry from the library that compile_extra of numba fills, as pycc does,
+and link it with the C sources of numba's helpers by the system's linker.
 
 With `ziglang` installed, C sources are compiled, and all is linked, against a C library as old as
 `GLIBC`, so that the module runs on all distributions since; otherwise by the system's compiler,

@@ -60,7 +60,7 @@ def is_compiled(function: Callable[..., object]) -> bool:
 
 
 def in_machine_code(plain: Callable[..., object]) -> Callable[[_Typed], _Typed]:
-    """Decorate what builds the machine code of a function, as numba's `intrinsic` does.
+    """Decorate what builds the machine code of a function, as intrinsics of numba do.
 
     Python calls the function itself, compiled code what is built.
 
