@@ -24,10 +24,9 @@ from ftc_autopilot.hot.state import new_autopilots
 from ftc_autopilot.vehicle.vehicle import VehicleServices
 from mavlink_defs.config.files import load
 from mavlink_defs.config.models import ConfigError
-from mavlink_defs.runtime.apart import apart_in
-from mavlink_defs.runtime.apart import load as load_code
-from mavlink_defs.runtime.code_cache import cold_parts
 from mavlink_defs.runtime.foreign import PluginError
+from mavlink_defs.runtime.jit import apart_in, cold_parts
+from mavlink_defs.runtime.jit import load as load_code
 
 
 def warm_up_with(config_file: Path) -> None:

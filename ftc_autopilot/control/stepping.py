@@ -30,8 +30,7 @@ from ftc_autopilot.guidance.places import note_relayed, take_in
 from ftc_autopilot.plugins.models import PLUGIN
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.framing.codec import RELAYED_AT, REPORT_AT, SIM_STATE
-from mavlink_defs.runtime.apart import apart
-from mavlink_defs.runtime.jit import compiled, inlined
+from mavlink_defs.runtime.jit import apart, compiled, inlined
 from mavlink_defs.runtime.memory import copy_record
 from sitl_plant.airframe.rigid_body import R1
 from sitl_plant.vec3 import mul, vec3

@@ -44,8 +44,7 @@ from ftc_autopilot.estimation.state import (
 from mavlink_defs.constants import BAROMETER, GNSS, MAGNETOMETER, PITOT
 from mavlink_defs.framing.codec import HIL_GPS, HIL_SENSOR, SIM_STATE, SIM_STEP, copy_step
 from mavlink_defs.origin import EARTH_RADIUS_M
-from mavlink_defs.runtime.apart import apart
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import apart, compiled
 from mavlink_defs.runtime.memory import copy_record
 from sitl_plant.sensing.config import MAX_IMUS
 from sitl_plant.sensing.standard_air import altitude_of

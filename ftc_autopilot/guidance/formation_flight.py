@@ -13,8 +13,7 @@ from ftc_autopilot.guidance.laws.base import Intention, Situation
 from ftc_autopilot.guidance.places import choose_relayed, relay
 from ftc_autopilot.guidance.separation import keep_apart, nearest
 from mavlink_defs.framing.codec import NEIGHBOUR, SIM_STATE
-from mavlink_defs.runtime.apart import apart
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import apart, compiled
 from sitl_plant.airframe.rigid_body import R1
 from sitl_plant.vec3 import Vec3, mul, sub, vec3
 

@@ -14,10 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
-from numba.core import types
-from numba.core.errors import NumbaError
 
 from ftc_autopilot.plugins.loading import (
     file_of,
@@ -29,12 +26,8 @@ from ftc_autopilot.plugins.loading import (
 )
 from ftc_autopilot.plugins.memory import c_function
 from mavlink_defs.config.models import Model
-from mavlink_defs.runtime.code_cache import add_to_cache
 from mavlink_defs.runtime.foreign import ForeignCode, PluginError, is_ctrl_c
-from mavlink_defs.runtime.jit import is_compiled
-
-_types: Any = types  # without annotations
-_cfunc: Any = numba.cfunc  # whose types leave out some of its options
+from mavlink_defs.runtime.jit import CompilerMissing, compiler, is_compiled
 
 _STYLE = re.compile(r"\x1b\[[0-9;]*m")
 _PLACE = re.compile(r"During: .* at (?P<file>.+) \((?P<line>\d+)\)")
@@ -145,15 +138,18 @@ def compiled_function(
         found: The class of the plug-in, whose function `entry` calls.
 
     Raises:
-        PluginError: The function cannot be compiled.
+        PluginError: The function cannot be compiled, or numba is not installed.
     """
     plugin = plugin_of(found)
     assert plugin is not None
-    pointers = [_types.CPointer(numba.from_dtype(not_empty(dtype))) for dtype in records]
-    cached = add_to_cache(entry, further=plugin.sources)
     try:
-        made = _cfunc(_types.int32(*pointers), cache=cached, error_model="numpy")(entry)
-    except NumbaError as problem:
+        numba_side = compiler(f"{found.__name__}.step is compiled Python", str(file_of(found)))
+    except CompilerMissing as problem:
+        raise PluginError(str(problem)) from None
+    kinds = [not_empty(dtype) for dtype in records]
+    try:
+        made = numba_side.c_function_of(entry, kinds, plugin.sources)
+    except numba_side.NumbaError as problem:
         raise PluginError(_cannot_compile(problem, plugin.sources, found)) from problem
     _watch_exceptions()
     _KEPT.append(made)
@@ -162,7 +158,7 @@ def compiled_function(
     return int(address)
 
 
-def _cannot_compile(problem: NumbaError, sources: tuple[Path, ...], found: type[Model]) -> str:
+def _cannot_compile(problem: Exception, sources: tuple[Path, ...], found: type[Model]) -> str:
     """Return what numba says in one line, with the innermost place in the sources."""
     lines = [line.strip() for line in _STYLE.sub("", str(problem)).splitlines() if line.strip()]
     place, reason = line_of(inspect.getattr_static(found, "step").__func__), lines[0]

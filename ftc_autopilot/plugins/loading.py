@@ -21,8 +21,8 @@ from types import ModuleType
 from typing import Any, NamedTuple, TypeVar
 
 from mavlink_defs.config.models import Model, Problems
-from mavlink_defs.runtime.code_cache import forget_sources, source_digest, sources_of
 from mavlink_defs.runtime.foreign import ForeignCode, PluginError
+from mavlink_defs.runtime.sources import forget_sources, source_digest, sources_of
 
 LAWS, TRIGGERS = "ftc_sitl.laws", "ftc_sitl.triggers"
 GUIDANCE_LAWS, SCENARIOS = "ftc_sitl.guidance_laws", "ftc_sitl.scenarios"

@@ -10,18 +10,12 @@ import struct
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, TypeAlias, TypeVar, cast, get_args, get_origin, get_type_hints
 
-import numba
 import numpy as np
-from llvmlite import ir
-from numba.core import types as numba_types
-from numba.core.errors import TypingError
-from numba.extending import intrinsic
+
+from mavlink_defs.runtime.jit import in_machine_code
 
 Buffer: TypeAlias = bytes | ctypes.Array[ctypes.c_char]
 T = TypeVar("T", bound=tuple[Any, ...])
-
-types: Any = numba_types  # without annotations
-_BYTES = ir.IntType(8).as_pointer()
 
 
 def layout_of(kind: Any) -> np.dtype:
@@ -105,98 +99,18 @@ def _flat(value: Iterable[Any]) -> Iterator[float]:
             yield part
 
 
-def _check(kind: Any, declared: Any) -> None:
-    """Check that compiled code has the numbers that a tuple's type declares.
-
-    Raises:
-        TypingError: It has others.
-    """
-    if declared in {float, int}:
-        fits = kind == (types.float64 if declared is float else types.int64)
-    else:
-        parts = list(_parts(declared))
-        fits = isinstance(kind, types.BaseTuple) and len(kind) == len(parts)
-        for inner, part in zip(kind, parts, strict=True) if fits else ():
-            _check(inner, part)
-    if not fits:
-        raise TypingError(f"expected {declared}, got {kind}")
-
-
-@intrinsic
-def _call(_context: Any, address: Any, given: Any, preset: Any, records: Any) -> Any:
-    for one in (given, preset):
-        _check(one, one.instance_class)
-    result = types.Tuple([types.int64, preset])
-
-    def build(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        function, value, initial, pointers = arguments
-        out = _on_stack(builder, initial)
-        passed = [_on_stack(builder, value), out]
-        passed += [builder.extract_value(pointers, k) for k in range(len(records))]
-        status = _called(builder, function, passed)
-        return context.make_tuple(builder, result, [status, builder.load(out)])
-
-    return result(address, given, preset, records), build
-
-
-@intrinsic
-def _call_records(_context: Any, address: Any, records: Any) -> Any:
-    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        function, pointers = arguments
-        passed = [builder.extract_value(pointers, k) for k in range(len(records))]
-        return _called(builder, function, passed)
-
-    return types.int64(address, records), build
-
-
-@intrinsic
-def _load(_context: Any, pointer: Any, like: Any) -> Any:
-    def build(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        kind = context.get_value_type(like).as_pointer()
-        return builder.load(builder.bitcast(arguments[0], kind))
-
-    return like(pointer, like), build
-
-
-@intrinsic
-def _record_at(_context: Any, pointer: Any) -> Any:
-    def build(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        return builder.bitcast(arguments[0], context.get_value_type(pointer.dtype))
-
-    return pointer.dtype(pointer), build
-
-
-@intrinsic
-def _store(_context: Any, pointer: Any, value: Any) -> Any:
-    _check(value, value.instance_class)
-
-    def build(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        kind = context.get_value_type(value).as_pointer()
-        builder.store(arguments[1], builder.bitcast(arguments[0], kind))
-        return context.get_dummy_value()
-
-    return types.void(pointer, value), build
-
-
-def _on_stack(builder: Any, value: Any) -> Any:
-    """Return a pointer to a value on the stack of the function."""
-    with builder.goto_entry_block():
-        place = builder.alloca(value.type)
-    builder.store(value, place)
-    return place
-
-
-def _called(builder: Any, address: Any, pointers: Sequence[Any]) -> Any:
-    """Return the status of a C function as an int64."""
-    kind = ir.FunctionType(ir.IntType(32), [_BYTES] * len(pointers))
-    function = builder.inttoptr(address, kind.as_pointer())
-    status = builder.call(function, [builder.bitcast(pointer, _BYTES) for pointer in pointers])
-    return builder.sext(status, ir.IntType(64))
-
-
-def _plain_call(
+def call(
     address: int, given: tuple[Any, ...], preset: T, records: tuple[np.void, ...]
 ) -> tuple[int, T]:
+    """Call a C function by its address; return its status and the result.
+
+    Args:
+        address: Of the function. Its arguments are pointers: to `given`, to the result, and to
+            each record.
+        given: A tuple of numbers.
+        preset: What the result is before.
+        records: It may change them.
+    """
     out = ctypes.create_string_buffer(bytes_of(preset))
     value = ctypes.create_string_buffer(bytes_of(given))
     status = _plainly_called(address, [value, out], records)
@@ -204,7 +118,8 @@ def _plain_call(
     return status, tuple_at(type(preset), out.raw[:size])
 
 
-def _plain_call_records(address: int, records: tuple[np.void, ...]) -> int:
+def call_records(address: int, records: tuple[np.void, ...]) -> int:
+    """Call a C function by its address with pointers to records; return its status."""
     return _plainly_called(address, [], records)
 
 
@@ -225,23 +140,112 @@ def c_function(arguments: int) -> Any:
     return ctypes.CFUNCTYPE(ctypes.c_int32, *[ctypes.c_void_p] * arguments)
 
 
-_plain = vars(numba.config)["DISABLE_JIT"]
+# in compiled code
 
-call: Any = _plain_call if _plain else _call
-"""Call a C function by its address (address, given, preset, records).
 
-Its arguments are pointers: to the tuple `given`, to the result, which is `preset` before, and to
-each of a tuple of records, which it may change. Returns its status and the result.
-"""
+@in_machine_code(call)
+def _call(tools: Any, address: Any, given: Any, preset: Any, records: Any) -> Any:
 
-call_records: Any = _plain_call_records if _plain else _call_records
-"""Call a C function by its address with pointers to records (address, records)."""
+    for one in (given, preset):
+        _check(tools, one, one.instance_class)
+    result = tools.types.Tuple([tools.types.int64, preset])
 
-load: Any = _load
-"""Return the tuple at a pointer (pointer, like); for compiled code."""
+    def build(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        function, value, initial, pointers = arguments
+        out = _on_stack(builder, initial)
+        passed = [_on_stack(builder, value), out]
+        passed += [builder.extract_value(pointers, k) for k in range(len(records))]
+        status = _called(tools, builder, function, passed)
+        return context.make_tuple(builder, result, [status, builder.load(out)])
 
-store: Any = _store
-"""Write a tuple to a pointer (pointer, tuple); for compiled code."""
+    return result(address, given, preset, records), build
 
-record_at: Any = _record_at
-"""Return the record at a pointer; for compiled code."""
+
+@in_machine_code(call_records)
+def _call_records(tools: Any, address: Any, records: Any) -> Any:
+
+    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        function, pointers = arguments
+        passed = [builder.extract_value(pointers, k) for k in range(len(records))]
+        return _called(tools, builder, function, passed)
+
+    return tools.types.int64(address, records), build
+
+
+def load(pointer: Any, like: T) -> T:
+    """Return the tuple of the type of another one at a pointer; for compiled code alone."""
+    raise NotImplementedError
+
+
+@in_machine_code(load)
+def _load(_tools: Any, pointer: Any, like: Any) -> Any:
+    def build(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        kind = context.get_value_type(like).as_pointer()
+        return builder.load(builder.bitcast(arguments[0], kind))
+
+    return like(pointer, like), build
+
+
+def store(pointer: Any, value: tuple[Any, ...]) -> None:
+    """Write a tuple to a pointer; for compiled code alone."""
+    raise NotImplementedError
+
+
+@in_machine_code(store)
+def _store(tools: Any, pointer: Any, value: Any) -> Any:
+
+    _check(tools, value, value.instance_class)
+
+    def build(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        kind = context.get_value_type(value).as_pointer()
+        builder.store(arguments[1], builder.bitcast(arguments[0], kind))
+        return context.get_dummy_value()
+
+    return tools.types.void(pointer, value), build
+
+
+def record_at(pointer: Any) -> Any:
+    """Return the record at a pointer; for compiled code alone."""
+    raise NotImplementedError
+
+
+@in_machine_code(record_at)
+def _record_at(_tools: Any, pointer: Any) -> Any:
+    def build(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.bitcast(arguments[0], context.get_value_type(pointer.dtype))
+
+    return pointer.dtype(pointer), build
+
+
+def _check(tools: Any, kind: Any, declared: Any) -> None:
+    """Check that compiled code has the numbers that a tuple's type declares.
+
+    Raises:
+        TypingError: It has others.
+    """
+    if declared in {float, int}:
+        fits = kind == (tools.types.float64 if declared is float else tools.types.int64)
+    else:
+        parts = list(_parts(declared))
+        fits = isinstance(kind, tools.types.BaseTuple) and len(kind) == len(parts)
+        for inner, part in zip(kind, parts, strict=True) if fits else ():
+            _check(tools, inner, part)
+    if not fits:
+        raise tools.TypingError(f"expected {declared}, got {kind}")
+
+
+def _on_stack(builder: Any, value: Any) -> Any:
+    """Return a pointer to a value on the stack of the function."""
+    with builder.goto_entry_block():
+        place = builder.alloca(value.type)
+    builder.store(value, place)
+    return place
+
+
+def _called(tools: Any, builder: Any, address: Any, pointers: Sequence[Any]) -> Any:
+    """Return the status of a C function as an int64."""
+    memory = tools.ir.IntType(8).as_pointer()
+    kind = tools.ir.FunctionType(tools.ir.IntType(32), [memory] * len(pointers))
+    function = builder.inttoptr(address, kind.as_pointer())
+    status = builder.call(function, [builder.bitcast(pointer, memory) for pointer in pointers])
+    return builder.sext(status, tools.ir.IntType(64))

@@ -1,11 +1,11 @@
 """Loading of what is an extra: operators and vehicles do without pandas, servers and reports."""
 
-import re
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
 
 from gcs.console.errors import BadInput
+from mavlink_defs.extras import install_command
 
 LAB_PACKAGES = ("SALib", "distributed", "jinja2")
 """What campaigns and reports import besides what the core brings: the extra `lab`."""
@@ -15,8 +15,6 @@ TOOLS_PACKAGES = ("pymavlink",)
 """What generates code for the dialect: the extra `tools`."""
 WEB_PACKAGES = ("aiohttp", "textual_serve")
 """What `gcs web` imports: the extra `web`."""
-
-_OF_EXTRA = re.compile(r"(?P<package>[^;]+);.*extra == .(?P<extra>\w+).")
 
 
 def load_package(name: str, purpose: str, extra: str = "python") -> Any:
@@ -54,15 +52,6 @@ def load_lab(module: str, purpose: str | None = None) -> Any:
 def missing(packages: tuple[str, ...]) -> list[str]:
     """Return the packages among some that are not installed."""
     return [package for package in packages if find_spec(package) is None]
-
-
-def install_command(extra: str) -> str:
-    """Return the command that installs what an extra brings, however ftc-sitl was installed."""
-    from importlib.metadata import requires  # takes time, of every command
-
-    found = map(_OF_EXTRA.match, requires("ftc-sitl") or ())
-    named = [one["package"].strip() for one in found if one is not None and one["extra"] == extra]
-    return f"pip install {' '.join(map(repr, named))}"
 
 
 def check_packages(packages: tuple[str, ...], purpose: str, extra: str) -> None:

@@ -33,7 +33,7 @@ import sitl_plant.loop.process
 import sitl_plant.loop.warm_up
 from gcs.scenario.model import load_scenario
 from mavlink_defs.config.models import ConfigError
-from mavlink_defs.runtime.code_cache import cold_parts
+from mavlink_defs.runtime.jit import cold_parts
 
 _PLANT, _AUTOPILOT = "sitl-plant", "ftc-autopilot"
 _MAIN = {_PLANT: sitl_plant.loop.process.main, _AUTOPILOT: ftc_autopilot.process.main}

@@ -26,8 +26,8 @@ from mavlink_defs.capture.impairing import new_directions
 from mavlink_defs.capture.tap_counts import new_counts
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.framing.hot_signing import SIGNING_PARTS
-from mavlink_defs.runtime.apart import load
-from mavlink_defs.runtime.code_cache import EVERYTHING, cold_parts, mark_warm, not_cached
+from mavlink_defs.runtime.code_cache import mark_warm, not_cached
+from mavlink_defs.runtime.jit import EVERYTHING, cold_parts, load
 from sitl_plant.air.turbulence import advance_turbulence
 from sitl_plant.loop.warm_up import call_everything as call_plant
 from sitl_plant.sensing.sense import sense

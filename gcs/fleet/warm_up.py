@@ -9,7 +9,7 @@ from rich.console import Console
 from ftc_autopilot.config import parts_of as parts_of_controller
 from gcs.console.progress import Task, working
 from gcs.scenario.model import Scenario
-from mavlink_defs.runtime.code_cache import EVERYTHING, cold_parts, compiled_functions
+from mavlink_defs.runtime.jit import EVERYTHING, cold_parts
 
 _COUNT_S = 1.0
 
@@ -38,6 +38,8 @@ def warm_up(scenario: Scenario | None, console: Console, *, in_process: bool = F
 @contextlib.contextmanager
 def _counting(task: Task) -> Iterator[None]:
     """Show how many functions are compiled, whichever process compiles them."""
+    from mavlink_defs.runtime.code_cache import compiled_functions
+
     over, before = threading.Event(), compiled_functions()
 
     def count() -> None:

@@ -4,7 +4,7 @@ import functools
 from importlib.metadata import version
 from pathlib import Path
 
-from mavlink_defs.runtime.code_cache import source_digest
+from mavlink_defs.runtime.sources import source_digest
 
 _ROOT = Path(__file__).parents[2]
 _SOURCES = (

@@ -29,8 +29,7 @@ from mavlink_defs.framing.signing import (
     new_time,
     open_time,
 )
-from mavlink_defs.runtime.apart import apart
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import apart, compiled
 from mavlink_defs.runtime.native import unix_s
 
 _RADIO_STATUS = dialect.MAVLINK_MSG_ID_RADIO_STATUS

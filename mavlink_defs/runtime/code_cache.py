@@ -10,45 +10,40 @@ it.
 
 The cache lies in ``$NUMBA_CACHE_DIR``, or ``$XDG_CACHE_HOME/ftc-sitl``, or
 ``~/.cache/ftc-sitl``. Where it cannot be written, every process compiles for itself what it
-calls, and the error of `cold_parts` names the remedy.
+calls, and the error of `parts_left` names the remedy.
 
 On x86 the code is made for any processor since about 2013 (x86-64-v3), so that machines can share
 it; ``NUMBA_CPU_NAME`` chooses another. The bits of results do not depend on it.
 """
 
-import ast
 import contextlib
 import errno
 import functools
 import hashlib
-import importlib.util
 import os
 import pickle
 import platform
-import re
 import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 import llvmlite.binding
 import numba
-import numpy as np
 from numba.core import caching
 
 from mavlink_defs.config.models import ConfigError, Problem
+from mavlink_defs.runtime.sources import (
+    compiled_sources,
+    content_digest,
+    digest_with_imports,
+    resolved,
+)
 
-_PACKAGES = ("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs", "ftc_lab")
-_ROOT = Path(__file__).resolve().parents[2]
-_GENERATED = {_ROOT / "mavlink_defs" / "dialect.py": _ROOT / "mavlink_defs" / "ftc.xml"}
-_IMPORT = re.compile(r"^from ([\w.]+) import (\([^)]*\)|.*)|^import ([\w.]+)", re.MULTILINE)
-_DECORATED = re.compile(rb"@(?:compiled|inlined|apart)\b")
 _WARM = "warm-"
-EVERYTHING = "everything"
-"""All parts of the numeric core."""
 _KEPT_DAYS = 14
 _COMMON_CPU = "x86-64-v3"
 _FURTHER_LOCATORS = (
@@ -69,7 +64,7 @@ class DigestLocator(_UserProvidedCacheLocator):
         """Locate the code of a function that is in a file."""
         super().__init__(function, file)
         further = _functions[function]
-        self._folder = _cache_folder / _digest_with_imports(_resolved(file), *further)
+        self._folder = _cache_folder / digest_with_imports(_target, resolved(file), *further)
 
     @classmethod
     def from_function(cls, function: Callable[..., object], file: str) -> "DigestLocator | None":
@@ -96,24 +91,10 @@ def add_to_cache(*variants: Callable[..., object], further: tuple[Path, ...] = (
         Whether it can lie there: not if the cache cannot be written, and not if the function is
         of a notebook or of ``python -c`` and is in no file.
     """
-    if _obstacle is not None or not _resolved(variants[0].__code__.co_filename).is_file():
+    if _obstacle is not None or not resolved(variants[0].__code__.co_filename).is_file():
         return False
     _functions.update(dict.fromkeys(variants, further))
     return True
-
-
-def sources_of(file: Path) -> list[Path]:
-    """Return a file of another project and the files of that project that it imports, sorted.
-
-    What it imports must have been imported.
-    """
-    return [path for path in _with_imports(file) if not _is_ours(path)]
-
-
-def forget_sources() -> None:
-    """Read files again: one of another project has changed while this process runs."""
-    for known in (_content_digest, _digest_with_imports, _imports, _digest_of_all):
-        known.cache_clear()
 
 
 def forget_unreadable() -> bool:
@@ -137,18 +118,13 @@ def forget_unreadable() -> bool:
     return bool(unreadable)
 
 
-def cold_parts(parts: Iterable[str]) -> list[str]:
-    """Return those parts of the numeric core that are still to be compiled.
-
-    Args:
-        parts: As `gcs.fleet.precompile` names them.
+def parts_left(parts: Iterable[str]) -> list[str]:
+    """Return those parts of the numeric core, of `gcs.fleet.precompile`, that are not cached.
 
     Raises:
-        ConfigError: The cache cannot be written: every process would have to.
+        ConfigError: The cache cannot be written: every process would have to compile it.
         OSError: Too many files are open.
     """
-    if _settings["DISABLE_JIT"]:
-        return []
     if _obstacle is not None:
         raise not_cached(_obstacle)
     return [part for part in parts if not _warm_mark(part).exists()]
@@ -170,7 +146,7 @@ def mark_warm(part: str) -> None:
     """Note that a part of the numeric core lies in the cache; forget code of old sources."""
     if _settings["DISABLE_JIT"]:
         return
-    in_use = [_cache_folder / _digest_with_imports(source) for source in _compiled_sources()]
+    in_use = [_cache_folder / digest_with_imports(_target, source) for source in compiled_sources()]
     _cache_folder.mkdir(parents=True, exist_ok=True)
     _warm_mark(part).touch()
     for place in in_use:
@@ -185,111 +161,8 @@ def mark_warm(part: str) -> None:
 
 def compiled_functions() -> int:
     """Return how many of our functions lie in the cache, of present sources."""
-    folders = [_cache_folder / _digest_with_imports(source) for source in _compiled_sources()]
+    folders = (_cache_folder / digest_with_imports(_target, one) for one in compiled_sources())
     return sum(len([*folder.glob("*.nbi")]) for folder in folders)
-
-
-def source_digest(sources: Iterable[Path], place: str = "") -> str:
-    """Return a digest of source files, a place, and the versions of numba and numpy."""
-    digest = hashlib.sha256(f"{numba.__version__} {np.__version__} {place}".encode())
-    for source in sources:
-        digest.update(_content_digest(source))
-    return digest.hexdigest()
-
-
-@functools.cache
-def _content_digest(source: Path) -> bytes:
-    return hashlib.sha256(source.name.encode() + source.read_bytes()).digest()
-
-
-@functools.cache
-def _resolved(name: str) -> Path:
-    return Path(name).resolve()
-
-
-@functools.cache
-def _digest_with_imports(source: Path, *further: Path) -> str:
-    """Return a digest of a file and of all files of this project that its code depends on.
-
-    Of other people's files the place counts, too.
-    """
-    place = source.relative_to(_ROOT) if source.is_relative_to(_ROOT) else source
-    files = _with_imports(source, *further)
-    return source_digest(files, f"{place} {_target}")[:16]
-
-
-def _with_imports(*sources: Path) -> list[Path]:
-    """Return files and all that they import, directly or not, sorted."""
-    found: set[Path] = set()
-    waiting = list(sources)
-    while waiting:
-        path = waiting.pop()
-        if path not in found:
-            found.add(path)
-            waiting += _imports(path)
-    return sorted(_GENERATED.get(path, path) for path in found)
-
-
-def _is_ours(source: Path) -> bool:
-    return any(source.is_relative_to(_ROOT / package) for package in _PACKAGES)
-
-
-@functools.cache
-def _imports(source: Path) -> list[Path]:
-    """Return the files that a file imports of this project, and of its own one."""
-    if source in _GENERATED or source.suffix != ".py":
-        return []
-    text = source.read_text(encoding="utf-8")
-    names: list[str] = []
-    for package, members, module in _IMPORT.findall(text):
-        names += [module or package]
-        names += [f"{package}.{name}" for name in re.findall(r"\w+", members)]
-    own = (name.replace(".", "/") for name in names if name.partition(".")[0] in _PACKAGES)
-    files = [f"{_ROOT}/{name}{end}" for name in own for end in (".py", "/__init__.py")]
-    found = [Path(file) for file in files if os.path.isfile(file)]
-    return found if _is_ours(source) else [*found, *_imports_of_its_project(source, text)]
-
-
-def _imports_of_its_project(source: Path, text: str) -> Iterator[Path]:
-    """Yield what a file of another project imports of its package, or from beside it."""
-    top = source.parent
-    while (top / "__init__.py").is_file():
-        top = top.parent
-    own = source.relative_to(top).with_suffix("").parts
-    for node in ast.walk(ast.parse(text)):
-        names: list[str] = []
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            package = ".".join(own[: -node.level]) if node.level else ""
-            name = ".".join(filter(None, (package, node.module)))
-            names = [name, *(f"{name}.{alias.name}" for alias in node.names)]
-        for name in names:
-            file = _file_of(name) or source
-            beside = file.parent == source.parent
-            if beside or (top != source.parent and file.is_relative_to(top / _first(source, top))):
-                yield file
-
-
-def _file_of(module: str) -> Path | None:
-    """Return the file of a module; None if there is none of that name, or it is no Python."""
-    try:
-        spec = importlib.util.find_spec(module)
-    except (ImportError, AttributeError, ValueError):
-        return None
-    origin = "" if spec is None else spec.origin or ""
-    return _resolved(origin) if origin.endswith(".py") else None
-
-
-def _first(source: Path, top: Path) -> str:
-    """Return the name of the package below a folder that a file is in."""
-    return source.relative_to(top).parts[0]
-
-
-@functools.cache
-def _compiled_sources() -> list[Path]:
-    sources = (path for package in _PACKAGES for path in (_ROOT / package).rglob("*.py"))
-    return sorted(path for path in sources if _DECORATED.search(path.read_bytes()))
 
 
 def _warm_mark(part: str) -> Path:
@@ -299,7 +172,7 @@ def _warm_mark(part: str) -> Path:
 
 @functools.cache
 def _digest_of_all() -> str:
-    digests = "".join(map(_digest_with_imports, _compiled_sources()))
+    digests = "".join(digest_with_imports(_target, one) for one in compiled_sources())
     return hashlib.sha256(digests.encode()).hexdigest()[:16]
 
 
@@ -327,7 +200,9 @@ def _choose_target() -> str:
         if all(features.get(name) for name in _ITS_FEATURES):
             _settings["CPU_NAME"], _settings["CPU_FEATURES"] = _COMMON_CPU, ""
     name = _settings["CPU_NAME"] or llvmlite.binding.get_host_cpu_name()
-    return f"{sys.implementation.cache_tag} {sys.platform} {platform.machine()} {name}"
+    options = content_digest(Path(__file__).with_name("compiler.py")).hex()
+    machine = f"{sys.platform} {platform.machine()} {name}"
+    return f"{sys.implementation.cache_tag} {machine} {options}"
 
 
 _settings["CACHE_LOCATOR_CLASSES"] = (

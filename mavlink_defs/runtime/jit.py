@@ -1,44 +1,52 @@
-"""Compiled functions: numba, with the cache of `mavlink_defs.runtime.code_cache`.
+"""Compiled functions: their machine code came with the package, or numba makes it.
+
+Machine code that was made when the wheel was built is called if it is of these sources
+(`mavlink_defs.runtime.prebuilt`). Otherwise numba, which is imported only then, compiles a function
+on its first call and keeps the code on disk (`mavlink_defs.runtime.code_cache`).
 
 With ``NUMBA_DISABLE_JIT=1`` the same functions run as plain Python.
 """
 
 import functools
-from collections.abc import Callable
-from types import FunctionType
-from typing import Any, TypeVar, cast
+import inspect
+import os
+from collections.abc import Callable, Iterable
+from typing import Any, TypeAlias, TypeVar, cast
 
-import numba
-from numba.extending import is_jitted, overload
+import numpy as np
 
-from mavlink_defs.runtime.code_cache import add_to_cache, forget_unreadable
+from mavlink_defs.config.problems import ConfigError, Problem
+from mavlink_defs.runtime.prebuilt import Kinds, entries_of, is_complete, kinds_of, why_not
 
 _F = TypeVar("_F", bound=Callable[..., object])
+_Typed = Callable[..., Any]
+Memory: TypeAlias = np.dtype | np.ndarray | tuple[Any, ...]
 
-_njit: Any = numba.njit  # whose types leave out some of its options
+PLAIN = os.environ.get("NUMBA_DISABLE_JIT", "0") not in {"", "0"}
+"""Whether all runs as plain Python."""
+
 _compiled_functions: set[Callable[..., object]] = set()
-OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True}
-"""Of all compiled code: division by zero gives inf or NaN, as in numpy."""
+_imported: list[Any] = []  # the module `mavlink_defs.runtime.compiler`, once it is needed
+_waiting: list[Callable[[], None]] = []
+_apart: dict[Callable[..., object], Callable[..., object]] = {}
+EVERYTHING = "everything"
+"""All parts of the numeric core."""
+listeners: list[Callable[[Callable[..., object], tuple[Any, ...]], None]] = []
+"""Called with every function that Python calls, and all its arguments."""
+
+
+class CompilerMissing(ConfigError):  # noqa: N818 - the name says it
+    """Something has to be compiled, and numba is not installed."""
 
 
 def compiled(function: _F) -> _F:
-    """Compile a function with numba on its first call, and keep the machine code on disk.
+    """Compile a function on its first call, unless its machine code came with the package.
 
     Floating-point rules stay strict (no ``fastmath``), so that the same inputs give the
     same bits in every process and from every caller; division by zero gives inf or NaN as
     in numpy.
     """
     return _compiled(function, forceinline=False)
-
-
-def is_compiled(function: Callable[..., object]) -> bool:
-    """Return whether compiled code can call a function; none is with ``NUMBA_DISABLE_JIT=1``."""
-    return function in _compiled_functions or is_jitted(function)
-
-
-def compiled_for_python(function: _F) -> _F:
-    """Compile a function as `compiled` does; how compiled code calls it is said elsewhere."""
-    return _compiled(function, forceinline=False, inside=False)
 
 
 def inlined(function: _F) -> _F:
@@ -50,49 +58,175 @@ def inlined(function: _F) -> _F:
     return _compiled(function, forceinline=True)
 
 
-def _compiled(function: _F, forceinline: bool, inside: bool = True) -> _F:
-    """Return a function for Python; compiled code calls a variant that Python cannot.
+def apart(**memory: Memory) -> Callable[[_F], _F]:
+    """Compile a function as `compiled` does, but apart from what calls it.
 
-    That variant takes half the time to compile: what unpacks Python's objects is often longer than
-    the function, and an overload is compiled once for all calls with the same types, where numba
-    would compile a function for each constant that it is called with.
+    Compiled code calls it by an address: a caller is compiled without it, what a flight does not
+    call is not compiled, and what it calls is compiled once, not into each level above it. The
+    first call makes the code, or loads it from the cache; `load` does that ahead of a flight. It is
+    for functions of which a flight needs few, or that several levels would repeat.
+
+    Args:
+        memory: The dtype of each argument that is a record, an example of one that is an array or
+            holds one. The others are numbers and tuples of such, and so is what it returns, as
+            annotated; none has a default.
     """
-    if vars(numba.config)["DISABLE_JIT"]:
+
+    def decorate(function: _F) -> _F:
+        call = _entry(function)
+        if not PLAIN:
+            _apart[call] = function
+            _when_compiling(
+                lambda numba_side: numba_side.add_part(call, function, memory, bool(listeners))
+            )
+        return call
+
+    return decorate
+
+
+def apart_in(module: str) -> list[Callable[..., object]]:
+    """Return the functions that are compiled apart of a module, and of the package around it."""
+    place = module.removesuffix(".parameters")
+    return [one for one in _apart if one.__module__.startswith(place)]
+
+
+def load(*functions: Callable[..., object]) -> None:
+    """Have functions ready that are compiled apart: their first calls would else make them so.
+
+    Raises:
+        CompilerMissing: Numba is not installed.
+        OSError: The cache cannot be read.
+    """
+    if PLAIN or is_complete():
+        return
+    for function in functions:
+        compiler(*why_not(_apart[function])).load_part(_apart[function])
+
+
+def is_compiled(function: Callable[..., object]) -> bool:
+    """Return whether compiled code can call a function; none is with ``NUMBA_DISABLE_JIT=1``."""
+    if function in _compiled_functions:
+        return True
+    return hasattr(function, "py_func") and bool(compiler("").is_jitted(function))
+
+
+def in_machine_code(plain: Callable[..., object]) -> Callable[[_Typed], _Typed]:
+    """Decorate what builds the machine code of a function, as intrinsics of numba do.
+
+    Python calls the function itself, compiled code what is built.
+
+    Args:
+        plain: The function.
+
+    Returns:
+        The decorator of a function that gets the module `mavlink_defs.runtime.compiler`, with
+        numba's tools, and the types of the arguments. It returns a signature, and what builds code
+        from (context, builder, signature, arguments); None if the types do not fit.
+    """
+
+    def decorate(typed: _Typed) -> _Typed:
+        @_when_compiling
+        def add(numba_side: Any) -> None:
+            numba_side.add_builtin(plain, functools.partial(typed, numba_side))
+
+        return typed
+
+    return decorate
+
+
+def _when_compiling(add: Callable[[Any], None]) -> None:
+    """Call a function with the module `mavlink_defs.runtime.compiler` as soon as it is needed."""
+    if _imported:
+        add(_imported[0])
+    else:
+        _waiting.append(lambda: add(_imported[0]))
+
+
+def compiler(why: str, file: str = "") -> Any:
+    """Import the compiler, the module `mavlink_defs.runtime.compiler`.
+
+    Args:
+        why: What needs it, for the message.
+        file: Where that is.
+
+    Raises:
+        CompilerMissing: Numba is not installed.
+    """
+    try:
+        from mavlink_defs.runtime import compiler as numba_side
+    except ModuleNotFoundError as problem:
+        if problem.name not in {"numba", "llvmlite"}:
+            raise
+        from mavlink_defs.extras import install_command
+
+        advice = f"{install_command('compile')} (the extra `compile`)"
+        text = f"{why}, and the compiler numba is not installed: {advice}"
+        raise CompilerMissing(file, [Problem((), text)]) from None
+    _imported[:] = [numba_side]
+    numba_side.do(_waiting)
+    return numba_side
+
+
+def cold_parts(parts: Iterable[str]) -> list[str]:
+    """Return those parts of the numeric core that are still to be compiled.
+
+    Args:
+        parts: As `gcs.fleet.precompile` names them, or `EVERYTHING`.
+
+    Raises:
+        ConfigError: There are some, and the cache cannot be written, or numba is not installed.
+        OSError: Too many files are open.
+    """
+    if PLAIN or is_complete():
+        return []
+    compiler(*why_not())
+    from mavlink_defs.runtime.code_cache import parts_left
+
+    return parts_left(parts)
+
+
+def _compiled(function: _F, forceinline: bool) -> _F:
+    """Return a function for Python; compiled code calls a variant that Python cannot."""
+    call = _entry(function)
+    if not PLAIN:
+        _when_compiling(lambda numba_side: numba_side.add_function(call, function, forceinline))
+    return call
+
+
+def _entry(function: _F) -> _F:
+    """Return a function for Python: itself in plain Python."""
+    if PLAIN:
         return function
-    inner = _renamed(function, f"{function.__qualname__}.inner")
-    options: dict[str, Any] = {
-        **OPTIONS,
-        "no_cfunc_wrapper": True,
-        "forceinline": forceinline,
-        "cache": add_to_cache(function, inner),
-    }
-    entry: Any = None
+    signature = inspect.signature(function)
+    count = len(signature.parameters)
+    made: dict[Kinds, Callable[..., Any]] | None = None
+    by_numba: Callable[..., Any] | None = None
 
     @functools.wraps(function)
     def call(*arguments: Any, **keywords: Any) -> Any:
-        nonlocal entry
-        if entry is None:
-            entry = _njit(function, **options)
-        try:
-            return entry(*arguments, **keywords)
-        except (AttributeError, ModuleNotFoundError):
-            if not forget_unreadable():
-                raise
-            return entry(*arguments, **keywords)
+        nonlocal made, by_numba
+        if made is None:
+            made = entries_of(function)
+        given = arguments
+        if keywords or len(arguments) != count:
+            given = _bound(signature, arguments, keywords)
+        for heard in listeners:
+            heard(function, given)
+        entry = made.get(kinds_of(given)) if made else None
+        if entry is not None:
+            return entry(*given)
+        if by_numba is None:
+            by_numba = compiler(*why_not(function, given)).entry_of(function)
+        return by_numba(*arguments, **keywords)
 
-    if inside:  # what is compiled into its caller is cached with that
-        inside_options: Any = options | {"no_cpython_wrapper": True}
-        inside_options["cache"] = options["cache"] and not forceinline
-        overload(call, jit_options=inside_options, strict=False)(lambda *_, **__: inner)
     _compiled_functions.add(call)
     return cast(_F, call)
 
 
-def _renamed(function: Callable[..., object], name: str) -> FunctionType:
-    """Return a copy of a function whose code has a name of its own in the cache."""
-    original = cast(FunctionType, function)
-    copy = FunctionType(original.__code__, original.__globals__, closure=original.__closure__)
-    functools.update_wrapper(copy, original)
-    copy.__defaults__, copy.__kwdefaults__ = original.__defaults__, original.__kwdefaults__
-    copy.__qualname__ = name
-    return copy
+def _bound(
+    signature: inspect.Signature, arguments: tuple[Any, ...], keywords: dict[str, Any]
+) -> tuple[Any, ...]:
+    """Return all arguments of a call in order, defaults among them."""
+    bound = signature.bind(*arguments, **keywords)
+    bound.apply_defaults()
+    return bound.args

@@ -1,121 +1,102 @@
 """Memory in compiled loops: uncounted arrays, bytes of records, copies of blocks, hash tables."""
 
 import ctypes
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
-import numba
 import numpy as np
-from numba.core import cgutils, types
-from numba.extending import intrinsic
 
-from mavlink_defs.runtime.jit import compiled, inlined
+from mavlink_defs.runtime.jit import compiled, in_machine_code
 
 _T = TypeVar("_T")
 _HASH_FACTOR = 0x9E3779B1
-_tools = cast("Any", cgutils)  # without annotations
-_carray = cast("Any", numba).carray
-_POINTER = cast("Any", types).CPointer(types.uint8)
 
 
-def _without_owner(context: Any, builder: Any, kind: Any, value: Any) -> Any:
-    """Return an array, or a tuple of such, that nobody owns."""
-    if isinstance(kind, types.Array):
-        model = context.data_model_manager[kind]
-        for owner in ("meminfo", "parent"):
-            nobody = _tools.get_null_value(model.get(builder, value, owner).type)
-            value = model.set(builder, value, nobody, owner)
-        return value
-    if isinstance(kind, types.BaseTuple):
-        parts = zip(cast("Any", kind), _tools.unpack_tuple(builder, value), strict=True)
-        return context.make_tuple(
-            builder, kind, [_without_owner(context, builder, inner, part) for inner, part in parts]
-        )
+def borrowed(value: _T) -> _T:
+    """Return an array, or a tuple of arrays and tuples, whose references are not counted.
+
+    Compiled code counts a reference, by an atomic instruction, whenever it takes an array out of a
+    tuple: hundreds of times per step. A compiled entry point whose caller keeps the arrays alive
+    borrows them in its first line; nothing that it returns may hold one of them.
+    """
     return value
 
 
-@intrinsic
-def _borrowed(_context: Any, kind: Any) -> Any:
+@in_machine_code(borrowed)
+def _borrowed(tools: Any, kind: Any) -> Any:
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return _without_owner(context, builder, signature.args[0], arguments[0])
+        return _without_owner(tools, context, builder, signature.args[0], arguments[0])
 
     return kind(kind), build
 
 
-@intrinsic
-def _copy_record(_context: Any, target: Any, source: Any) -> Any:
-    if not isinstance(target, types.Record) or target != source:
+def _without_owner(tools: Any, context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    """Return an array, or a tuple of such, that nobody owns."""
+    if isinstance(kind, tools.types.Array):
+        model = context.data_model_manager[kind]
+        for owner in ("meminfo", "parent"):
+            nobody = tools.cgutils.get_null_value(model.get(builder, value, owner).type)
+            value = model.set(builder, value, nobody, owner)
+        return value
+    if isinstance(kind, tools.types.BaseTuple):
+        parts = zip(kind, tools.cgutils.unpack_tuple(builder, value), strict=True)
+        without = [_without_owner(tools, context, builder, *part) for part in parts]
+        return context.make_tuple(builder, kind, without)
+    return value
+
+
+def copy_record(target: np.void, source: np.void) -> None:
+    """Copy a record to another one of the same dtype.
+
+    An assignment to an element of an array copies a record byte by byte.
+    """
+    for name in target.dtype.names or ():
+        target[name] = source[name]
+
+
+@in_machine_code(copy_record)
+def _copy_record(tools: Any, target: Any, source: Any) -> Any:
+
+    if not isinstance(target, tools.types.Record) or target != source:
         return None
 
     def build(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        size = context.get_constant(types.intp, target.size)
-        _tools.raw_memcpy(builder, *arguments, size, 1)
+        size = context.get_constant(tools.types.intp, target.size)
+        tools.cgutils.raw_memcpy(builder, *arguments, size, 1)
         return context.get_dummy_value()
 
-    return types.void(target, source), build
+    return tools.types.void(target, source), build
 
 
-@intrinsic
-def _address(_context: Any, record: Any) -> Any:
-    if not isinstance(record, types.Record):
-        return None
-
-    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        return builder.bitcast(arguments[0], _tools.voidptr_t)
-
-    return _POINTER(record), build
-
-
-@intrinsic
-def _size(_context: Any, record: Any) -> Any:
-    def build(context: Any, _builder: Any, signature: Any, _arguments: Any) -> Any:
-        return context.get_constant(types.intp, signature.args[0].size)
-
-    return types.intp(record), build
-
-
-_address_of, _size_of = cast("Any", _address), cast("Any", _size)
-
-
-@inlined
-def _compiled_bytes_of(record: np.void) -> np.ndarray:
-    memory: np.ndarray = _carray(_address_of(record), (_size_of(record),))
-    return memory
-
-
-def plain_bytes_of(record: np.void) -> np.ndarray:
-    """Do what `bytes_of` does in plain Python; the record's owner must outlive the result."""
+def bytes_of(record: np.void) -> np.ndarray:
+    """Return the bytes of a record, uint8, which share its memory; its owner must outlive them."""
     memory = np.frombuffer(record.data, np.uint8)  # numpy hands out a read-only one
     writable = (ctypes.c_uint8 * memory.size).from_address(memory.ctypes.data)
     return np.ctypeslib.as_array(writable)
 
 
-def _same(value: _T) -> _T:
-    return value
+@in_machine_code(bytes_of)
+def _bytes_of(tools: Any, record: Any) -> Any:
 
+    if not isinstance(record, tools.types.Record):
+        return None
+    memory = tools.types.Array(tools.types.uint8, 1, "C")
 
-def _assign(target: np.void, source: np.void) -> None:
-    for name in target.dtype.names or ():
-        target[name] = source[name]
+    def build(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        size, one = (context.get_constant(tools.types.intp, number) for number in (record.size, 1))
+        parts = {
+            "nitems": size,
+            "itemsize": one,
+            "data": builder.bitcast(arguments[0], tools.cgutils.voidptr_t),
+            "shape": tools.cgutils.pack_array(builder, [size]),
+            "strides": tools.cgutils.pack_array(builder, [one]),
+        }
+        model = context.data_model_manager[memory]
+        value = context.get_constant_null(memory)
+        for name, part in parts.items():
+            value = model.set(builder, value, part, name)
+        return value
 
-
-_plain = vars(numba.config)["DISABLE_JIT"]
-
-borrowed = _same if _plain else cast("Any", _borrowed)
-"""Return an array, or a tuple of arrays and tuples, whose references are not counted.
-
-Compiled code counts a reference, by an atomic instruction, whenever it takes an array out of a
-tuple: hundreds of times per step. A compiled entry point whose caller keeps the arrays alive
-borrows them in its first line; nothing that it returns may hold one of them.
-"""
-
-bytes_of: Any = plain_bytes_of if _plain else _compiled_bytes_of
-"""Return the bytes of a record, uint8, which share its memory (record); for compiled code."""
-
-copy_record = _assign if _plain else cast("Any", _copy_record)
-"""Copy a record to another one of the same dtype (target, source).
-
-An assignment to an element of an array copies a record byte by byte.
-"""
+    return memory(record), build
 
 
 @compiled

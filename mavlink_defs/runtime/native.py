@@ -4,7 +4,7 @@ Sockets are made and closed by `mavlink_defs.endpoint`; compiled loops get their
 descriptors. Nothing here raises: a failed call returns -1, and a signal that interrupts a wait
 ends it early, so that the caller can check its stop flag.
 
-POSIX systems with 64-bit `long` only (Linux, macOS, BSD). With ``NUMBA_DISABLE_JIT=1`` the same
+POSIX systems with 64-bit `long` only (Linux, macOS, BSD). Without the compiler the same
 functions call the same libc through ctypes.
 
 A connected UDP socket reports at the next call, which then does nothing else, that an earlier
@@ -18,13 +18,12 @@ import socket
 import sys
 import time
 from collections.abc import Callable
+from inspect import Parameter, Signature
 from typing import Any, cast
 
-import numba
 import numpy as np
-from numba import types
 
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import compiled, in_machine_code
 
 ADDRESS_SIZE = 16  # struct sockaddr_in
 
@@ -46,22 +45,33 @@ SPIN_S = 1e-4
 
 By the clock, not by turns: with many processes a turn takes as long as all of theirs.
 """
-_NUMBA_TYPES: dict[object, Any] = {
-    ctypes.c_int: types.int32,
-    ctypes.c_void_p: types.uintp,
-    ctypes.c_size_t: types.uintp,
-    ctypes.c_ssize_t: types.intp,
-}
 
 
 def _libc(name: str, result: type, *arguments: type) -> Callable[..., int]:
-    if vars(numba.config)["DISABLE_JIT"]:
-        function = getattr(ctypes.CDLL(None), name)
-        function.restype, function.argtypes = result, arguments
-    else:  # resolved by name when the code is loaded, so that it can lie in the cache
-        signature = _NUMBA_TYPES[result](*(_NUMBA_TYPES[argument] for argument in arguments))
-        function = types.ExternalFunction(name, signature)
-    return cast(Callable[..., int], function)
+    """Return a function of libc; compiled code resolves its name when it is loaded."""
+    function = getattr(ctypes.CDLL(None), name)
+    function.restype, function.argtypes = result, arguments
+
+    def call(*values: int) -> int:
+        return cast(int, function(*values))
+
+    named = (Parameter(f"_{k}", Parameter.POSITIONAL_ONLY) for k in range(len(arguments)))
+    call.__signature__ = Signature(list(named))  # type: ignore[attr-defined]
+
+    @in_machine_code(call)
+    def typed(tools: Any, *_kinds: Any) -> Any:
+        kinds: dict[type, Any] = {_INT: tools.types.int32, _POINTER: tools.types.uintp}
+        kinds |= {_SIZE: tools.types.uintp, _SSIZE: tools.types.intp}
+
+        def build(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            passed = [context.get_value_type(kind) for kind in signature.args]
+            kind = tools.ir.FunctionType(context.get_value_type(signature.return_type), passed)
+            made = tools.cgutils.get_or_insert_function(builder.module, kind, name)
+            return builder.call(made, values)
+
+        return kinds[result](*(kinds[argument] for argument in arguments)), build
+
+    return call
 
 
 _INT, _POINTER, _SIZE, _SSIZE = ctypes.c_int, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_ssize_t

@@ -17,8 +17,7 @@ import math
 
 import numpy as np
 
-from mavlink_defs.runtime.apart import apart
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import apart, compiled
 from sitl_plant.air.config import Dryden
 from sitl_plant.air.gaussian import normal
 

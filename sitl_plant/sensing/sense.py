@@ -14,8 +14,7 @@ import numpy as np
 from mavlink_defs.constants import ACCELEROMETER, BAROMETER, GNSS, GYRO, MAGNETOMETER, PITOT
 from mavlink_defs.framing.codec import HIL_GPS, HIL_SENSOR, SIM_STATE
 from mavlink_defs.origin import Origin, degrees_at
-from mavlink_defs.runtime.apart import apart
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import apart, compiled
 from sitl_plant.airframe.rigid_body import R1
 from sitl_plant.sensing.config import NavigationSensors
 from sitl_plant.sensing.errors import AXES, CHANNELS, ERRORS, corrupt, is_due, turn_on

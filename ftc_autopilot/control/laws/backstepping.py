@@ -17,7 +17,7 @@ from ftc_autopilot.control.inversion import inversion_problem, surfaces_for, thr
 from ftc_autopilot.control.laws.base import TABLE_III_K1, TABLE_III_K2, Gains, LawParameters
 from ftc_autopilot.control.step import ALL, Command, Step
 from mavlink_defs.config.quantity import quantity
-from mavlink_defs.runtime.apart import apart
+from mavlink_defs.runtime.jit import apart
 from sitl_plant.airframe.aircraft import AIRCRAFT, AircraftRecord
 from sitl_plant.airframe.config import Aircraft
 from sitl_plant.vec3 import mat3, mul, scale, sub

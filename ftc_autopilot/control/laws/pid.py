@@ -14,8 +14,7 @@ from pydantic import Field
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.step import ALL, Command, Step
 from mavlink_defs.config.quantity import quantity
-from mavlink_defs.runtime.apart import apart
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import apart, compiled
 from sitl_plant.airframe.aircraft import AIRCRAFT, AircraftRecord
 from sitl_plant.airframe.config import Aircraft
 from sitl_plant.airframe.rigid_body import R2

@@ -19,8 +19,7 @@ from ftc_autopilot.control.signals import SIGNALS
 from ftc_autopilot.control.speed import SpeedLaw, speed_law
 from ftc_autopilot.control.step import ALL, Command, SignalsRecord, Step
 from mavlink_defs.config.quantity import quantity
-from mavlink_defs.runtime.apart import apart
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import apart, compiled
 from sitl_plant.airframe.aircraft import AIRCRAFT, AircraftRecord
 from sitl_plant.airframe.config import Aircraft
 from sitl_plant.vec3 import clamp_each, sub, vec3

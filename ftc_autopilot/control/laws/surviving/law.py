@@ -19,8 +19,7 @@ from ftc_autopilot.control.laws.surviving.parameters import Surviving
 from ftc_autopilot.control.signals import SIGNALS
 from ftc_autopilot.control.step import ALL, Command, SignalsRecord, Step, Thresholds
 from mavlink_defs.constants import AILERON, ELEVATOR, RUDDER, THROTTLE
-from mavlink_defs.runtime.apart import apart
-from mavlink_defs.runtime.jit import compiled, inlined
+from mavlink_defs.runtime.jit import apart, compiled, inlined
 from sitl_plant.airframe.aircraft import AIRCRAFT, AircraftRecord
 from sitl_plant.airframe.rigid_body import angular_acceleration
 from sitl_plant.airframe.stops import has_actuator, range_of, stop_beside

@@ -21,8 +21,7 @@ from ftc_autopilot.control.signals import SIGNALS
 from ftc_autopilot.control.step import Command, SignalsRecord, Step
 from ftc_autopilot.control.triggers.base import in_steps
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
-from mavlink_defs.runtime.apart import apart
-from mavlink_defs.runtime.jit import compiled, inlined
+from mavlink_defs.runtime.jit import apart, compiled, inlined
 from sitl_plant.airframe.aircraft import AIRCRAFT, AircraftRecord
 from sitl_plant.airframe.stops import has_actuator, range_of
 from sitl_plant.vec3 import clamp

@@ -19,7 +19,7 @@ from gcs.scenario.sections import FormationLinks
 from mavlink_defs.dialect import FTC_SIM_FLAGS_RUNNING
 from mavlink_defs.framing import codec
 from mavlink_defs.framing.drop_reason import DropReason
-from mavlink_defs.runtime.memory import plain_bytes_of
+from mavlink_defs.runtime.memory import bytes_of
 
 
 def test_a_step_uses_states_of_the_step_before_even_if_newer_ones_have_arrived(rig: Rig) -> None:
@@ -120,7 +120,7 @@ def test_a_state_in_the_socket_is_taken_even_if_the_process_is_late(
     for step in (0, 1):
         rig.send_neighbour_state(step)
     seconds = itertools.count()
-    plain = {"monotonic_s": lambda: next(seconds), "bytes_of": plain_bytes_of}
+    plain = {"monotonic_s": lambda: next(seconds), "bytes_of": bytes_of}
     interpreted = inspect.unwrap(formation_link.collect_neighbour_states)
     collect = FunctionType(interpreted.__code__, vars(formation_link) | plain)
     own, signer = rig.autopilots.own[0], rig.autopilots.signer(0, FORMATION_SIGNER)

@@ -63,7 +63,7 @@ def test_ctrl_c_interrupts_the_compiler(moment: str) -> None:
 SHARED = """
 import sys
 from gcs.fleet import precompile
-from mavlink_defs.runtime.code_cache import cold_parts
+from mavlink_defs.runtime.jit import cold_parts
 
 compiled, compile_one = [], precompile._compile
 precompile._compile = lambda part: (compiled.append(part), compile_one(part))

@@ -14,8 +14,8 @@ CODE = """
 import signal, sys, time
 from typing import NamedTuple
 import numpy as np
-from mavlink_defs.runtime import apart as apart_module
-from mavlink_defs.runtime.apart import apart, load
+from mavlink_defs.runtime import parts as apart_module
+from mavlink_defs.runtime.jit import apart, load
 from mavlink_defs.runtime.jit import compiled
 
 INNER = np.dtype([("gain", "f8"), ("row", "f8", (3,))])
@@ -28,11 +28,11 @@ class Pair(NamedTuple):
 
 made = []
 
-def noted(part, _resolve=apart_module._Part.resolve):
+def noted(part, _resolve=apart_module.Part.resolve):
     made.append(part._function.__name__)
     _resolve(part)
 
-apart_module._Part.resolve = noted
+apart_module.Part.resolve = noted
 
 @apart(inner=INNER, many=np.zeros(1, INNER))
 def scaled(pair: Pair, inner: np.void, many: np.ndarray, flag: bool, n: int) -> Pair:
@@ -95,7 +95,7 @@ def interrupted(part):
         made.append("interrupted")
         raise KeyboardInterrupt
     noted(part)
-apart_module._Part.resolve = interrupted
+apart_module.Part.resolve = interrupted
 try:
     {CALLS.strip().replace(chr(10), chr(10) + "    ")}
     time.sleep(30.0)
@@ -114,7 +114,7 @@ def test_what_cannot_be_made_in_flight_ends_the_process_with_its_error(tmp_path:
 from parts import *
 def failing(part):
     raise OSError("no more files")
-apart_module._Part.resolve = failing
+apart_module.Part.resolve = failing
 {CALLS}
 """
     done = run(tmp_path, code)
@@ -130,12 +130,12 @@ FLIGHTS = {
     '"missions/ten", ["turbulent"]': "surviving",
 }
 FLIGHT = """
-from mavlink_defs.runtime import apart
+from mavlink_defs.runtime import parts as apart
 late = []
-def in_flight(part, _resolve=apart._Part._resolve_in_flight):
+def in_flight(part, _resolve=apart.Part._resolve_in_flight):
     late.append(part._function.__name__)
     _resolve(part)
-apart._Part._resolve_in_flight = in_flight
+apart.Part._resolve_in_flight = in_flight
 from gcs.fleet.in_process import fly_in_process
 from gcs.fleet.precompile import PARTS
 from gcs.fleet.warm_up import parts_of

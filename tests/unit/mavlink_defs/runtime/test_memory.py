@@ -3,7 +3,7 @@
 import numpy as np
 
 from mavlink_defs.runtime.jit import compiled
-from mavlink_defs.runtime.memory import bytes_of, plain_bytes_of
+from mavlink_defs.runtime.memory import bytes_of
 
 INNER = np.dtype([("flag", "u1"), ("value", "<f8")])
 OUTER = np.dtype([("before", "<i8"), ("inner", INNER), ("after", "u1")])
@@ -27,7 +27,7 @@ def test_the_bytes_of_a_nested_record_are_its_own_memory() -> None:
     expected = sum(rows[1]["inner"].tobytes())
     assert raise_flag(rows, 1) == expected
     assert rows["inner"]["flag"].tolist() == [0, 7, 0]
-    memory = plain_bytes_of(rows[2]["inner"])
+    memory = bytes_of(rows[2]["inner"])
     assert memory.tobytes() == rows[2]["inner"].tobytes()
     memory[0] = 5
     assert rows["inner"]["flag"].tolist() == [0, 7, 5]

@@ -1,8 +1,6 @@
-"""Compiled functions that each flight needs few of: a law, guidance along a path, an estimator.
+"""Functions that compiled code calls by an address, which their first call finds.
 
-Compiled code calls them by an address, so that a caller is compiled without them: what a scenario
-does not use is not compiled, and what it uses is compiled once, not into each level above it. A
-first call makes the code, or loads it from the cache; `load` does that ahead of a flight.
+`mavlink_defs.runtime.jit.apart` says which and why.
 """
 
 import ctypes
@@ -11,8 +9,8 @@ import os
 import signal
 import threading
 import traceback
-from collections.abc import Callable
-from typing import Any, TypeVar, cast, get_args, get_origin, get_type_hints
+from collections.abc import Callable, Mapping
+from typing import Any, cast, get_args, get_origin, get_type_hints
 
 import llvmlite.binding
 import numba
@@ -21,70 +19,32 @@ from llvmlite import ir
 from numba.core import types as numba_types
 from numba.extending import lower_builtin, type_callable
 
-from mavlink_defs.runtime.code_cache import add_to_cache, forget_unreadable
-from mavlink_defs.runtime.jit import OPTIONS, compiled_for_python
-
-_F = TypeVar("_F", bound=Callable[..., object])
 _types: Any = numba_types  # without annotations
-_cfunc: Any = numba.cfunc
 _typeof: Any = numba.typeof
 _LATER_S = 0.02
 
-_parts: dict[Callable[..., Any], "_Part"] = {}
 
-
-def apart(**memory: np.dtype | np.ndarray | tuple[Any, ...]) -> Callable[[_F], _F]:
-    """Compile a function as `compiled` does, but apart from what calls it.
-
-    It is for functions of which a flight needs few, or whose code would be repeated in several
-    callers: a call costs a few nanoseconds more than one of `compiled`.
-
-    Args:
-        memory: The dtype of each argument that is a record, an example of one that is an array or
-            holds one.
-            The others are numbers and tuples of such, and so is what it returns, as annotated;
-            none has a default.
-    """
-
-    def decorate(function: _F) -> _F:
-        call = compiled_for_python(function)
-        if call is function:  # plain Python
-            return function
-        _parts[call] = _Part(function, call, memory)
-        return call
-
-    return decorate
-
-
-def load(*functions: Callable[..., Any]) -> None:
-    """Have functions ready, whose first calls would else compile or load them.
-
-    Raises:
-        OSError: The cache cannot be read.
-    """
-    for function in functions:
-        if function in _parts:
-            _parts[function].resolve()
-
-
-def apart_in(module: str) -> list[Callable[..., Any]]:
-    """Return the functions that are compiled apart of a module, and of the package around it."""
-    place = module.removesuffix(".parameters")
-    return [one for one in _parts if one.__module__.startswith(place)]
-
-
-class _Part:
+class Part:
     """A function that is called by its address, which is 0 before it is ready."""
 
     def __init__(
         self,
         function: Callable[..., Any],
         call: Callable[..., Any],
-        memory: dict[str, np.dtype | np.ndarray | tuple[Any, ...]],
+        memory: Mapping[str, Any],
+        compile_as: Callable[[Any], Any],
     ) -> None:
-        """Let compiled code call it in place of `call`."""
-        self._function, self._memory = function, memory
-        self._address, self._code = ctypes.c_void_p(0), None
+        """Let compiled code call it.
+
+        Args:
+            function: The function.
+            call: As it stands in the code of its callers.
+            memory: As of `jit.apart`.
+            compile_as: Makes its code for a signature, or loads it, with an `address`.
+        """
+        self._function, self._memory, self._compile_as = function, memory, compile_as
+        self._address = ctypes.c_void_p(0)
+        self._code: Any = None
         self._resolver = ctypes.CFUNCTYPE(None)(self._resolve_in_flight)
         self._symbol = f"ftc_sitl.{function.__module__}.{function.__qualname__}"
         add_symbol = cast(Any, llvmlite.binding).add_symbol
@@ -106,16 +66,10 @@ class _Part:
         cast(Any, lower_builtin)(call, _types.VarArg(_types.Any))(self._lower)
 
     def resolve(self) -> None:
+        """Find the address."""
         if self._code is None:
-            add_to_cache(self._function)
-            make = _cfunc(self._typed(), **OPTIONS, cache=True)
-            try:
-                self._code = make(self._function)
-            except (AttributeError, ModuleNotFoundError):
-                if not forget_unreadable():
-                    raise
-                self._code = make(self._function)
-        self._address.value = cast(Any, self._code).address
+            self._code = self._compile_as(self._typed())
+        self._address.value = self._code.address
 
     def _resolve_in_flight(self) -> None:
         """Resolve it from compiled code, into which no error can be raised."""
