@@ -10,7 +10,7 @@ RUN pip wheel --no-cache-dir --no-deps --wheel-dir /dist . \
 
 FROM python:3.12-slim
 COPY --from=build /dist /dist
-RUN pip install --no-cache-dir --constraint /dist/constraints.txt "$(echo /dist/*.whl)[export,foxglove,jsbsim,lab,python,tools,web]" \
+RUN pip install --no-cache-dir --constraint /dist/constraints.txt "$(echo /dist/*.whl)[compile,export,foxglove,jsbsim,lab,python,tools,web]" \
     && useradd --create-home --uid 1000 pilot \
     && mkdir /cache /fleet /flights \
     && chown 1000 /cache /fleet /flights

@@ -73,7 +73,7 @@ LOCK := uv pip compile pyproject.toml --universal --python-version 3.11 --genera
 NOT_TO_FLY := lxml pymavlink scipy
 lock:  ## choose new dependency versions (wants uv on the PATH)
 	$(LOCK) --all-extras --group build --group clone --group docs --group test --upgrade --output-file requirements.txt
-	$(LOCK) --group clone --constraint requirements.txt $(addprefix --no-emit-package ,$(NOT_TO_FLY)) \
+	$(LOCK) --extra compile --group clone --constraint requirements.txt $(addprefix --no-emit-package ,$(NOT_TO_FLY)) \
 	  --upgrade --output-file requirements/fly.txt
 
 clean:  ## remove the environment and everything generated
