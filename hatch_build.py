@@ -80,7 +80,10 @@ def machine_code(root: Path, scratch: Path) -> Path:
     folder.mkdir()
     command = [sys.executable, str(root / "scripts" / "prebuild.py"), str(folder)]
     paths = [str(root), str(scratch / "metadata"), *filter(None, sys.path)]  # isolated, too
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "ftc-sitl"
+    cache = Path(os.environ.get("NUMBA_CACHE_DIR") or home) / "ahead"  # here nothing is apart
     env = os.environ | {"PYTHONPATH": os.pathsep.join(paths), "NUMBA_DISABLE_JIT": "0"}
+    env["NUMBA_CACHE_DIR"] = str(cache)
     subprocess.run(command, check=True, env=env, stdout=sys.stderr)
     (made,) = folder.iterdir()
     return made
