@@ -4,6 +4,7 @@
 ziglang. It flies what people fly, so that every function that Python calls is called.
 """
 
+import ast
 import sys
 import tempfile
 from pathlib import Path
@@ -16,16 +17,20 @@ from ftc_autopilot.hot.checkpoint import checksum
 from ftc_autopilot.warm_up import call_messages
 from gcs.commands.cli import main as command_line
 from gcs.fleet.ardupilot.flight import ArduPilotFlight
+from gcs.fleet.in_process import fly_in_process
 from gcs.fleet.precompile import PARTS
 from gcs.scenario.changes import with_changes
 from gcs.scenario.model import load_scenario
 from mavlink_defs import dialect
-from mavlink_defs.capture.impairing import new_directions
+from mavlink_defs.capture import delayed, tap_counts
+from mavlink_defs.capture.impairing import Impairer, new_directions
+from mavlink_defs.capture.impairment import Impairment
 from mavlink_defs.capture.relay_loop import new_relay_state
 from mavlink_defs.capture.tap import Tap
 from mavlink_defs.framing.hot_signing import new_link_signer, sign_bytes
 from mavlink_defs.runtime.ahead_of_time import Calls
 from mavlink_defs.runtime.native import ADDRESS_SIZE
+from mavlink_defs.runtime.sources import ROOT
 from sitl_plant.loop.fleet import loss_of, new_plant_state
 from sitl_plant.simulators.own import OwnSimulator
 from sitl_plant.vec3 import norm, scale, sub, vec3
@@ -38,6 +43,13 @@ FLIGHTS = (
     ("missions/hexagon", "--in-process", "--with", "estimated"),
     ("missions/hexagon", "--in-process", "--with", "realistic"),
 )
+DECORATORS = {"compiled", "inlined", "apart"}
+NOT_AHEAD = {
+    "ftc_autopilot.control.laws.plugin:_command",
+    "ftc_autopilot.control.triggers.plugin:_mask",
+    "ftc_autopilot.guidance.laws.plugin:_output",
+}
+"""Parts of plug-ins of compiled Python, for which the compiler is asked for in any case."""
 VEHICLES = (("estimated",), ("surviving",), ("tube",), ("realistic",))
 
 
@@ -55,7 +67,56 @@ def main(folder: Path) -> None:
             scenario = with_changes("missions/hexagon", additions, {}, "additions")
             call_messages(scenario.autopilot_config(scenario.uavs[0].id))
         call_what_is_rare()
+    if forgotten := python_calls() - calls.names - NOT_AHEAD:
+        sys.exit(f"prebuild: Python calls what was not called here: {', '.join(sorted(forgotten))}")
     calls.build(folder)
+
+
+def python_calls() -> set[str]:
+    """Return our compiled functions, as of `name_of`, that plain code names, which may call them.
+
+    What is compiled apart is none of them: compiled code calls it.
+    """
+    trees = {
+        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): ast.parse(
+            path.read_text(encoding="utf-8")
+        )
+        for package in ("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs")
+        for path in (ROOT / package).rglob("*.py")
+        if path.name != "dialect.py" and "project" not in path.parts
+    }
+    compiled = {
+        f"{module}:{node.name}"
+        for module, tree in trees.items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef) and _decorators(node) & {"compiled", "inlined"}
+    }
+    return set().union(*(_named(module, tree, compiled) for module, tree in trees.items()))
+
+
+def _named(module: str, tree: ast.Module, compiled: set[str]) -> set[str]:
+    places = {name.partition(":")[2]: name for name in compiled if name.startswith(f"{module}:")}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            for one in node.names:
+                places[one.asname or one.name] = f"{node.module}:{one.name}"
+    waiting: list[ast.AST] = [tree]
+    named = set()
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):
+            named.add(places.get(node.id, ""))
+        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            of = places.get(node.value.id, "").replace(":", ".")
+            named.add(f"{of}:{node.attr}")
+        if not (isinstance(node, ast.FunctionDef) and _decorators(node) & DECORATORS):
+            waiting += ast.iter_child_nodes(node)
+    return named & compiled
+
+
+def _decorators(function: ast.FunctionDef) -> set[str]:
+    called = (one.func if isinstance(one, ast.Call) else one for one in function.decorator_list)
+    return {one.id for one in called if isinstance(one, ast.Name)}
 
 
 def call_what_is_rare() -> None:
@@ -76,6 +137,10 @@ def call_what_is_rare() -> None:
     tap = Tap()
     tap.count(0.0, "plant", "to", FRAME)
     tap.report()
+    tap_counts.with_room(tap_counts.new_counts(window_s=1.0), len(FRAME))
+    delayed.with_room(delayed.new_delayed(), len(FRAME), 1)
+    Impairer(Impairment(), "plant").send(FRAME, 0.0)
+    fly_in_process(scenario.model_copy(update={"duration_s": 0.002})).error("command")
 
 
 def run(*command: str) -> None:

@@ -52,6 +52,11 @@ class Calls:
         self._functions: dict[str, Callable[..., object]] = {}
         self._entries: dict[str, dict[Kinds, _Entry]] = {}
 
+    @property
+    def names(self) -> set[str]:
+        """The functions that were called, as of `name_of`."""
+        return set(self._entries)
+
     @contextlib.contextmanager
     def listening(self) -> Iterator[None]:
         """Note every call of a compiled function."""
