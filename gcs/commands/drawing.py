@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from gcs.results.recording import Recording
 
 
-class _Drawn(NamedTuple):
+class _Flown(NamedTuple):
     recording: "Recording"
     gaps: "Gaps"
 
@@ -29,15 +29,15 @@ class FlightDrawing:
     def __init__(self, scenario: Scenario, folder: Path) -> None:
         """Start it; arguments as of `_draw`."""
         self._draw = partial(_draw, scenario, folder)
-        self._shown: _Drawn | None = None
-        self._process: LocalWorkers[_Drawn | None, bool] | None = None
+        self._shown: _Flown | None = None
+        self._process: LocalWorkers[_Flown | None, bool] | None = None
         if FORKS:
             self._process = LocalWorkers(1, self._draw, forked=True)
             self._process.submit(None)
 
     def begin(self, recording: "Recording", gaps: "Gaps") -> None:
         """Begin to draw a flight; arguments as of `gcs.reports.figures.overview.draw_flight`."""
-        self._shown = _Drawn(recording, gaps)
+        self._shown = _Flown(recording, gaps)
         if self._is_done():
             assert self._process is not None
             self._process.submit(self._shown)
@@ -73,7 +73,7 @@ def drawn(scenario: Scenario, folder: Path) -> Iterator[FlightDrawing]:
         yield drawing
 
 
-def _draw(scenario: Scenario, folder: Path, shown: _Drawn | None, _worker: str = "") -> bool:
+def _draw(scenario: Scenario, folder: Path, shown: _Flown | None, _worker: str = "") -> bool:
     """Draw the figures of a flight into its run folder; None: load what that takes."""
     from gcs.reports.figures.mission import draw_mission
     from gcs.reports.figures.overview import draw_flight

@@ -149,18 +149,19 @@ def c_function_of(
 def add_builtin(plain: Callable[..., object], typed: Callable[..., Any]) -> None:
     """Let compiled code have what `typed` builds where a function is called."""
 
-    @_extending.type_callable(plain)  # type: ignore[untyped-decorator]  # numba's, as below
     def typer(_context: Any) -> Callable[..., Any]:
         def signature(*kinds: Any) -> Any:
             made = typed(*kinds)
             return None if made is None else made[0]
 
-        signature.__signature__ = inspect.signature(plain)  # type: ignore[attr-defined]
+        vars(signature)["__signature__"] = inspect.signature(plain)
         return signature
 
-    @_extending.lower_builtin(plain, _types.VarArg(_types.Any))  # type: ignore[untyped-decorator]
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return typed(*signature.args)[1](context, builder, signature, arguments)
+
+    _extending.type_callable(plain)(typer)
+    _extending.lower_builtin(plain, _types.VarArg(_types.Any))(build)
 
 
 def _renamed(function: Callable[..., object], name: str) -> FunctionType:

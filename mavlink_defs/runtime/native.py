@@ -56,7 +56,7 @@ def _libc(name: str, result: type, *arguments: type) -> Callable[..., int]:
         return cast(int, function(*values))
 
     named = (Parameter(f"_{k}", Parameter.POSITIONAL_ONLY) for k in range(len(arguments)))
-    call.__signature__ = Signature(list(named))  # type: ignore[attr-defined]
+    vars(call)["__signature__"] = Signature(list(named))
 
     @in_machine_code(call)
     def typed(tools: Any, *_kinds: Any) -> Any:
