@@ -82,12 +82,10 @@ def add_part(
         memory: As of `jit.apart`.
         ahead: Whether code is made ahead of time: all of it is one module then, nothing is apart.
     """
-    if ahead:
-        add_function(call, function, forceinline=False)
-        return
-    _options[function] = {"cache": add_to_cache(function)}
-    compile_as = functools.partial(_part_of, function)
-    _parts[function] = Part(function, call, memory, compile_as)
+    if not ahead:
+        compile_as = functools.partial(_part_of, function)
+        _parts[function] = Part(function, call, memory, compile_as)
+    add_function(call, function, forceinline=False)  # for records of others that have more
 
 
 def load_part(function: Callable[..., object]) -> None:

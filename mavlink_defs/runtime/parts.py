@@ -57,6 +57,8 @@ class Part:
         def typer(_context: Any) -> Any:
             def of_call(*arguments: Any, **keywords: Any) -> Any:
                 given, typed = parameters.bind(*arguments, **keywords).args, self._typed()
+                if not all(map(_fits, given, typed.args)):
+                    return None
                 return typed.return_type(*map(_like_in_memory, given, typed.args))
 
             vars(of_call)["__signature__"] = parameters
@@ -111,6 +113,11 @@ class Part:
         with builder.if_then(unknown, likely=False):
             builder.call(resolver, [])
         return builder.call(builder.load(address), arguments)
+
+
+def _fits(given: Any, declared: Any) -> bool:
+    """Return whether an argument is no other record than the declared one, such as a longer one."""
+    return given == declared or not isinstance(declared, _types.Record)
 
 
 def _like_in_memory(given: Any, declared: Any) -> Any:

@@ -363,7 +363,7 @@ def load_matplotlib() -> None:
     figure = new_figure(1.0)
     figure.subplots()
     with TemporaryDirectory() as folder:
-        save(figure, Path(folder), "none")
+        save(figure, Path(folder), "page")
 
 
 def save(figure: "Figure", folder: Path, stem: str) -> None:

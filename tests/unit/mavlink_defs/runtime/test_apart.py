@@ -54,6 +54,12 @@ def outer(record: np.void, rows: np.ndarray, which: int) -> float:
     once = scaled(pair, record["inner"], record["many"], True, 2)
     twice = scaled(once, record["inner"], rows, flag=which > 0, n=3)
     return twice.first + twice.both[0] + twice.number
+
+LONGER = np.dtype([("own", "f8"), *((name, INNER[name]) for name in INNER.names)])
+
+@compiled
+def of_another(record: np.void, rows: np.ndarray) -> float:
+    return scaled(Pair(2.0, (3.0, 5.0), 1), record, rows, True, 2).first
 """
 CALLS = """
 record, rows = np.zeros(1, OUTER)[0], np.zeros(3, INNER)
@@ -79,6 +85,17 @@ def test_what_is_called_is_made_and_cached_and_what_is_not_is_not(tmp_path: Path
     for _ in range(2):  # by the compiler, then from the cache
         done = run(tmp_path, f"from parts import *\n{CALLS}\nprint(len({cached}))")
         assert done.stdout.splitlines() == [EXPECTED, "2"], done.stderr
+
+
+def test_a_record_of_another_that_has_more_is_compiled_with_its_caller(tmp_path: Path) -> None:
+    code = """
+from parts import *
+record, rows = np.zeros(1, LONGER)[0], np.zeros(3, INNER)
+record["gain"] = 1.5
+print(of_another(record, rows), *made)
+"""
+    for _ in range(2):
+        assert run(tmp_path, code).stdout.strip() == "6.0"
 
 
 def test_plain_python_calls_it_too(tmp_path: Path) -> None:
