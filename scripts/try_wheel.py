@@ -177,7 +177,7 @@ def check_edited(programs: Path, scratch: Path) -> None:
     before = law.read_text()
     law.write_text(f"{before}\n# edited\n")
     out = ("--quiet", "--out", scratch / "edited")
-    said = refusal(scratch, programs / "gcs", "fly", "paper/scenario1", *out)
+    said = refusal(scratch, programs / "gcs", "fly", "paper/scenario1", "--free-ports", *out)
     law.write_text(before)
     check("tube/law.py" in said and "pip install 'numba" in said, said)
     print(said)
@@ -187,7 +187,7 @@ def check_compiled_law(programs: Path, scratch: Path) -> None:
     """Check that a law of compiled Python asks for the compiler, in one line."""
     (scratch / "mine.py").write_text(LAW)
     chosen = ("--set", "controller.kind=mine.py:Mine", "--quiet", "--out", scratch / "mine")
-    said = refusal(scratch, programs / "gcs", "fly", "paper/scenario1", *chosen)
+    said = refusal(scratch, programs / "gcs", "fly", "paper/scenario1", "--free-ports", *chosen)
     check("compiled Python, and the compiler" in said, said)
     print(said)
 
