@@ -51,7 +51,8 @@ def compile_parts(
         OSError: Too many files are open.
     """
     try:
-        cold = [part for part in PARTS if part in cold_parts(PARTS if parts is None else parts)]
+        left = cold_parts(PARTS if parts is None else parts)
+        cold = [part for part in PARTS if part in left]  # the largest first
         with _seldom_collected(), _shared_out(cold) as taken:
             for k in taken:
                 on_progress(k)
