@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from ftc_autopilot.common.geography import Origin
 from ftc_autopilot.control.config import ControllerConfig
 from ftc_autopilot.control.laws import LAWS
+from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.estimation.parameters import EstimatorParameters
 from mavlink_defs import dialect
 from mavlink_defs.config.models import HostPort, Problems, SystemId, Title
@@ -91,17 +92,17 @@ class AutopilotConfig(ControllerConfig):
         return self
 
 
-def parts_of(law: str, navigation: str, *, on_path: bool) -> list[str]:
+def parts_of(law: LawParameters, navigation: str, *, on_path: bool) -> list[str]:
     """Return the parts of the numeric core, of `ftc_autopilot.warm_up.PARTS`, that a UAV flies by.
 
     Args:
-        law: Its kind. A plug-in is no part.
+        law: Its parameters. A plug-in is no part, but a law of ours that it extends is one.
         navigation: "true" or "estimated".
         on_path: Whether it may fly a path.
     """
     uses = {
         "controller": True,
-        f"law {law}": law in LAWS,
+        **{f"law {kind}": isinstance(law, one) for kind, one in LAWS.items()},
         "estimator": navigation == "estimated",
         "guidance": on_path,
     }

@@ -50,7 +50,7 @@ def call_everything(config: AutopilotConfig) -> None:
     """Call all that a process calls; of what is compiled apart, what it may need and is cached."""
     call_loop(config)
     call_messages(config)
-    used = parts_of(config.controller.kind, config.navigation, on_path=True)
+    used = parts_of(config.controller, config.navigation, on_path=True)
     for part in set(used) - set(cold_parts(used)):
         PARTS[part]()
 

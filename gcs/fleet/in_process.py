@@ -139,7 +139,7 @@ def begin(scenario: Scenario) -> InProcessFlight:
     ids = tuple(uav.id for uav in scenario.uavs)
     configs = [scenario.autopilot_config(uav_id) for uav_id in ids]
     on_path = scenario.mission is not None
-    for part in parts_of(scenario.controller.kind, scenario.navigation, on_path=on_path):
+    for part in parts_of(scenario.controller, scenario.navigation, on_path=on_path):
         PARTS[part]()
     try:
         controllers = new_controllers(configs)

@@ -60,7 +60,7 @@ def parts_of(scenario: Scenario, *, in_process: bool) -> list[str]:
 
     A plug-in is none of them.
     """
-    law, on_path = scenario.controller.kind, scenario.mission is not None
+    law, on_path = scenario.controller, scenario.mission is not None
     uses = {
         **dict.fromkeys(parts_of_controller(law, scenario.navigation, on_path=on_path), True),
         "sensors": scenario.navigation == "estimated",

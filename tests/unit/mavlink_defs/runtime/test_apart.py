@@ -7,7 +7,9 @@ from typing import Any
 
 import pytest
 
+from ftc_autopilot.config import parts_of
 from ftc_autopilot.control.laws import LAWS
+from ftc_autopilot.control.laws.surviving import Surviving
 from gcs.fleet.precompile import PARTS
 
 CODE = """
@@ -172,6 +174,14 @@ def test_a_flight_makes_nothing_that_was_not_ready(flight: str) -> None:
     command = [sys.executable, "-c", FLIGHT.format(flight)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.stdout.splitlines()[-1:] == [f"[] law {FLIGHTS[flight]}"], done.stderr
+
+
+def test_a_law_that_extends_ours_needs_ours() -> None:
+    class Mine(Surviving):
+        """One of another project."""
+
+    parts = parts_of(Mine(), "true_state", on_path=False)
+    assert parts == ["controller", "law surviving"]
 
 
 def test_every_law_is_a_part() -> None:
