@@ -34,6 +34,7 @@ REPORT = np.dtype(
     [
         ("imu", "i8"),  # the IMU flown by
         ("aligned", "i8"),  # 1: there is an estimate
+        ("placed", "i8"),  # 1: it had a first fix
         ("resets", "i8"),  # times that the estimate began again in flight, or jumped
         ("bad_imus", "i8"),  # bit k: IMU k is excluded
         ("bad_sensors", "i8"),  # bit k: the sensor of that number is excluded
@@ -42,6 +43,7 @@ REPORT = np.dtype(
         ("imu_reasons", "i8", (MAX_IMUS,)),  # of `health.REASONS`
         ("reasons", "i8", (N_SENSORS,)),
         ("ratios", "f8", (SIDESLIP + 1,)),  # squared normalised innovations, the last of each
+        ("gnss_ratios", "f8", (3,)),  # the same of GNSS: horizontal position, velocity, height
         ("attitude_std", "f8", (3,)),  # about NED axes [rad]
         ("velocity_std", "f8", (3,)),
         ("position_std", "f8", (3,)),
@@ -140,6 +142,7 @@ def write_report(
     """
     x, P = kalman["x"], kalman["P"]
     report["imu"], report["aligned"] = primary, kalman["aligned"]
+    report["placed"] = kalman["placed"]
     bad = 0
     for k in range(assumed["imus"]):
         report["imu_reasons"][k] = imus[k]["reason"]
@@ -156,6 +159,7 @@ def write_report(
     report["dead_reckoning"] = int(sensors[GNSS]["reason"] != WELL)
     for k in range(SIDESLIP + 1):
         report["ratios"][k] = kalman["ratios"][k]
+    report["gnss_ratios"][:] = kalman["ratios"][GNSS]
     for k in range(3):
         report["attitude_std"][k] = math.sqrt(P[PHI + k, PHI + k])
         report["velocity_std"][k] = math.sqrt(P[VEL + k, VEL + k])

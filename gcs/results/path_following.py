@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ftc_autopilot.guidance.path import PATH, locate, point_at
-from ftc_autopilot.hot.navigation import navigate, new_navigation
+from ftc_autopilot.hot.navigation import navigate, new_navigation, note_gps
 from gcs.results.recording import Steps
 from gcs.scenario.model import Scenario
 from mavlink_defs.framing.codec import SIM_STATE, copy_step
@@ -317,6 +317,8 @@ def _first_estimate(scenario: Scenario, system: int, fleet: PlantState, i: int) 
     navigation = new_navigation(scenario.autopilot_config(system))
     state, samples = navigation.state[0], fleet.sensing.imus[i]
     state["imus"][: len(samples)] = samples
+    if fleet.sensing.sites[i]["delivered"] == 1:
+        note_gps(state, fleet.sensing.gps[i])
     copy_step(fleet.uavs[i]["message"], fleet.uavs[i]["step"])
     measured = np.zeros(1, SIM_STATE)
     navigate(state, navigation.history, fleet.uavs[i]["step"], measured[0])

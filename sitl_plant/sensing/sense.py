@@ -156,7 +156,7 @@ def sense(sensing: Sensing, i: int, step: int, message: np.void) -> bool:
     t = step * site["step_us"] / 1e6
     for k in range(sensing.sensors.shape[1]):
         sensor, values = sensing.sensors[i, k], sensing.samples[i, k]
-        measured = step - sensor["late"]
+        measured = max(step - sensor["late"], 0)
         fresh = is_due(sensor, step)
         if fresh:
             motion = sensing.motions[i, measured % sensing.motions.shape[1]]
