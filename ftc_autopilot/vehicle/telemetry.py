@@ -37,7 +37,7 @@ MAKERS = (
     StatusMessages,
     Mission,
 )
-"""Classes whose methods make messages; of those of sensors a vehicle has one."""
+"""Classes whose methods make messages; a vehicle has one of the two that make those of sensors."""
 
 _DECLARED = tuple(declared_in(*MAKERS))
 

@@ -117,7 +117,7 @@ def turn_on(sensor: np.void, errors: SensorErrors, period_s: float) -> None:
 def is_due(sensor: np.void, step: int) -> bool:
     """Return whether a sensor has a new sample to report in a step.
 
-    That of step 0 comes at once: the aircraft has been held there for longer than any latency.
+    The one of step 0 comes at once: the aircraft was held there for longer than any latency.
     """
     measured = step - sensor["late"]
     return bool(step == 0 or (measured > 0 and measured % sensor["every"] == 0))
