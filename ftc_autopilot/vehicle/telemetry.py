@@ -37,7 +37,7 @@ MAKERS = (
     StatusMessages,
     Mission,
 )
-"""Classes whose methods make messages; a vehicle has one of the two that make those of sensors."""
+"""Classes whose methods make messages; a vehicle has one of the two of sensors."""
 
 _DECLARED = tuple(declared_in(*MAKERS))
 
