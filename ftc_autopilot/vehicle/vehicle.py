@@ -132,7 +132,7 @@ class VehicleServices:
                 lambda: int(hot.drops[GCS].sum()),
                 self._clock,
             ),
-            PathMessages(hot, controllers, config.origin, path, self._clock),
+            PathMessages(shown, controllers, path, self._clock),
             self._mission,
         )
         self.telemetry = [Telemetry(*makers) for _ in self._stations]

@@ -119,7 +119,12 @@ def test_dead_reckoning_and_a_start_show_in_the_flags(bench: Bench) -> None:
     assert not made(bench, dialect.MAVLINK_MSG_ID_SYS_STATUS).onboard_control_sensors_health & AHRS
 
 
-PLACES = ("GLOBAL_POSITION_INT", "LOCAL_POSITION_NED", "GLOBAL_POSITION_INT_COV", "ODOMETRY")
+STREAMED_PLACES = {"GLOBAL_POSITION_INT", "LOCAL_POSITION_NED"}
+PLACES = STREAMED_PLACES | {
+    "GLOBAL_POSITION_INT_COV",
+    "ODOMETRY",
+    "POSITION_TARGET_GLOBAL_INT",
+}
 
 
 def test_before_the_first_fix_no_place_is_claimed(bench: Bench) -> None:
@@ -138,9 +143,9 @@ def test_before_the_first_fix_no_place_is_claimed(bench: Bench) -> None:
         number = getattr(dialect, f"MAVLINK_MSG_ID_{name}")
         result = bench.command(dialect.MAV_CMD_REQUEST_MESSAGE, number)
         assert result == dialect.MAV_RESULT_TEMPORARILY_REJECTED
-    assert not streamed() & set(PLACES)
+    assert not streamed() & PLACES
     report(bench)["placed"] = 1
-    assert streamed() >= set(PLACES[:2])
+    assert streamed() >= STREAMED_PLACES
     assert all(made(bench, getattr(dialect, f"MAVLINK_MSG_ID_{name}")) for name in PLACES)
 
 
