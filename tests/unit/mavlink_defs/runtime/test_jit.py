@@ -114,6 +114,8 @@ def test_without_a_home_no_folder_is_made(tmp_path: Path) -> None:
 def test_a_change_reaches_callers_and_leaves_the_rest_cached(project: Path) -> None:
     assert run(project) == ["24", "1", "False", "False"]
     assert run(project)[0::2] == ["24", "True"]
+    cached = [path.read_bytes() for path in (project / "cache").rglob("*.nbc")]
+    assert not [code for code in cached if b"--- LINE" in code]  # how lines were typed, as text
     (project / "mavlink_defs" / "constant.py").write_text("FACTOR = 3\n")
     assert run(project) == ["36", "2", "True", "False"]
 
