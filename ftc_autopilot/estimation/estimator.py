@@ -49,7 +49,7 @@ from mavlink_defs.runtime.memory import copy_record
 from sitl_plant.sensing.config import MAX_IMUS
 from sitl_plant.sensing.standard_air import altitude_of
 from sitl_plant.sensing.units import is_updated
-from sitl_plant.vec3 import Vec3, vec3
+from sitl_plant.vec3 import Vec3, square, vec3
 
 __all__ = ["ESTIMATOR", "Estimator", "EstimatorConfig", "estimate", "new_estimator"]
 
@@ -282,8 +282,8 @@ def _loosen(estimator: np.void, assumed: np.void) -> None:
     for k in range(assumed["imus"]):
         P = estimator["filters"][k]["P"]
         for i in range(2):
-            P[POS + i, POS + i] += (assumed["position_growth_m_s"] * gap) ** 2
-            P[VEL + i, VEL + i] += _VELOCITY_ERROR**2
+            P[POS + i, POS + i] += square(assumed["position_growth_m_s"] * gap)
+            P[VEL + i, VEL + i] += square(_VELOCITY_ERROR)
 
 
 @compiled

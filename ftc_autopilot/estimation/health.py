@@ -14,6 +14,7 @@ from mavlink_defs.constants import BAROMETER, GNSS, MAGNETOMETER, PITOT
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.sensing.config import NavigationSensors
 from sitl_plant.sensing.units import periods_between
+from sitl_plant.vec3 import square
 
 WELL: Final = 0
 ABSENT: Final = 1
@@ -89,7 +90,7 @@ def note_sample(sensor: np.void, fresh: bool, x: float, y: float, z: float) -> N
 @compiled
 def note_test(sensor: np.void, ratio: float, assumed: np.void) -> None:
     """Note the squared normalised innovation of a sample, and exclude or take back the sensor."""
-    gate = assumed["gate"] if sensor["reason"] == WELL else assumed["take_back_sigma"] ** 2
+    gate = assumed["gate"] if sensor["reason"] == WELL else square(assumed["take_back_sigma"])
     if ratio < gate and (sensor["most_same"] == 0 or sensor["same"] < 3):
         sensor["failed"] = 0
         sensor["passed"] += 1

@@ -12,7 +12,7 @@ from ftc_autopilot.estimation.state import FORCE_BIAS, GYRO_BIAS
 from mavlink_defs.constants import ACCELEROMETER, GYRO
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.sensing.units import is_updated
-from sitl_plant.vec3 import Vec3
+from sitl_plant.vec3 import Vec3, square
 
 IMU = np.dtype(
     [
@@ -59,7 +59,7 @@ def note_imu(imu: np.void, sample: np.void, assumed: np.void) -> None:
         if not new[part]:
             continue
         value = rates if part == 0 else force
-        same, square = True, 0.0
+        same, mean = True, 0.0
         for axis in range(3):
             k = 3 * part + axis
             same = same and value[axis] == rows[0, k]
@@ -67,9 +67,9 @@ def note_imu(imu: np.void, sample: np.void, assumed: np.void) -> None:
             imu["fast"][k] += step_s / _FAST_S * (value[axis] - imu["fast"][k])
             imu["slow"][k] += step_s / _SLOW_S * (value[axis] - imu["slow"][k])
             second = rows[0, k] - 2.0 * rows[1, k] + rows[2, k]
-            square += min(second * second / (6.0 * noises[part] ** 2), _MAX_SQUARE) / 3.0
+            mean += min(second * second / (6.0 * square(noises[part])), _MAX_SQUARE) / 3.0
         imu["same"][part] = imu["same"][part] + 1 if same else 0
-        imu["noise"][part] += gain * (square - imu["noise"][part])
+        imu["noise"][part] += gain * (mean - imu["noise"][part])
 
 
 @compiled
@@ -209,5 +209,5 @@ def misfit(kalman: np.void) -> float:
     total = 0.0
     for k in range(6):
         gain = TREND_OF_FIELD if k < 3 else TREND_OF_VELOCITY
-        total += kalman["trends"][k] ** 2 * (2.0 - gain) / gain
+        total += square(kalman["trends"][k]) * (2.0 - gain) / gain
     return total

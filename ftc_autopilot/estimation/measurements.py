@@ -22,7 +22,7 @@ from ftc_autopilot.estimation.state import (
     rotation,
 )
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.vec3 import Mat3, Vec3, cross, dot, norm, sub, vec3
+from sitl_plant.vec3 import Mat3, Vec3, cross, dot, hypot, norm, square, sub, vec3
 
 TREND_OF_FIELD, TREND_OF_VELOCITY = 0.05, 0.5
 """Gains of running means of innovations, over 0.2 s each at their usual rates."""
@@ -44,7 +44,7 @@ def is_settled(kalman: np.void) -> bool:
     """Return whether the attitude is known well enough to split a velocity through the air."""
     P = kalman["P"]
     variance = P[PHI, PHI] + P[PHI + 1, PHI + 1] + P[PHI + 2, PHI + 2]
-    return bool(variance < _SETTLED**2 or kalman["travel"][6] > _MAX_SETTLING_S)
+    return bool(variance < square(_SETTLED) or kalman["travel"][6] > _MAX_SETTLING_S)
 
 
 @compiled
@@ -133,7 +133,7 @@ def fuse_pitot(kalman: np.void, pressure: float, assumed: np.void, use: bool) ->
         h[PHI + k] = slope * lever[k]
         h[VEL + k] = slope * c[k]
         h[WIND + k] = -slope * c[k]
-        noise += (slope * lever[k]) ** 2 * kalman["P"][PHI + k, PHI + k]
+        noise += square(slope * lever[k]) * kalman["P"][PHI + k, PHI + k]
     h[PITOT_SCALE] = 0.5 * density * u * u
     expected = 0.5 * density * u * u * (1.0 + x[PITOT_SCALE])
     ratio = _fuse_tested(kalman, pressure - expected, noise, assumed, use)
@@ -161,13 +161,13 @@ def fuse_sideslip(kalman: np.void, period_s: float, assumed: np.void) -> float:
     if V < _MIN_AIRSPEED or not is_settled(kalman):
         return 0.0
     per_rad = assumed["side"] * 0.5 * assumed["density"] * V * V
-    own, prior = V * V, (V * assumed["sideslip_rad"]) ** 2
+    own, prior = V * V, square(V * assumed["sideslip_rad"])
     shown = 0.0
     if per_rad != 0.0:
         shown = kalman["force"][1] * V / per_rad
         other = assumed["side_by_surfaces"] * 0.5 * assumed["density"] * V * V
-        disturbance = math.hypot(assumed["side_disturbance_m_s2"], other) * V / per_rad
-        own = disturbance**2 + (assumed["side_model"] * shown) ** 2
+        disturbance = hypot(assumed["side_disturbance_m_s2"], other) * V / per_rad
+        own = square(disturbance) + square(assumed["side_model"] * shown)
         shown *= prior / (prior + own)
     variance = own * prior / (own + prior) * 2.0 * _SIDE_CORRELATION_S / period_s
     lever = cross(c, a)

@@ -28,7 +28,7 @@ from ftc_autopilot.estimation.state import (
 from mavlink_defs.constants import GNSS, PITOT
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.sensing.config import MAX_IMUS
-from sitl_plant.vec3 import mul_t, vec3
+from sitl_plant.vec3 import mul_t, square, vec3
 
 REPORT = np.dtype(
     [
@@ -167,5 +167,5 @@ def write_report(
     a = vec3(x[VEL:])
     total = 0.0
     for k in range(3):
-        total += (a[k] - x[WIND + k]) ** 2
+        total += square(a[k] - x[WIND + k])
     report["airspeed"] = math.sqrt(total)

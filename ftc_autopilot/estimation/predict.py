@@ -27,7 +27,7 @@ from ftc_autopilot.estimation.state import (
     turn_body,
 )
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.vec3 import Vec3, mul, norm, scale, vec3
+from sitl_plant.vec3 import Vec3, mul, norm, scale, square, vec3
 
 _MAX_GUSTS = 5.0  # largest excess of the pitot tube's NIS with which the wind's noise grows
 _STRAIGHT = math.radians(1.0)  # rad/s: what is less is noise, or to and fro
@@ -125,7 +125,7 @@ def _add_noise(P: np.ndarray, kalman: np.void, assumed: np.void) -> None:
     fade(kalman, GNSS_ERROR + 2, dt / assumed["gnss_correlation"], assumed["gnss_error"][2])
     gusts = 1.0 + assumed["gust_growth"] * min(max(kalman["gusts"] - 1.0, 0.0), _MAX_GUSTS)
     vertical = assumed["vertical_wind_m_s"]
-    fade(kalman, WIND + 2, dt / assumed["vertical_wind_s"], gusts * vertical**2)
+    fade(kalman, WIND + 2, dt / assumed["vertical_wind_s"], gusts * square(vertical))
     fade(kalman, PITOT_SCALE, dt / assumed["pitot_scale_s"], assumed["pitot_scale"])
     for i in range(3):
         # scale and misalignment are one bias in body axes, and another one after a turn
