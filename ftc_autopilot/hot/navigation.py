@@ -26,6 +26,7 @@ from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.memory import copy_record
 from sitl_plant.sensing.config import MAX_IMUS
+from sitl_plant.vec3 import square
 
 _NONE = -1
 
@@ -127,11 +128,11 @@ def note_sensor(
 def _is_finite(sensor: np.void) -> bool:
     """Return whether all values of a HIL_SENSOR are numbers whose squares are finite."""
     total = np.float32(0.0)
-    total += sensor["xacc"] ** 2 + sensor["yacc"] ** 2 + sensor["zacc"] ** 2
-    total += sensor["xgyro"] ** 2 + sensor["ygyro"] ** 2 + sensor["zgyro"] ** 2
-    total += sensor["xmag"] ** 2 + sensor["ymag"] ** 2 + sensor["zmag"] ** 2
-    total += sensor["abs_pressure"] ** 2 + sensor["diff_pressure"] ** 2
-    total += sensor["pressure_alt"] ** 2 + sensor["temperature"] ** 2
+    total += square(sensor["xacc"]) + square(sensor["yacc"]) + square(sensor["zacc"])
+    total += square(sensor["xgyro"]) + square(sensor["ygyro"]) + square(sensor["zgyro"])
+    total += square(sensor["xmag"]) + square(sensor["ymag"]) + square(sensor["zmag"])
+    total += square(sensor["abs_pressure"]) + square(sensor["diff_pressure"])
+    total += square(sensor["pressure_alt"]) + square(sensor["temperature"])
     return bool(np.isfinite(total))
 
 
