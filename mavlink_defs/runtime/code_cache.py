@@ -99,7 +99,7 @@ def add_to_cache(*variants: Callable[..., object], further: tuple[Path, ...] = (
 
 
 def _text_of(annotation: Any) -> str:
-    """Return what numba stores of how a function's lines were typed, text for `inspect_types`.
+    """Return how a function's lines were typed, as numba stores it for people who inspect it.
 
     It is longer than the machine code; of ours nothing is stored.
     """
