@@ -34,7 +34,7 @@ sys.argv = sys.argv[1:]
 atexit.register(note)
 main()
 """
-"""Runs `gcs`; its first argument is a file, which gets the processor time of this process."""
+"""Runs `gcs`, not of the current folder (`-P`); its first argument is a file, which gets the processor time of this process."""
 
 
 class Cost(NamedTuple):
@@ -163,7 +163,7 @@ def flight(clone: Clone, environment: Path) -> Cost:
     shutil.rmtree(clone.folder / "flight", ignore_errors=True)
     used = clone.folder / "station"
     options = ("--free-ports", "--quiet", "--out", clone.folder / "flight")
-    cost = clone.run(environment / "bin" / "python", "-c", STATION, used, *FLY, *options)
+    cost = clone.run(environment / "bin" / "python", "-Pc", STATION, used, *FLY, *options)
     return cost._replace(station_s=float(used.read_text()))
 
 
