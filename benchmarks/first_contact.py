@@ -34,7 +34,7 @@ sys.argv = sys.argv[1:]
 atexit.register(note)
 main()
 """
-"""Runs `gcs`, not of the current folder (`-P`); its first argument is a file, which gets the processor time of this process."""
+"""Runs `gcs`; its first argument is a file, which gets the processor time of this process."""
 
 
 class Cost(NamedTuple):
