@@ -68,6 +68,8 @@ def test_nothing_heavy_is_imported_before_a_command_listens(command: tuple[str, 
     assert "pydantic" not in modules or command[0] == "fault"  # whose options its models declare
     if command in {("--version",), ("arm", "--help")}:
         assert modules & OF_WHAT_TALKS == set()
+    if command in {("--version",), ("arm", *NOWHERE)}:  # whose answers are lines
+        assert "rich" not in modules
 
 
 def test_the_entry_points_import_nothing_before_ctrl_c_is_silent() -> None:
