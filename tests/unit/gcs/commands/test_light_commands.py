@@ -82,3 +82,12 @@ def test_the_entry_points_import_nothing_before_ctrl_c_is_silent() -> None:
             [sys.executable, "-c", code], capture_output=True, text=True, check=True
         )
         assert set(done.stdout.split()) == {package, f"{package}.__main__"}
+
+
+def test_nothing_is_left_to_search_for_garbage_at_the_end() -> None:
+    code = (
+        "import atexit, gc, sys; atexit.register(lambda: print(len(gc.get_objects())));"
+        "sys.argv = ['gcs', '--version']; from gcs.__main__ import main; main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert int(done.stdout.split()[-1]) < 1000
