@@ -121,9 +121,15 @@ def _excluded(flight: InProcessFlight) -> Iterator[tuple[int, str]]:
                 yield uav, FAULT_NAMES[k]
 
 
-def errors_of(steps: Steps, step_us: int) -> list[float]:
-    """Return the largest errors after 10 s: roll or pitch, yaw [deg], airspeed [m/s], place [m]."""
-    first = round(_SETTLED_S * 1e6 / step_us)
+def errors_of(steps: Steps, step_us: int, settled_s: float = _SETTLED_S) -> list[float]:
+    """Return the largest errors after a time: roll or pitch, yaw [deg], airspeed [m/s], place [m].
+
+    Args:
+        steps: A flight by sensors.
+        step_us: Its control period.
+        settled_s: The time.
+    """
+    first = round(settled_s * 1e6 / step_us)
     true, estimated = steps.states[first:], steps.estimates[first:]
     turned = (estimated[..., 6:9] - true[..., 6:9] + np.pi) % (2.0 * np.pi) - np.pi
     through = np.linalg.norm(true[..., 3:6] - steps.wind[first:], axis=-1)

@@ -2,16 +2,21 @@
 
     python -m benchmarks.consistency
     python -m benchmarks.consistency --scenario missions/race_track --seeds 20
+    python -m benchmarks.consistency --grade tactical
+    python -m benchmarks.consistency --airframe c172p
 
-A flight by the true state is flown once, and the estimator follows it with sensors of many seeds.
+A flight by the true state is flown once, and the estimator follows it with sensors of many seeds:
+states, specific force and wind are the plant's, or the simulator's. NEES of parts shows where an
+error is that the covariance does not know.
 NEES is eᵀ P⁻¹ e of attitude, velocity, position and horizontal wind, NIS the squared innovation
 over its variance. Of a consistent filter their means have chi-square distributions (Y. Bar-Shalom
 et al., Estimation with Applications to Tracking and Navigation, 2001, section 5.4): 95 % of them
-lie within the bounds. The figure goes to docs/images/consistency.png.
+lie within the bounds. The figure of the default flight goes to docs/images/consistency.png.
 """
 
 import argparse
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,23 +25,32 @@ from scipy.stats import chi2
 
 from ftc_autopilot.estimation.estimator import Estimator, EstimatorConfig, estimate, new_estimator
 from ftc_autopilot.estimation.state import AIDING, SIDESLIP, N
-from gcs.fleet.in_process import fly_in_process
+from gcs.fleet.in_process import begin, fly_on
 from gcs.reports.figures.style import SINGLE, decimated, draw_legend, letter, new_figure, save, tidy
-from gcs.results.recording import Recording
-from gcs.scenario.model import Scenario, load_scenario
+from gcs.results.recording import Steps
+from gcs.scenario.changes import with_changes
+from gcs.scenario.model import Scenario
 from mavlink_defs.constants import BAROMETER, GNSS, MAGNETOMETER
 from mavlink_defs.framing.codec import SIM_STATE, SIM_STEP
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.airframe.rigid_body import R1
 from sitl_plant.loop.fleet import new_sensing
+from sitl_plant.sensing.config import Sensors
 from sitl_plant.sensing.sense import Sensing, sense
 from sitl_plant.sensing.units import FAULT_NAMES
 
 EVERY = 100
 """Steps from sample to sample."""
+SCENARIO = "paper/scenario1"
 JUDGED = (0, 1, 2, 3, 4, 5, 6, 7, 8, 15, 16)
 """Elements of the error whose NEES is taken: all but biases and vertical wind."""
-_EXPECTED = {MAGNETOMETER: " (the largest of 3: 2.1)", GNSS: " (the largest of 6: 3.0)"}
+PARTS = {
+    "attitude": (0, 1, 2),
+    "velocity": (3, 4, 5),
+    "position": (6, 7, 8),
+    "wind": (15, 16),
+}
+_EXPECTED = {MAGNETOMETER: " (the largest of 3: 2.1)", GNSS: " (the largest of 2: 1.6)"}
 IMAGES = Path(__file__).parent.parent / "docs" / "images"
 
 
@@ -52,12 +66,32 @@ class Followed(NamedTuple):
     estimator: Estimator
 
 
-def follow(scenario: Scenario, flight: Recording, seed: int, i: int = 0) -> Followed:
+def flown(scenario: Scenario) -> np.ndarray:
+    """Fly a scenario by the true state; return its motion by step, shape (steps, n, 18).
+
+    Position NED, velocity body, attitude, rates, specific force, wind body: what the plant has.
+    """
+    exact = {"navigation": "true_state", "sensors": Sensors()}
+    scenario = scenario.model_copy(update=exact)
+    flight, n = begin(scenario), len(scenario.uavs)
+    steps = Steps.room(scenario.steps, n)
+    force = np.zeros((scenario.steps, n, 3))
+    for k in range(scenario.steps):
+        end_s = (k + 1) * scenario.step_us / 1e6
+        part = scenario.model_copy(update={"duration_s": end_s})
+        loss = fly_on(part, flight, steps.part, first=k).loss
+        if loss is not None:
+            raise SystemExit(f"{scenario.name}: {loss}")
+        force[k] = flight.fleet.uavs["message"]["specific_force"]
+    return np.concatenate([steps.states, force, steps.wind], axis=2)
+
+
+def follow(scenario: Scenario, motion: np.ndarray, seed: int, i: int = 0) -> Followed:
     """Let the estimator follow an aircraft through a flight by the sensors of a seed.
 
     Args:
         scenario: What was flown.
-        flight: Its recording.
+        motion: How, as of `flown`.
         seed: Of the sensors.
         i: Index of the aircraft.
     """
@@ -66,12 +100,7 @@ def follow(scenario: Scenario, flight: Recording, seed: int, i: int = 0) -> Foll
     estimator = new_estimator(
         EstimatorConfig(plant.sensors.navigation, plant.origin, scenario.step_us, aircraft)
     )
-    true = motion_of(
-        flight.states[:, i],
-        flight.wind[:, i, :3],
-        aircraft.gravity_m_s2,
-        scenario.step_us / 1e6,
-    )
+    true = np.ascontiguousarray(motion[:, i])
     samples = -(-len(true) // EVERY)
     out = Followed(
         np.zeros((samples, N)),
@@ -86,21 +115,6 @@ def follow(scenario: Scenario, flight: Recording, seed: int, i: int = 0) -> Foll
     state, history = estimator.state[0], estimator.history
     _follow(true, new_sensing(plant), i, state, history, np.zeros(1, SIM_STEP), records, *out[:6])
     return out
-
-
-def motion_of(states: np.ndarray, wind: np.ndarray, gravity: float, step_s: float) -> np.ndarray:
-    """Return states, specific force and wind, shape (n, 18); the force is from differences.
-
-    Args:
-        states: Position NED, velocity body, attitude, rates, shape (n, 12).
-        wind: Velocity of the air, body axes, shape (n, 3).
-        gravity: Acceleration of gravity [m/s²].
-        step_s: Time from state to state [s].
-    """
-    velocity, rates = states[:, 3:6], states[:, 9:12]
-    down = np.array([R1(tuple(angles))[2] for angles in states[:, 6:9]])
-    force = np.gradient(velocity, step_s, axis=0) + np.cross(rates, velocity) - gravity * down
-    return np.ascontiguousarray(np.hstack([states, force, wind]))
 
 
 @compiled
@@ -178,12 +192,12 @@ def _note_error(truth: np.void, filter_: np.void, error: np.ndarray) -> None:
         error[15 + axis] = wind - filter_["x"][15 + axis]
 
 
-def nees(followed: Followed) -> np.ndarray:
+def nees(followed: Followed, judged: Sequence[int] = JUDGED) -> np.ndarray:
     """Return eᵀ P⁻¹ e of each sample over the number of elements, shape (m,)."""
-    e = followed.error[:, JUDGED]
-    covariance = followed.covariance[np.ix_(range(len(e)), JUDGED, JUDGED)]
+    e = followed.error[:, judged]
+    covariance = followed.covariance[np.ix_(range(len(e)), judged, judged)]
     weighted = np.linalg.solve(covariance, e[..., None])[..., 0]
-    normalised: np.ndarray = np.sum(e * weighted, axis=1) / len(JUDGED)
+    normalised: np.ndarray = np.sum(e * weighted, axis=1) / len(judged)
     return normalised
 
 
@@ -212,14 +226,19 @@ def attitude_error(followed: Followed) -> np.ndarray:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--scenario", default="paper/scenario1")
+    parser.add_argument("--scenario", default=SCENARIO)
+    parser.add_argument("--airframe", help="a scenario of scenarios/airframes, such as c172p")
+    parser.add_argument("--grade", choices=("consumer", "tactical"), default="consumer")
     parser.add_argument("--seeds", type=int, default=100)
-    arguments = parser.parse_args()
-    scenario = load_scenario(arguments.scenario)
-    flight = fly_in_process(scenario)
-    runs = [follow(scenario, flight, seed) for seed in range(1, arguments.seeds + 1)]
+    options = parser.parse_args()
+    name = f"airframes/{options.airframe}" if options.airframe else options.scenario
+    values = {"sensors.navigation.grade": options.grade}
+    scenario = with_changes(name, ["estimated"], values)
+    motion = flown(scenario)
+    runs = [follow(scenario, motion, seed) for seed in range(1, options.seeds + 1)]
     _print(runs, scenario.step_us / 1e6)
-    _draw(runs, scenario.step_us / 1e6)
+    if (name, options.grade) == (SCENARIO, "consumer"):
+        _draw(runs, scenario.step_us / 1e6)
 
 
 def _print(runs: list[Followed], step_s: float) -> None:
@@ -241,6 +260,8 @@ def _print(runs: list[Followed], step_s: float) -> None:
     low, high = bounds(len(runs) * len(JUDGED))
     inside = np.mean((mean[late:] > low) & (mean[late:] < high))
     print(f"NEES {mean[late:].mean():.2f}, within {low:.2f} to {high:.2f} for {inside:.0%} of time")
+    for name, part in PARTS.items():
+        print(f"NEES of {name:11s}{np.mean([nees(run, part)[late:] for run in runs]):.2f}")
     for s in (*AIDING, SIDESLIP):
         ratios = np.array([run.ratios[late:, s] for run in runs])
         name = "sideslip" if s == SIDESLIP else FAULT_NAMES[s]

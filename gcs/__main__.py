@@ -14,9 +14,11 @@ def main() -> None:
     """
     if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:  # as a shell has it in the background
         signal.signal(signal.SIGINT, signal.SIG_DFL)
+    import atexit
     import gc
 
     gc.set_threshold(20_000)  # imports make many objects, of which few are garbage
+    atexit.register(gc.freeze)  # the process ends: nobody needs what a search for garbage frees
     if sys.argv[1:2] and sys.argv[1] in _FLIES and not _STARTS_NOTHING & set(sys.argv):
         from gcs.fleet.forked import start_server_ahead
 

@@ -22,6 +22,18 @@ def clamp(x: float, low: float, high: float) -> float:
 
 
 @compiled
+def square(x: float) -> float:
+    """Return x²: in plain Python x**2 is C's pow, which rounds some otherwise than a product."""
+    return x * x
+
+
+@compiled
+def hypot(x: float, y: float) -> float:
+    """Return √(x² + y²) as the C library rounds it, which Python's own does not."""
+    return float(np.hypot(x, y))
+
+
+@compiled
 def clamp_each(a: Vec3, limit: float) -> Vec3:
     """Return a with each element within ±limit."""
     return clamp(a[0], -limit, limit), clamp(a[1], -limit, limit), clamp(a[2], -limit, limit)

@@ -10,7 +10,7 @@ from ftc_autopilot.control.step import Step
 from mavlink_defs.runtime.jit import inlined
 from sitl_plant.airframe.aircraft import AircraftRecord
 from sitl_plant.airframe.rigid_body import R2, R2_inv, angular_acceleration
-from sitl_plant.vec3 import Vec3, add, dot, mat3, mul, mul_t, scale, sub, vec3
+from sitl_plant.vec3 import Vec3, add, dot, mat3, mul, mul_t, scale, square, sub, vec3
 
 
 class AttitudeLaw(NamedTuple):
@@ -104,8 +104,8 @@ def attitude_law(
         estimates: Φ̂_ω, β̂_ω, record of dtype `Proposed.STATE`; read only.
     """
     Phi_omega, beta_omega = estimates["Phi_omega"], estimates["beta_omega"]
-    h1_sq = gains["h_omega1"] ** 2
-    h2_sq = gains["h_omega2"] ** 2
+    h1_sq = square(gains["h_omega1"])
+    h2_sq = square(gains["h_omega2"])
 
     Xi = scale(basis, e_omega)
     network = scale(Phi_omega / (2.0 * h1_sq), Xi)

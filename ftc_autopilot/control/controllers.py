@@ -53,6 +53,7 @@ GUIDANCE = np.dtype(
         ("command", "f8", (4,)),  # airspeed [m/s], roll, pitch, yaw [rad]
         ("guided_step", "i8"),  # of the last update of the guidance law, or NOT_STARTED
         ("path_position", "f8"),  # path parameter then [m]
+        ("unplaced", "i8"),  # 1: it has had no fix, and does not know where it is
         ("in_slot", "i8"),  # 1: a member of a formation flies in its slot, not on the path itself
         ("law", GUIDANCE_STATE),
     ]

@@ -10,7 +10,7 @@ from sitl_plant.airframe.aerodynamics import control_effectiveness, force
 from sitl_plant.airframe.aircraft import AircraftRecord, aircraft_record
 from sitl_plant.airframe.config import Aircraft
 from sitl_plant.airframe.stops import has_actuator
-from sitl_plant.vec3 import Mat3, Vec3, add, dot, mat3, mul, scale
+from sitl_plant.vec3 import Mat3, Vec3, add, dot, mat3, mul, scale, square
 
 _MIN_EFFECT = 1e-3
 """Least effect of the weakest combination of the surfaces, relative to the strongest one.
@@ -76,7 +76,7 @@ def deflections_for(moment: Vec3, C: Mat3, aircraft: AircraftRecord) -> Vec3:
     J_inv = mat3(aircraft["J_inv"])
     asked = mul(J_inv, (moment[0], 0.0, moment[2]))
     made = mul(J_inv, (C[0][0], 0.0, C[2][0]))
-    aileron = (asked[0] * made[0] + asked[2] * made[2]) / (made[0] ** 2 + made[2] ** 2)
+    aileron = (asked[0] * made[0] + asked[2] * made[2]) / (square(made[0]) + square(made[2]))
     return aileron, moment[1] / C[1][1], 0.0
 
 

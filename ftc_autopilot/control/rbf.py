@@ -11,7 +11,7 @@ import numpy as np
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.vec3 import Vec3
+from sitl_plant.vec3 import Vec3, square
 
 
 class Rbf(Model):
@@ -43,10 +43,10 @@ def basis_norm(v: Vec3, phi: Vec3, omega: Vec3, delta_filtered: Vec3, rbf: np.vo
         centre = index * spacing - span
         d2 = 0.0
         for j in range(3):
-            d2 += (k * v[j] - centre) ** 2
-            d2 += (phi[j] - centre) ** 2
-            d2 += (omega[j] - centre) ** 2
-            d2 += (delta_filtered[j] - centre) ** 2
+            d2 += square(k * v[j] - centre)
+            d2 += square(phi[j] - centre)
+            d2 += square(omega[j] - centre)
+            d2 += square(delta_filtered[j] - centre)
         activation = math.exp(-d2 / (kappa * kappa))
         total += activation * activation
     return total

@@ -11,7 +11,7 @@ import numpy as np
 from ftc_autopilot.common.angles import wrap
 from mavlink_defs.profile import MAX_SEGMENTS, Segment
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.vec3 import Vec3
+from sitl_plant.vec3 import Vec3, square
 
 _CHANNELS, _YAW = 4, 3
 
@@ -122,7 +122,11 @@ def filter_reference(command: np.ndarray, x: np.ndarray, bandwidth: float, dt: f
         error = command[c] - x[c, 0]
         if c == _YAW:
             error = wrap(error)
-        jerk = bandwidth**3 * error - 3.0 * bandwidth**2 * x[c, 1] - 3.0 * bandwidth * x[c, 2]
+        jerk = (
+            square(bandwidth) * bandwidth * error
+            - 3.0 * square(bandwidth) * x[c, 1]
+            - 3.0 * bandwidth * x[c, 2]
+        )
         x[c, 0] += dt * x[c, 1]
         x[c, 1] += dt * x[c, 2]
         x[c, 2] += dt * jerk

@@ -9,7 +9,7 @@ from ftc_autopilot.control.inversion import speed_terms
 from ftc_autopilot.control.step import Step
 from mavlink_defs.runtime.jit import inlined
 from sitl_plant.airframe.aircraft import AircraftRecord
-from sitl_plant.vec3 import dot
+from sitl_plant.vec3 import dot, square
 
 
 class SpeedLaw(NamedTuple):
@@ -41,14 +41,14 @@ def speed_law(
     v, V = now.motion.v, now.motion.V
     lam, V_tp = now.errors.lambda_v, now.errors.V_tilde_prime
     Phi_v, g_v, beta_v = estimates["Phi_v"], estimates["g_v"], estimates["beta_v"]
-    h1_sq = gains["h_v1"] ** 2
+    h1_sq = square(gains["h_v1"])
     eps = gains["eps_v"]
 
     r_v, known, zeta_v = speed_terms(now, aircraft)
     vXi = V_tp * basis * dot(v, v) / V  # vᵀΞ_v
     approximation = vXi / (2.0 * h1_sq * V)
     alpha_v = gains["c_v"] * V_tp + lam * (
-        known + Phi_v * approximation + V_tp / (2.0 * gains["h_v2"] ** 2)
+        known + Phi_v * approximation + V_tp / (2.0 * square(gains["h_v2"]))
     )
     drive = (alpha_v - r_v) * beta_v
     B_v = drive * math.tanh(V_tp * drive / eps) + g_v * zeta_v * math.tanh(

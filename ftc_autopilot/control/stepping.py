@@ -220,10 +220,11 @@ def _control(
         clock = (measured["step"] - guidance["start_step"]) * step_us / 1e6
     dt = step_us / 1e6
     on_path = guidance["follows"] == ReferenceSource.PATH
+    placed = guidance["unplaced"] == 0  # else the command stays, and neighbours hear of no place
     _note_known(uav, edges, int(np.int64(measured["step"])), dt)
     if guidance["follows"] == ReferenceSource.PROFILE:
         profile_value(uav["profile"], clock, guidance["command"])
-    elif on_path:
+    elif on_path and placed:
         _guide(uav, edges, path, measured, motion, clock, dt)
     inputs = Inputs(clock, dt, motion, seen, guidance["command"], edges)
     records = Records(
@@ -234,7 +235,7 @@ def _control(
         uav["signals"],
     )
     mask = control_step(inputs, records, may_send)
-    if on_path and uav["layout"]["count"] > 0:
+    if on_path and placed and uav["layout"]["count"] > 0:
         own, layout = uav["own_state"], uav["layout"]
         tell_place(own, path["id"], measured, motion, dt, layout, uav["formation"])
     _record_guidance(uav, on_path)

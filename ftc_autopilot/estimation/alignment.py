@@ -27,7 +27,7 @@ from ftc_autopilot.estimation.state import (
     set_euler,
 )
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.vec3 import Vec3, cross, mul, norm, sub, vec3
+from sitl_plant.vec3 import Vec3, cross, hypot, mul, norm, square, sub, vec3
 
 _FAR_FROM_GRAVITY = 0.25  # of it
 _UNKNOWN_TILT = math.radians(15.0)
@@ -65,7 +65,7 @@ def align(
     gravity = sub(cross(rates, (u, 0.0, 0.0)), force)
     trust = max(1.0 - abs(norm(gravity) / assumed["gravity"] - 1.0) / _FAR_FROM_GRAVITY, 0.0)
     roll = trust * math.atan2(gravity[1], gravity[2])
-    pitch = trust * math.atan2(-gravity[0], math.hypot(gravity[1], gravity[2]))
+    pitch = trust * math.atan2(-gravity[0], hypot(gravity[1], gravity[2]))
     set_euler(kalman["quaternion"], roll, pitch, 0.0)
     level = mul(rotation(kalman["quaternion"]), field)  # yaw is what turns it into the field
     north, east = assumed["field"][0], assumed["field"][1]
@@ -78,8 +78,8 @@ def align(
     has_altitude = math.isfinite(altitude)
     x[POS + 2] = assumed["altitude"] - altitude if has_altitude else 0.0
     tilt = trust * (assumed["tilt_rad"] + _TILT_IN_TURN * abs(roll)) + (1.0 - trust) * _UNKNOWN_TILT
-    dip = abs(assumed["field"][2]) / max(math.hypot(north, east), 1e-3)
-    heading = min(math.hypot(assumed["heading_rad"], dip * tilt), _UNKNOWN_HEADING)
+    dip = abs(assumed["field"][2]) / max(hypot(north, east), 1e-3)
+    heading = min(hypot(assumed["heading_rad"], dip * tilt), _UNKNOWN_HEADING)
     heading = heading if has_heading else _UNKNOWN_HEADING
     _spread(kalman["P"], tilt, heading, air, vec3(x[VEL:]), assumed)
     if not has_altitude:
@@ -125,7 +125,7 @@ def _spread(
         P[FORCE_BIAS + i, FORCE_BIAS + i] = assumed["force_bias"]
         P[MAG_BIAS + i, MAG_BIAS + i] = assumed["magnetometer_bias"]
         P[GNSS_ERROR + i, GNSS_ERROR + i] = assumed["gnss_error"][i]
-        wind = (assumed["wind_m_s"] if i < 2 else assumed["vertical_wind_m_s"]) ** 2
+        wind = square(assumed["wind_m_s"] if i < 2 else assumed["vertical_wind_m_s"])
         P[WIND + i, WIND + i] = wind
         P[VEL + i, VEL + i] += wind
         P[VEL + i, WIND + i] = wind

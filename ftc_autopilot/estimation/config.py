@@ -27,6 +27,8 @@ _USUAL_DEFLECTION = math.radians(5.0)
 _SMALL = 0.01  # rad, of the angle of attack, to either side
 _MARGIN = 1.5
 """Of variances of errors that turn with the aircraft, for what a linear filter makes of them."""
+_UNTIMELY_M = 0.1
+"""Of the barometer's altitude, by the age of a fix with which it is compared [m]."""
 _MIN_GYRO, _MIN_ACCELEROMETER = 2e-3, 2e-2
 """Noise that samples have at least, in the tests of it [rad/s, m/s²]: float32, and the motion."""
 
@@ -45,6 +47,8 @@ PARAMETERS = np.dtype(
         ("gyro_noise", "f8"),  # standard deviation of a sample [rad/s]
         ("force_noise", "f8"),  # [m/s²]
         ("turning", "f8"),  # scale and misalignment of the gyro, variance per rad turned [rad]
+        ("gyros_apart", "f8"),  # what two of them differ by, over what they measure: 4 σ
+        ("forces_apart", "f8"),  # the same of accelerometers
         ("gyro_bias", "f8"),  # turn-on variance
         ("force_bias", "f8"),
         ("gyro_walk", "f8"),  # variance per second
@@ -71,6 +75,9 @@ PARAMETERS = np.dtype(
         ("cruise", "f8"),  # airspeed that is assumed where no pitot tube shows it [m/s]
         ("slowest", "f8"),  # lowest airspeed command [m/s]
         ("lift", "f8"),  # S cL_alpha / m
+        # of what the receiver's place and the barometer moved beyond the velocity [m]
+        ("receiver_moved", "f8", (4,)),  # largest sum: north, east, down; barometer
+        ("receiver_jump", "f8", (3,)),  # largest difference between two fixes
         # from the parameters
         ("wind_walk", "f8"),  # m²/s³
         ("gate", "f8"),  # largest squared normalised innovation that is fused
@@ -114,9 +121,10 @@ def parameters_of(config: EstimatorConfig) -> np.ndarray:
     own["altitude"] = config.origin.altitude_m
     _imu(own, config.sensors, period_s)
     _air_data(own, config.sensors)
-    _gnss(own, config.sensors)
-    _aircraft(own, config.aircraft)
     parameters = config.parameters
+    _gnss(own, config.sensors)
+    _moves(own, config.sensors, parameters)
+    _aircraft(own, config.aircraft)
     fill(own, parameters)
     own["wind_walk"] = parameters.wind_walk_m_s_sqrt_s**2
     own["gate"] = parameters.gate_sigma**2
@@ -140,6 +148,8 @@ def _imu(own: np.void, sensors: NavigationSensors, period_s: float) -> None:
     own["gyro_density"] = gyro_noise**2 * period_s + 1e-12
     own["force_density"] = force_noise**2 * period_s + 1e-8
     own["turning"] = _MARGIN * (gyro.scale_error**2 + 2.0 * (gyro.misalignment_deg * _DEGREE) ** 2)
+    own["gyros_apart"] = _apart(gyro.scale_error, gyro.misalignment_deg)
+    own["forces_apart"] = _apart(force.scale_error, force.misalignment_deg)
     own["gyro_bias"] = (gyro.turn_on_bias_deg_s * _DEGREE) ** 2 + 1e-10
     g = own["gravity"]
     own["force_bias"] = (
@@ -153,6 +163,12 @@ def _imu(own: np.void, sensors: NavigationSensors, period_s: float) -> None:
     walk = gauss_markov(force.bias_instability_m_s2)
     own["force_walk"] = 2.0 * walk**2 / force.correlation_s + 1e-10
     own["force_walk"] += (force.scale_error * _FORCE_CHANGE) ** 2
+
+
+def _apart(scale: float, misalignment_deg: float) -> float:
+    """Return what two sensors of three axes differ by at most, over what they measure."""
+    misalignment = misalignment_deg * _DEGREE
+    return max(4.0 * math.sqrt(2.0 * (scale**2 + 2.0 * misalignment**2)), 0.01)
 
 
 def _air_data(own: np.void, sensors: NavigationSensors) -> None:
@@ -192,6 +208,27 @@ def _gnss(own: np.void, sensors: NavigationSensors) -> None:
     flat = gnss.horizontal_velocity_noise_m_s**2 + _rounding(_CM) ** 2
     high = gnss.vertical_velocity_noise_m_s**2 + _rounding(_CM) ** 2
     own["gnss_velocity"] = [flat, flat, high]
+
+
+def _moves(own: np.void, sensors: NavigationSensors, parameters: EstimatorParameters) -> None:
+    """Write how far a place may move beyond the velocity, by the errors of both.
+
+    A sum that forgets with time constant T is a high pass of the place: of a first-order
+    Gauss-Markov error with time constant t it leaves T / (T + t) of the variance, of white noise
+    all; the noise of the velocity, a sample each period, adds (variance) (period) T / 2.
+    """
+    gnss, barometer, memory_s = sensors.gnss, sensors.barometer, parameters.receiver_memory_s
+    period_s = 1.0 / (gnss.rate_hz or 1e3)
+    left = memory_s / (memory_s + gnss.correlation_s)
+    summed = own["gnss_velocity"] * period_s * memory_s / 2.0
+    places = own["gnss_error"] * left + own["gnss_position"] + summed
+    left = memory_s / (memory_s + barometer.correlation_s)
+    drift = (barometer.bias_instability_pa / _PA_PER_M) ** 2
+    pressure = drift * left + own["barometer"] + summed[2] + _UNTIMELY_M**2
+    own["receiver_moved"] = parameters.gate_sigma * np.sqrt([*places, pressure])
+    steps = 2.0 * own["gnss_position"] + own["gnss_velocity"] * period_s**2
+    steps += 2.0 * own["gnss_error"] * period_s / gnss.correlation_s
+    own["receiver_jump"] = parameters.gate_sigma * np.sqrt(steps)
 
 
 def _aircraft(own: np.void, aircraft: Aircraft) -> None:

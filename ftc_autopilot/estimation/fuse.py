@@ -12,7 +12,10 @@ import numpy as np
 
 from ftc_autopilot.estimation.state import PHI, N, turn_world
 from mavlink_defs.runtime.jit import compiled, inlined
+from sitl_plant.vec3 import Vec3
 
+LARGE_TURN = 1e-4
+"""Correction of the attitude beyond which the axes of its error are turned [rad]."""
 _MIN_VARIANCE = 1e-14  # variance that rounding leaves at least
 
 
@@ -45,12 +48,13 @@ def innovation_variance(kalman: np.void, variance: float) -> float:
 def correct(kalman: np.void, innovation: float, S: float) -> None:
     """Correct the estimate by an innovation of variance S; `innovation_variance` comes before.
 
-    The attitude is corrected at once, and the small change of the error's axes that comes with it,
-    the Jacobian of Solà's section 6.3, is left out, as is usual.
+    The attitude is corrected at once. A large correction turns the error's axes, by the Jacobian of
+    Solà's section 6.3: else what is known well would be believed of other axes.
     """
     P, Ph, x, owed = kalman["P"], kalman["Ph"], kalman["x"], kalman["owed"]
     gain = innovation / S
-    turn_world(kalman["quaternion"], (gain * Ph[PHI], gain * Ph[PHI + 1], gain * Ph[PHI + 2]))
+    turn = gain * Ph[PHI], gain * Ph[PHI + 1], gain * Ph[PHI + 2]
+    turn_world(kalman["quaternion"], turn)
     for k in range(N):
         owed[k] += gain * Ph[k]
         if k > PHI + 2:
@@ -62,6 +66,24 @@ def correct(kalman: np.void, innovation: float, S: float) -> None:
             P[j, k] = value
         if not P[k, k] > _MIN_VARIANCE:
             P[k, k] = _MIN_VARIANCE
+    if abs(turn[0]) + abs(turn[1]) + abs(turn[2]) > LARGE_TURN:
+        _turn_axes(P, turn)
+
+
+@compiled
+def _turn_axes(P: np.ndarray, turn: Vec3) -> None:
+    """P ← G P Gᵀ with G = I + [turn]x / 2 of the attitude: Solà, section 6.3, global error."""
+    u, v, w = 0.5 * turn[0], 0.5 * turn[1], 0.5 * turn[2]
+    for c in range(N):
+        a, b, d = P[PHI, c], P[PHI + 1, c], P[PHI + 2, c]
+        P[PHI, c] += v * d - w * b
+        P[PHI + 1, c] += w * a - u * d
+        P[PHI + 2, c] += u * b - v * a
+    for r in range(N):
+        a, b, d = P[r, PHI], P[r, PHI + 1], P[r, PHI + 2]
+        P[r, PHI] += v * d - w * b
+        P[r, PHI + 1] += w * a - u * d
+        P[r, PHI + 2] += u * b - v * a
 
 
 @compiled

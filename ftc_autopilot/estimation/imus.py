@@ -4,6 +4,8 @@ Each IMU drives a filter of its own, as in PX4's EKF2 with several instances: th
 the GNSS receiver show which of two that differ is wrong.
 """
 
+import math
+
 import numpy as np
 
 from ftc_autopilot.estimation.health import INCONSISTENT, NOISY, SILENT, STUCK, WELL
@@ -12,15 +14,19 @@ from ftc_autopilot.estimation.state import FORCE_BIAS, GYRO_BIAS
 from mavlink_defs.constants import ACCELEROMETER, GYRO
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.sensing.units import is_updated
-from sitl_plant.vec3 import Vec3
+from sitl_plant.vec3 import Vec3, square
 
 IMU = np.dtype(
     [
         ("reason", "i8"),  # why it is excluded; 0: it is not
         ("silent", "i8"),  # steps without a sample of gyro and accelerometer
+        ("quiet", "i8", (2,)),  # the same of each of them
         ("same", "i8", (2,)),  # samples in a row that are the same: gyro, accelerometer
         ("samples", "f8", (3, 6)),  # the last three of gyro and accelerometer
-        ("noise", "f8", (2,)),  # mean squared second difference over what healthy ones have
+        ("fresh", "i8", (2,)),  # 1: a sample came in this step
+        ("square", "f8", (2,)),  # squared second difference over its variance in healthy ones
+        ("wild", "f8", (2,)),  # share of the last samples that are none of a motion
+        ("noise", "f8", (2,)),  # its mean, over another IMU's where motion makes it large
         ("fast", "f8", (6,)),  # filtered samples, over 15 ms and over 0.2 s
         ("slow", "f8", (6,)),
         ("jump", "f8"),  # what the two differed in when a difference between IMUs appeared
@@ -34,8 +40,9 @@ IMU = np.dtype(
 _NOISE_S, _APART_S, _FAST_S, _SLOW_S = 0.05, 0.03, 0.015, 0.2  # time constants
 _JUMPED = 4.0  # what a jump of one of two IMUs counts against it, as a misfit of its filter
 _RECONSIDER_S = 3.0  # for which the filter of an IMU that differs runs on
-_MAX_SQUARE = 30.0  # of one second difference: steps of the motion are no noise
-_APART_PER_UNIT = 0.01, 0.01  # of the size of what is measured: scale errors, misalignments
+_WILD = 5.0, 100.0  # second differences that no aircraft makes [rad/s, m/s²]
+_MOST_WILD = 0.3  # share of such samples
+_MAX_SQUARE = 30.0  # of one second difference, so that one sample alone is no noise
 _SIGNIFICANT = 6.0  # difference of the filters' misfits
 
 
@@ -54,12 +61,13 @@ def note_imu(imu: np.void, sample: np.void, assumed: np.void) -> None:
     force = float(sample["xacc"]), float(sample["yacc"]), float(sample["zacc"])
     noises = assumed["gyro_noise"], assumed["force_noise"]
     step_s = assumed["step_us"] / 1e6
-    gain = step_s / _NOISE_S
     for part in range(2):
+        imu["quiet"][part] = 0 if new[part] else imu["quiet"][part] + 1
+        imu["fresh"][part] = new[part]
         if not new[part]:
             continue
         value = rates if part == 0 else force
-        same, square = True, 0.0
+        same, wild, mean = True, False, 0.0
         for axis in range(3):
             k = 3 * part + axis
             same = same and value[axis] == rows[0, k]
@@ -67,9 +75,22 @@ def note_imu(imu: np.void, sample: np.void, assumed: np.void) -> None:
             imu["fast"][k] += step_s / _FAST_S * (value[axis] - imu["fast"][k])
             imu["slow"][k] += step_s / _SLOW_S * (value[axis] - imu["slow"][k])
             second = rows[0, k] - 2.0 * rows[1, k] + rows[2, k]
-            square += min(second * second / (6.0 * noises[part] ** 2), _MAX_SQUARE) / 3.0
+            mean += second * second / (18.0 * square(noises[part]))
+            wild = wild or abs(second) > _WILD[part]
         imu["same"][part] = imu["same"][part] + 1 if same else 0
-        imu["noise"][part] += gain * (square - imu["noise"][part])
+        imu["square"][part] = mean
+        imu["wild"][part] += step_s / _NOISE_S * ((1.0 if wild else 0.0) - imu["wild"][part])
+
+
+@compiled
+def is_useless(imu: np.void, part: int, assumed: np.void) -> bool:
+    """Return whether samples of a gyro (part 0), or accelerometer (1), say nothing at all."""
+    can_be_stuck = assumed["gyro_density"] > 1e-10
+    return bool(
+        imu["quiet"][part] * assumed["step_us"] / 1e6 > assumed["imu_silent_s"]
+        or (can_be_stuck and imu["same"][part] > assumed["imu_same"])
+        or imu["wild"][part] > _MOST_WILD
+    )
 
 
 @compiled
@@ -90,17 +111,16 @@ def judge_imus(imus: np.ndarray, filters: np.ndarray, primary: int, assumed: np.
         assumed: Record of dtype `PARAMETERS`.
     """
     step_s, can_be_stuck = assumed["step_us"] / 1e6, assumed["gyro_density"] > 1e-10
-    all_noisy = True
-    for k in range(assumed["imus"]):
-        all_noisy = all_noisy and _is_noisy(imus[k], assumed)
     for k in range(assumed["imus"]):
         imu = imus[k]
+        for part in range(2):
+            _note_noise(imus, k, part, assumed)
         reason = WELL
         if imu["silent"] * step_s > assumed["imu_silent_s"]:
             reason = SILENT
         elif can_be_stuck and max(imu["same"][0], imu["same"][1]) > assumed["imu_same"]:
             reason = STUCK
-        elif _is_noisy(imu, assumed) and not all_noisy:
+        elif max(imu["noise"][0], imu["noise"][1]) > assumed["imu_noise"]:
             reason = NOISY
         _conclude(imu, reason, step_s, assumed)
     if imus[primary]["reason"] != WELL:
@@ -112,8 +132,22 @@ def judge_imus(imus: np.ndarray, filters: np.ndarray, primary: int, assumed: np.
 
 
 @compiled
-def _is_noisy(imu: np.void, assumed: np.void) -> bool:
-    return bool(max(imu["noise"][0], imu["noise"][1]) > assumed["imu_noise"])
+def _note_noise(imus: np.ndarray, k: int, part: int, assumed: np.void) -> None:
+    """Compare the last sample of an IMU's part with the least noisy other one's.
+
+    All of them see the same motion at the same time, which has second differences as well. Without
+    another one that has a new sample, nothing is known of the noise.
+    """
+    imu, least = imus[k], math.inf
+    if imu["fresh"][part] == 0:
+        return
+    for j in range(assumed["imus"]):
+        if j != k and imus[j]["fresh"][part] == 1 and imus[j]["same"][part] == 0:
+            least = min(least, imus[j]["square"][part])
+    found = 1.0
+    if least < math.inf:
+        found = min(imu["square"][part] / max(least, 1.0), _MAX_SQUARE)
+    imu["noise"][part] += assumed["step_us"] / 1e6 / _NOISE_S * (found - imu["noise"][part])
 
 
 @compiled
@@ -137,6 +171,7 @@ def _is_apart(
     """Return whether two IMUs measure too different things; note the jumps of both at first."""
     step_s = assumed["step_us"] / 1e6
     apart = assumed["imu_apart_rad_s"], assumed["imu_apart_m_s2"]
+    per_unit = assumed["gyros_apart"], assumed["forces_apart"]
     a, b = one["samples"][0], other["samples"][0]
     too_far, widest = False, 0.0
     for part in range(2):
@@ -144,7 +179,7 @@ def _is_apart(
         size = 0.0
         for axis in range(3):
             size = max(size, abs(a[3 * part + axis]))
-        limit = apart[part] + _APART_PER_UNIT[part] * size
+        limit = apart[part] + per_unit[part] * size
         for axis in range(3):
             j = 3 * part + axis
             gap = (b[j] - other_bias[at + axis]) - (a[j] - bias[at + axis])
@@ -170,7 +205,7 @@ def _compare(imus: np.ndarray, filters: np.ndarray, primary: int, assumed: np.vo
         imu = imus[k]
         too_far = _is_apart(imus[primary], filters[primary]["x"], imu, filters[k]["x"], assumed)
         imu["differs"] = imu["differs"] + 1 if too_far else 0
-        if imu["differs"] == 0 or not runs(imu, step_s):
+        if imu["differs"] == 0 or not runs(imu, step_s) or filters[k]["unsettled"] > 0.0:
             continue
         worse = misfit(filters[primary]) - misfit(filters[k])
         if imu["reason"] != WELL:
@@ -209,5 +244,5 @@ def misfit(kalman: np.void) -> float:
     total = 0.0
     for k in range(6):
         gain = TREND_OF_FIELD if k < 3 else TREND_OF_VELOCITY
-        total += kalman["trends"][k] ** 2 * (2.0 - gain) / gain
+        total += square(kalman["trends"][k]) * (2.0 - gain) / gain
     return total

@@ -13,6 +13,8 @@ from ftc_autopilot.estimation.state import (
     BARO_ERROR,
     FORCE_BIAS,
     GNSS_ERROR,
+    GNSS_HEIGHT,
+    GNSS_VELOCITY,
     MAG_BIAS,
     PHI,
     PITOT_SCALE,
@@ -21,16 +23,23 @@ from ftc_autopilot.estimation.state import (
     WIND,
     rotation,
 )
-from mavlink_defs.runtime.jit import compiled
-from sitl_plant.vec3 import Mat3, Vec3, cross, dot, norm, sub, vec3
+from mavlink_defs.constants import GNSS
+from mavlink_defs.runtime.jit import compiled, inlined
+from sitl_plant.vec3 import Mat3, Vec3, cross, dot, norm, square, sub, vec3
 
 TREND_OF_FIELD, TREND_OF_VELOCITY = 0.05, 0.5
 """Gains of running means of innovations, over 0.2 s each at their usual rates."""
 _GUST_GAIN = 0.0033  # of the pitot tube's, over 3 s at 100 samples per second
 _MAX_NORMAL = 10.0
-_SETTLED, _MAX_SETTLING_S = math.radians(4.0), 3.0
+_SETTLED = math.radians(4.0)
+SETTLING_S = 3.0
+"""Longest time for which a filter is settling after a coarse guess."""
+_ROBUST = 9.0  # squared standard deviations of what is fused while the filter is settling
+UNKNOWN_ACCELERATION = 5.0
+"""Of an aircraft, in a time that is not remembered [m/s²]: a turn with 30° of bank."""
 _MIN_AIRSPEED = 3.0  # m/s: below it, a pitot tube and the side force say nothing
-_SIDE_CORRELATION_S = 0.5  # of errors of the side force
+_LASTS = 200.0  # samples for which what a turn adds in second order stays
+_SIDE_CORRELATION_S, _TRIM_S = 0.5, 200.0  # of errors of the side force; of deflections in trim
 
 
 @compiled
@@ -44,7 +53,7 @@ def is_settled(kalman: np.void) -> bool:
     """Return whether the attitude is known well enough to split a velocity through the air."""
     P = kalman["P"]
     variance = P[PHI, PHI] + P[PHI + 1, PHI + 1] + P[PHI + 2, PHI + 2]
-    return bool(variance < _SETTLED**2 or kalman["travel"][6] > _MAX_SETTLING_S)
+    return bool(variance < square(_SETTLED) or kalman["unsettled"] <= 0.0)
 
 
 @compiled
@@ -63,6 +72,8 @@ def _fuse_tested(
     kalman["normal"] = innovation / math.sqrt(S)
     if use and ratio < assumed["gate"]:
         correct(kalman, innovation, S)
+    elif use and math.isfinite(ratio) and kalman["unsettled"] > 0.0:
+        correct(kalman, innovation, S * ratio / _ROBUST)  # nobody is to blame for a coarse guess
     return ratio
 
 
@@ -100,7 +111,33 @@ def _magnetic(
         h[PHI + k] = lever[k]
     h[MAG_BIAS + axis] = 1.0
     innovation = sample[axis] - dot(c, B) - kalman["x"][MAG_BIAS + axis]
-    return _fuse_tested(kalman, innovation, assumed["magnetometer"], assumed, use)
+    variance = assumed["magnetometer"] + _of_second_order(kalman["P"], c, B)
+    return _fuse_tested(kalman, innovation, variance, assumed, use)
+
+
+@compiled
+def _of_second_order(P: np.ndarray, c: Vec3, B: Vec3) -> float:
+    """Return the variance of what a turn adds to c · B in second order.
+
+    That is φᵀ H φ / 2, H = (c Bᵀ + B cᵀ) / 2 - (c · B) I, and its variance tr(H P H P) / 2
+    (Y. Bar-Shalom et al., Estimation with Applications to Tracking and Navigation, 2001, section
+    10.3). Without it, a quiet magnetometer would seem to show the tilt of a coarse guess.
+    """
+    along, total = dot(c, B), 0.0
+    for i in range(3):
+        for j in range(3):
+            one = other = 0.0
+            for k in range(3):
+                one += (_bend(c, B, along, i, k)) * P[PHI + k, PHI + j]
+                other += (_bend(c, B, along, j, k)) * P[PHI + k, PHI + i]
+            total += one * other
+    return _LASTS * 0.5 * total
+
+
+@inlined
+def _bend(c: Vec3, B: Vec3, along: float, i: int, k: int) -> float:
+    """Return an element of H, see `_of_second_order`."""
+    return 0.5 * (c[i] * B[k] + B[i] * c[k]) - (along if i == k else 0.0)
 
 
 @compiled
@@ -133,7 +170,7 @@ def fuse_pitot(kalman: np.void, pressure: float, assumed: np.void, use: bool) ->
         h[PHI + k] = slope * lever[k]
         h[VEL + k] = slope * c[k]
         h[WIND + k] = -slope * c[k]
-        noise += (slope * lever[k]) ** 2 * kalman["P"][PHI + k, PHI + k]
+        noise += square(slope * lever[k]) * kalman["P"][PHI + k, PHI + k]
     h[PITOT_SCALE] = 0.5 * density * u * u
     expected = 0.5 * density * u * u * (1.0 + x[PITOT_SCALE])
     ratio = _fuse_tested(kalman, pressure - expected, noise, assumed, use)
@@ -147,8 +184,8 @@ def fuse_sideslip(kalman: np.void, period_s: float, assumed: np.void) -> float:
 
     PX4's EKF2 fuses a sideslip of zero; here the nominal aircraft's side force says how much there
     is, as far as it can, and a sideslip within ±10° otherwise. Errors of the coefficient, and what
-    else pushes to the side, last: they count as white noise
-    of the same density.
+    else pushes to the side, last, and a rudder in trim longest: they count as white noise of the
+    same density.
 
     Args:
         kalman: Record of dtype `FILTER`.
@@ -161,15 +198,17 @@ def fuse_sideslip(kalman: np.void, period_s: float, assumed: np.void) -> float:
     if V < _MIN_AIRSPEED or not is_settled(kalman):
         return 0.0
     per_rad = assumed["side"] * 0.5 * assumed["density"] * V * V
-    own, prior = V * V, (V * assumed["sideslip_rad"]) ** 2
-    shown = 0.0
+    own, prior = V * V, square(V * assumed["sideslip_rad"])
+    shown, correlation_s = 0.0, _SIDE_CORRELATION_S
     if per_rad != 0.0:
         shown = kalman["force"][1] * V / per_rad
         other = assumed["side_by_surfaces"] * 0.5 * assumed["density"] * V * V
-        disturbance = math.hypot(assumed["side_disturbance_m_s2"], other) * V / per_rad
-        own = disturbance**2 + (assumed["side_model"] * shown) ** 2
+        trim = square(other * V / per_rad)
+        disturbance = square(assumed["side_disturbance_m_s2"] * V / per_rad)
+        own = trim + disturbance + square(assumed["side_model"] * shown)
+        correlation_s += trim / own * (_TRIM_S - _SIDE_CORRELATION_S)
         shown *= prior / (prior + own)
-    variance = own * prior / (own + prior) * 2.0 * _SIDE_CORRELATION_S / period_s
+    variance = own * prior / (own + prior) * 2.0 * correlation_s / period_s
     lever = cross(c, a)
     for k in range(3):
         h[PHI + k] = lever[k]
@@ -179,24 +218,37 @@ def fuse_sideslip(kalman: np.void, period_s: float, assumed: np.void) -> float:
 
 
 @compiled
-def past_travel(history: np.ndarray, now: np.ndarray, age: float, past: np.ndarray) -> None:
+def past_travel(history: np.ndarray, now: np.ndarray, age: float, past: np.ndarray) -> float:
     """Write the integrals of a time in the past, between two entries linearly.
+
+    Before the oldest entry the velocity counts as constant.
 
     Args:
         history: The last entries in a ring, shape (depth, 7); `travel` of dtype `FILTER`.
         now: The integrals now, shape (7,).
         age: How long ago it was [s].
         past: Written, shape (7,).
+
+    Returns:
+        How long before the oldest entry it was [s]; 0 of a time that is remembered.
     """
-    time = now[6] - age
+    time, oldest = now[6] - age, 0
     for k in range(7):
         past[k] = now[k]
-    later = now[6]
-    before = -1.0
+    later, before = now[6], -1.0
     for row in range(len(history)):
         t = history[row, 6]
+        if t < history[oldest, 6]:
+            oldest = row
         if t <= time and t > before:
             before = t
+    if before < 0.0:
+        gap = history[oldest, 6] - time
+        for k in range(3):
+            past[k] = history[oldest, k]
+            past[3 + k] = history[oldest, 3 + k] - history[oldest, k] * gap
+        past[6] = time
+        return float(gap)
     for row in range(len(history)):
         t = history[row, 6]
         if t > time and t <= later:
@@ -204,67 +256,94 @@ def past_travel(history: np.ndarray, now: np.ndarray, age: float, past: np.ndarr
             for k in range(7):
                 past[k] = history[row, k]
     for row in range(len(history)):
-        if history[row, 6] == before and before >= 0.0 and later > before:
+        if history[row, 6] == before and later > before:
             share = (later - time) / (later - before)
             for k in range(7):
                 past[k] += share * (history[row, k] - past[k])
             break
+    return 0.0
 
 
 @compiled
 def fuse_gnss(
-    kalman: np.void, position: Vec3, velocity: Vec3, past: np.ndarray, assumed: np.void, use: bool
-) -> float:
-    """Fuse a sample of the GNSS receiver of some time ago.
+    kalman: np.void,
+    position: Vec3,
+    velocity: Vec3,
+    past: np.ndarray,
+    gap: float,
+    assumed: np.void,
+    use: tuple[bool, bool, bool],
+) -> None:
+    """Fuse a sample of the GNSS receiver of some time ago: position, velocity, height apart.
 
     It is compared with where the filter says now that it was then: the estimate of now less what
     the accelerometer measured since. PX4's EKF2 runs its whole filter late instead. The noise that
     came since is left out of the covariance: in 0.2 s 1 mm/s, where the velocity has 50 mm/s.
 
     Args:
-        kalman: Record of dtype `FILTER`.
+        kalman: Record of dtype `FILTER`; its `ratios` are the largest of each part.
         position: Position then, NED [m].
         velocity: Velocity then, NED [m/s].
         past: `travel` then, shape (7,).
+        gap: Time of which `travel` was not remembered [s].
         assumed: Record of dtype `PARAMETERS`.
-        use: Whether it is fused if it passes its test.
-
-    Returns:
-        The largest squared normalised innovation.
+        use: Whether position, velocity, height are fused if they pass their test.
     """
-    worst = 0.0
+    ratios = kalman["ratios"]
+    ratios[GNSS] = ratios[GNSS_VELOCITY] = ratios[GNSS_HEIGHT] = 0.0
     for part in range(6):
         value = position[part] if part < 3 else velocity[part - 3]
-        worst = max(worst, _gnss(kalman, part, value, past, assumed, False))
+        ratio = _gnss(kalman, part, value, past, gap, assumed, False)
+        number = _part(part)
+        ratios[number] = max(ratios[number], ratio)
         if part >= 3:
             _note_trend(kalman, part, TREND_OF_VELOCITY)
-    if use and worst < assumed["gate"]:
-        for part in range(6):
+    settling = kalman["unsettled"] > 0.0
+    for part in range(6):
+        number = _part(part)
+        k = 0 if number == GNSS else (1 if number == GNSS_VELOCITY else 2)
+        if use[k] and (settling or ratios[number] < assumed["gate"]):
             value = position[part] if part < 3 else velocity[part - 3]
-            _gnss(kalman, part, value, past, assumed, True)
-    return worst
+            _gnss(kalman, part, value, past, gap, assumed, True)
+
+
+@inlined
+def _part(part: int) -> int:
+    """Return the number of what an element of a fix belongs to."""
+    if part >= 3:
+        return GNSS_VELOCITY
+    return GNSS if part < 2 else GNSS_HEIGHT
 
 
 @compiled
 def _gnss(
-    kalman: np.void, part: int, value: float, past: np.ndarray, assumed: np.void, use: bool
+    kalman: np.void,
+    part: int,
+    value: float,
+    past: np.ndarray,
+    gap: float,
+    assumed: np.void,
+    use: bool,
 ) -> float:
     h, x, travel = clear(kalman), kalman["x"], kalman["travel"]
     age = travel[6] - past[6]
+    changed = UNKNOWN_ACCELERATION * gap  # of the velocity, as far as it is not remembered
     if part < 3:
         then = travel[3 + part] - past[3 + part] - travel[part] * age  # less v age: since then
         expected = x[POS + part] - x[VEL + part] * age - then + x[GNSS_ERROR + part]
         h[POS + part], h[VEL + part], h[GNSS_ERROR + part] = 1.0, -age, 1.0
-        return _fuse_tested(kalman, value - expected, assumed["gnss_position"][part], assumed, use)
+        noise = assumed["gnss_position"][part] + square(0.5 * changed * gap)
+        return _fuse_tested(kalman, value - expected, noise, assumed, use)
     axis = part - 3
     R = rotation(kalman["quaternion"])
     pushed = sub(vec3(travel), vec3(past))
     expected = x[VEL + axis] - pushed[axis]
-    pushed = pushed[0], pushed[1], pushed[2] - assumed["gravity"] * age
+    pushed = pushed[0], pushed[1], pushed[2] - assumed["gravity"] * (age - gap)
     h[VEL + axis] = 1.0
     before, after = (axis + 2) % 3, (axis + 1) % 3
     h[PHI + before] = pushed[after]  # (pushed × phi), the component of this axis
     h[PHI + after] = -pushed[before]
     for k in range(3):
-        h[FORCE_BIAS + k] = R[axis][k] * age
-    return _fuse_tested(kalman, value - expected, assumed["gnss_velocity"][axis], assumed, use)
+        h[FORCE_BIAS + k] = R[axis][k] * (age - gap)
+    noise = assumed["gnss_velocity"][axis] + changed * changed
+    return _fuse_tested(kalman, value - expected, noise, assumed, use)

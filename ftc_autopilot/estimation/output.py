@@ -11,13 +11,13 @@ import numpy as np
 
 from ftc_autopilot.estimation.health import WELL
 from ftc_autopilot.estimation.state import (
-    AIDING,
     FORCE_BIAS,
     GYRO_BIAS,
     N_SENSORS,
     PHI,
     POS,
     SIDESLIP,
+    TESTED,
     VEL,
     WIND,
     N,
@@ -28,12 +28,13 @@ from ftc_autopilot.estimation.state import (
 from mavlink_defs.constants import GNSS, PITOT
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.sensing.config import MAX_IMUS
-from sitl_plant.vec3 import mul_t, vec3
+from sitl_plant.vec3 import hypot, mul_t, square, vec3
 
 REPORT = np.dtype(
     [
         ("imu", "i8"),  # the IMU flown by
         ("aligned", "i8"),  # 1: there is an estimate
+        ("placed", "i8"),  # 1: it had a first fix
         ("resets", "i8"),  # times that the estimate began again in flight, or jumped
         ("bad_imus", "i8"),  # bit k: IMU k is excluded
         ("bad_sensors", "i8"),  # bit k: the sensor of that number is excluded
@@ -42,7 +43,7 @@ REPORT = np.dtype(
         ("imu_reasons", "i8", (MAX_IMUS,)),  # of `health.REASONS`
         ("reasons", "i8", (N_SENSORS,)),
         ("ratios", "f8", (SIDESLIP + 1,)),  # squared normalised innovations, the last of each
-        ("attitude_std", "f8", (3,)),  # about NED axes [rad]
+        ("attitude_std", "f8", (3,)),  # about NED axes, of the output [rad]
         ("velocity_std", "f8", (3,)),
         ("position_std", "f8", (3,)),
         ("wind_std", "f8", (3,)),
@@ -50,6 +51,7 @@ REPORT = np.dtype(
         ("force_bias", "f8", (3,)),
         ("wind", "f8", (3,)),  # NED [m/s]
         ("airspeed", "f8"),
+        ("delay", "f8"),  # of the GNSS receiver, beyond what it says [s]
         ("step", "i8"),
         ("run", "i8"),
         ("quaternion", "f8", (4,)),  # of the output
@@ -138,8 +140,9 @@ def write_report(
         assumed: Record of dtype `config.PARAMETERS`.
         report: Record of dtype `REPORT`, written.
     """
-    x, P = kalman["x"], kalman["P"]
+    x, P, owed = kalman["x"], kalman["P"], kalman["owed"]
     report["imu"], report["aligned"] = primary, kalman["aligned"]
+    report["placed"] = kalman["placed"]
     bad = 0
     for k in range(assumed["imus"]):
         report["imu_reasons"][k] = imus[k]["reason"]
@@ -147,7 +150,7 @@ def write_report(
             bad |= 1 << k
     report["bad_imus"] = bad
     bad = 0
-    for k in AIDING:
+    for k in TESTED:
         report["reasons"][k] = sensors[k]["reason"]
         if sensors[k]["reason"] != WELL:
             bad |= 1 << k
@@ -157,15 +160,15 @@ def write_report(
     for k in range(SIDESLIP + 1):
         report["ratios"][k] = kalman["ratios"][k]
     for k in range(3):
-        report["attitude_std"][k] = math.sqrt(P[PHI + k, PHI + k])
-        report["velocity_std"][k] = math.sqrt(P[VEL + k, VEL + k])
-        report["position_std"][k] = math.sqrt(P[POS + k, POS + k])
-        report["wind_std"][k] = math.sqrt(P[WIND + k, WIND + k])
+        report["attitude_std"][k] = hypot(math.sqrt(P[PHI + k, PHI + k]), owed[PHI + k])
+        report["velocity_std"][k] = hypot(math.sqrt(P[VEL + k, VEL + k]), owed[VEL + k])
+        report["position_std"][k] = hypot(math.sqrt(P[POS + k, POS + k]), owed[POS + k])
+        report["wind_std"][k] = hypot(math.sqrt(P[WIND + k, WIND + k]), owed[WIND + k])
         report["wind"][k] = x[WIND + k]
         report["gyro_bias"][k] = x[GYRO_BIAS + k]
         report["force_bias"][k] = x[FORCE_BIAS + k]
     a = vec3(x[VEL:])
     total = 0.0
     for k in range(3):
-        total += (a[k] - x[WIND + k]) ** 2
+        total += square(a[k] - x[WIND + k])
     report["airspeed"] = math.sqrt(total)

@@ -101,6 +101,16 @@ class EstimatorParameters(Model):
         le=100.0,
     )
 
+    receiver_memory_s: float = _time(
+        20.0, "Place against velocity of a receiver: what moved alone is forgotten after it."
+    )
+    receiver_believed_s: float = _time(
+        60.0, "What moved alone and stays there is believed after it [EKF2: 7, reset_timeout_max]."
+    )
+    wind_return_s: float = _time(
+        15.0, "Without a receiver: time constant of the wind's return to its mean."
+    )
+
     imu_silent_s: float = _time(0.03, "Excluded: an IMU without samples for longer.")
     imu_same: int = whole(
         "", "Excluded: an IMU with more equal samples in a row.", 30, ge=1, le=100_000
@@ -134,6 +144,6 @@ class EstimatorParameters(Model):
         le=100.0,
     )
     icing_lift: float = _number(
-        0.3, "Icing: least change of the lift's airspeed, relative to what icing explains."
+        0.6, "Icing: least change of the lift's airspeed, relative to what icing explains."
     )
     icing_confirm_s: float = _time(0.3, "Icing: time for which both must agree.")

@@ -27,9 +27,13 @@ from ftc_autopilot.estimation.state import (
     turn_body,
 )
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.vec3 import Vec3, mul, norm, scale, vec3
+from sitl_plant.vec3 import Vec3, mul, norm, scale, square, vec3
 
 _MAX_GUSTS = 5.0  # largest excess of the pitot tube's NIS with which the wind's noise grows
+_UNKNOWN_RATES = 2.0 * math.radians(20.0) ** 2 * 0.3
+_UNKNOWN_FORCES = 2.0 * 4.0**2 * 0.5
+"""Densities of rates of 20°/s over 0.3 s [rad²/s], of 4 m/s² over 0.5 s [m²/s³]: of an aircraft
+without a gyro, or accelerometer, that works."""
 _STRAIGHT = math.radians(1.0)  # rad/s: what is less is noise, or to and fro
 
 
@@ -125,7 +129,7 @@ def _add_noise(P: np.ndarray, kalman: np.void, assumed: np.void) -> None:
     fade(kalman, GNSS_ERROR + 2, dt / assumed["gnss_correlation"], assumed["gnss_error"][2])
     gusts = 1.0 + assumed["gust_growth"] * min(max(kalman["gusts"] - 1.0, 0.0), _MAX_GUSTS)
     vertical = assumed["vertical_wind_m_s"]
-    fade(kalman, WIND + 2, dt / assumed["vertical_wind_s"], gusts * vertical**2)
+    fade(kalman, WIND + 2, dt / assumed["vertical_wind_s"], gusts * square(vertical))
     fade(kalman, PITOT_SCALE, dt / assumed["pitot_scale_s"], assumed["pitot_scale"])
     for i in range(3):
         # scale and misalignment are one bias in body axes, and another one after a turn
@@ -133,6 +137,10 @@ def _add_noise(P: np.ndarray, kalman: np.void, assumed: np.void) -> None:
             P[MAG_BIAS + i, MAG_BIAS + i] += assumed["magnetometer_bias"] * turned
         P[PHI + i, PHI + i] += assumed["gyro_density"] * dt + assumed["turning"] * turned
         P[VEL + i, VEL + i] += assumed["force_density"] * dt
+        if kalman["blind"][0] == 1:
+            P[PHI + i, PHI + i] += _UNKNOWN_RATES * dt
+        if kalman["blind"][1] == 1:
+            P[VEL + i, VEL + i] += _UNKNOWN_FORCES * dt
         P[GYRO_BIAS + i, GYRO_BIAS + i] += assumed["gyro_walk"] * dt
         P[FORCE_BIAS + i, FORCE_BIAS + i] += assumed["force_walk"] * dt
     for i in range(2):

@@ -23,7 +23,10 @@ BARO_ERROR, PITOT_SCALE = 24, 25
 
 AIDING = MAGNETOMETER, BAROMETER, PITOT, GNSS
 """The sensors beside the IMUs."""
-N_SENSORS = max(AIDING) + 1
+GNSS_VELOCITY, GNSS_HEIGHT = max(AIDING) + 1, max(AIDING) + 2
+"""What a GNSS receiver reports beside its horizontal position, `GNSS`; each is judged by itself."""
+TESTED = *AIDING, GNSS_VELOCITY, GNSS_HEIGHT
+N_SENSORS = max(TESTED) + 1
 """Length of what each sensor has a place in, by its number."""
 SIDESLIP = N_SENSORS
 """Number of the sideslip, an assumption: it cannot fail, and its innovations come last."""
@@ -51,6 +54,8 @@ FILTER = np.dtype(
         ("gusts", "f8"),  # mean squared normalised innovation of the pitot tube, over 3 s
         ("trends", "f8", (6,)),  # means of normalised innovations: field, velocity
         ("entry", "i8"),  # of the memory, that comes next
+        ("blind", "i8", (2,)),  # 1: gyro, accelerometer say nothing
+        ("unsettled", "f8"),  # time for which it may still be settling [s]
         ("resets", "i8"),
         ("aligned", "i8"),
         ("placed", "i8"),  # 1: a GNSS sample was fused

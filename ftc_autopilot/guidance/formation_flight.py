@@ -15,7 +15,7 @@ from ftc_autopilot.guidance.separation import keep_apart, nearest
 from mavlink_defs.framing.codec import NEIGHBOUR, SIM_STATE
 from mavlink_defs.runtime.jit import apart, compiled
 from sitl_plant.airframe.rigid_body import R1
-from sitl_plant.vec3 import Vec3, mul, sub, vec3
+from sitl_plant.vec3 import Vec3, hypot, mul, sub, vec3
 
 _EVADING_M_S = 0.5
 """Change of the velocity asked for that counts as evading [m/s]."""
@@ -92,9 +92,7 @@ def fly_in_formation(
     state["relay_error"] = choose_relayed(
         step, dt, layout, state["places"], state["last_relayed"], state["relayed"]
     )
-    state["evading"] = (
-        1 if math.hypot(math.hypot(change[0], change[1]), change[2]) > _EVADING_M_S else 0
-    )
+    state["evading"] = 1 if hypot(hypot(change[0], change[1]), change[2]) > _EVADING_M_S else 0
     sin_c, cos_c = math.sin(intention.course), math.cos(intention.course)
     return Coordination(
         plain.slot,

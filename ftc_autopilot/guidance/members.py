@@ -16,6 +16,7 @@ import numpy as np
 
 from ftc_autopilot.guidance.formation import MAX_MEMBERS
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.vec3 import square
 
 NOMINAL, DEGRADED, LOST, SILENT = range(4)
 """Causes, as FTC_CAUSE numbers them."""
@@ -142,4 +143,4 @@ def _distance(slot: np.ndarray) -> float:
 
 @compiled
 def _between(a: np.ndarray, b: np.ndarray) -> float:
-    return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+    return math.sqrt(square(a[0] - b[0]) + square(a[1] - b[1]) + square(a[2] - b[2]))

@@ -14,6 +14,7 @@ import numpy as np
 
 from ftc_autopilot.guidance.legs import Leg
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.vec3 import hypot
 
 MAX_LEGS = 256
 """Most legs that a path can have."""
@@ -187,4 +188,4 @@ def _project(path: np.void, k: int, north: float, east: float, along: float) -> 
     angle = math.atan2(forward, inward)
     turn = 2.0 * math.pi
     angle += turn * round((along / radius - angle) / turn)
-    return angle * radius, side * (radius - math.hypot(forward, inward))
+    return angle * radius, side * (radius - hypot(forward, inward))

@@ -36,7 +36,7 @@ import numpy as np
 from ftc_autopilot.guidance.members import NOMINAL, cause_of
 from ftc_autopilot.guidance.places import is_known, place_now
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.vec3 import Vec3, add, dot, norm, scale, sub, vec3
+from sitl_plant.vec3 import Vec3, add, dot, hypot, norm, scale, sub, vec3
 
 _SWEEPS = 3
 """Rounds over the members, so that evading one does not approach another."""
@@ -110,7 +110,7 @@ def keep_apart(
             side = 1.0 if passed or layout["own"] < m else -1.0
             if abs(height) > _LEVEL_M:
                 side = math.copysign(1.0, height)
-            level = max(1.0 - abs(height) / least, 0.0) * math.hypot(away[0], away[1])
+            level = max(1.0 - abs(height) / least, 0.0) * hypot(away[0], away[1])
             if passed:
                 passing += side * level * short
             else:

@@ -12,6 +12,7 @@ import numpy as np
 from ftc_autopilot.control.stepping import broadcast_if_triggered, controller_step, has_failed
 from ftc_autopilot.hot.checkpoint import save
 from ftc_autopilot.hot.link import note_step, prepare_step, report_done, send_step
+from ftc_autopilot.hot.navigation import is_unplaced
 from ftc_autopilot.hot.receiving import is_due, receive_states
 from ftc_autopilot.hot.state import FORMATION_SIGNER, PLANT_SIGNER, Autopilots
 from mavlink_defs.dialect import FTC_SIM_FLAGS_LOCKSTEP, FTC_SIM_FLAGS_RUNNING
@@ -138,6 +139,7 @@ def _handle(length: int, now: np.void, autopilots: Autopilots) -> ReturnReason:
         return outcome
     if prepare_step(formation_fd, plant_fd, own, edges, formation):
         uav, measured, step_us = own["uav"], own["measured"], own["link"]["step_us"]
+        uav["guidance"]["unplaced"] = is_unplaced(own["navigation"])
         mask = controller_step(uav, edges, path, measured, step_us)
         broadcasts = broadcast_if_triggered(uav, measured["step"], step_us)
         due = note_step(own, autopilots.record[i], autopilots.estimates[i], mask)

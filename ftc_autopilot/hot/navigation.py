@@ -26,6 +26,7 @@ from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.memory import copy_record
 from sitl_plant.sensing.config import MAX_IMUS
+from sitl_plant.vec3 import square
 
 _NONE = -1
 
@@ -40,6 +41,7 @@ NAVIGATION = np.dtype(
         ("sensor_usec", "i8"),  # time of the newest HIL_SENSOR [µs], -1: none
         ("gps_usec", "i8"),  # time of the last HIL_GPS [µs], -1: none
         ("has_gps", "i8"),  # 1: it is not used yet
+        ("gps_step", "i8"),  # in which the last HIL_GPS was used, -1: none
         ("imus", HIL_SENSOR, (MAX_IMUS,)),
         ("gps", HIL_GPS),
         ("sim_step", SIM_STEP),
@@ -59,7 +61,8 @@ class Navigation(NamedTuple):
 def new_navigation(config: AutopilotConfig) -> Navigation:
     """Return the navigation of an autopilot that has heard of no sensor."""
     state, estimator = np.zeros(1, NAVIGATION), estimator_of(config)
-    state["step"] = state["sensor_usec"] = state["gps_usec"] = _NONE
+    for name in ("step", "sensor_usec", "gps_usec", "gps_step"):
+        state[name] = _NONE
     state["step_us"] = config.step_us
     state["count"] = config.sensors.imus if config.navigation == "estimated" else 0
     state["imus"]["time_usec"] = np.iinfo(np.uint64).max  # of no step
@@ -90,6 +93,12 @@ def reset_navigation(own: np.ndarray, histories: np.ndarray, config: AutopilotCo
 def is_estimated(navigation: np.void) -> bool:
     """Return whether the state is estimated; else the plant sends the true one."""
     return bool(navigation["count"] > 0)
+
+
+@compiled
+def is_unplaced(navigation: np.void) -> bool:
+    """Return whether the state is estimated, and there has been no fix: the place is a guess."""
+    return bool(is_estimated(navigation) and navigation["estimator"]["report"]["placed"] == 0)
 
 
 @compiled
@@ -127,11 +136,11 @@ def note_sensor(
 def _is_finite(sensor: np.void) -> bool:
     """Return whether all values of a HIL_SENSOR are numbers whose squares are finite."""
     total = np.float32(0.0)
-    total += sensor["xacc"] ** 2 + sensor["yacc"] ** 2 + sensor["zacc"] ** 2
-    total += sensor["xgyro"] ** 2 + sensor["ygyro"] ** 2 + sensor["zgyro"] ** 2
-    total += sensor["xmag"] ** 2 + sensor["ymag"] ** 2 + sensor["zmag"] ** 2
-    total += sensor["abs_pressure"] ** 2 + sensor["diff_pressure"] ** 2
-    total += sensor["pressure_alt"] ** 2 + sensor["temperature"] ** 2
+    total += square(sensor["xacc"]) + square(sensor["yacc"]) + square(sensor["zacc"])
+    total += square(sensor["xgyro"]) + square(sensor["ygyro"]) + square(sensor["zgyro"])
+    total += square(sensor["xmag"]) + square(sensor["ymag"]) + square(sensor["zmag"])
+    total += square(sensor["abs_pressure"]) + square(sensor["diff_pressure"])
+    total += square(sensor["pressure_alt"]) + square(sensor["temperature"])
     return bool(np.isfinite(total))
 
 
@@ -225,6 +234,8 @@ def _estimate(
         own,
         measured,
     )
+    if has_gps:
+        navigation["gps_step"] = step
     navigation["step"], navigation["has_gps"] = step, 0
 
 

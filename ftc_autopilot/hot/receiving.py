@@ -24,6 +24,7 @@ from mavlink_defs.framing.hot_signing import LinkSigner
 from mavlink_defs.runtime.jit import inlined
 from mavlink_defs.runtime.memory import bytes_of, copy_record
 from mavlink_defs.runtime.native import monotonic_s, receive_now, waits
+from sitl_plant.vec3 import square
 
 
 @inlined
@@ -169,9 +170,9 @@ def _check_state(own: np.void) -> int:
         return DropReason.STRANGER
     total = 0.0
     for i in range(3):
-        total += sim_state["position"][i] ** 2 + sim_state["velocity"][i] ** 2
-        total += sim_state["attitude"][i] ** 2 + sim_state["rates"][i] ** 2
-        total += sim_state["specific_force"][i] ** 2 + sim_state["wind"][i] ** 2
+        total += square(sim_state["position"][i]) + square(sim_state["velocity"][i])
+        total += square(sim_state["attitude"][i]) + square(sim_state["rates"][i])
+        total += square(sim_state["specific_force"][i]) + square(sim_state["wind"][i])
     return 0 if np.isfinite(total) else DropReason.OUT_OF_RANGE
 
 

@@ -8,33 +8,31 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from ftc_autopilot.common.geography import Origin, place_of
-from ftc_autopilot.estimation.health import ABSENT, REASONS, WELL
-from ftc_autopilot.estimation.state import N_SENSORS, PHI
+from ftc_autopilot.estimation.health import ABSENT, INCONSISTENT, REASONS, SILENT, WELL
+from ftc_autopilot.estimation.state import GNSS_HEIGHT, GNSS_VELOCITY, N_SENSORS
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.vehicle.changes import Change
 from ftc_autopilot.vehicle.clock import VehicleClock
-from ftc_autopilot.vehicle.flight_path import VehicleHome
 from ftc_autopilot.vehicle.message import message
-from ftc_autopilot.vehicle.state_messages import quaternion_of
+from ftc_autopilot.vehicle.sensor_messages import HeardSensors
+from ftc_autopilot.vehicle.shown_state import ShownState, quaternion_of
 from mavlink_defs import dialect
 from mavlink_defs.constants import BAROMETER, GNSS, MAGNETOMETER, PITOT
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.float32 import float32s
-from sitl_plant.airframe.rigid_body import R1
-from sitl_plant.vec3 import mul, vec3
 
-# ESTIMATOR_STATUS_FLAGS and EKF_STATUS_FLAGS have the same values up to here
-_ALL_KNOWN = 0b11_0111_1111
+_SHARED = (
+    0b11_1111_1111  # ESTIMATOR_STATUS_FLAGS and EKF_STATUS_FLAGS have the same values up to here
+)
+_ALL_KNOWN = _SHARED & ~dialect.ESTIMATOR_CONST_POS_MODE
+_EKF_UNINITIALIZED, _EKF_GPS_GLITCHING = 1024, 32768  # of ardupilotmega.xml
 _MOVING = (
-    dialect.ESTIMATOR_ATTITUDE
-    | dialect.ESTIMATOR_VELOCITY_HORIZ
-    | dialect.ESTIMATOR_VELOCITY_VERT
+    dialect.ESTIMATOR_VELOCITY_HORIZ
     | dialect.ESTIMATOR_POS_HORIZ_REL
     | dialect.ESTIMATOR_PRED_POS_HORIZ_REL
-    | dialect.ESTIMATOR_POS_VERT_ABS
 )
 _PLACED = dialect.ESTIMATOR_POS_HORIZ_ABS | dialect.ESTIMATOR_PRED_POS_HORIZ_ABS
+_HIGH = dialect.ESTIMATOR_VELOCITY_VERT | dialect.ESTIMATOR_POS_VERT_ABS
 
 _HEALTH = {
     MAGNETOMETER: dialect.MAV_SYS_STATUS_SENSOR_3D_MAG,
@@ -44,67 +42,78 @@ _HEALTH = {
 }
 _INERTIAL = dialect.MAV_SYS_STATUS_SENSOR_3D_GYRO | dialect.MAV_SYS_STATUS_SENSOR_3D_ACCEL
 
-_NAMES = {MAGNETOMETER: "magnetometer", BAROMETER: "barometer", PITOT: "pitot", GNSS: "GNSS"}
-_RATIOS = GNSS, BAROMETER, MAGNETOMETER, PITOT
+_NAMES = {
+    MAGNETOMETER: "magnetometer",
+    BAROMETER: "barometer",
+    PITOT: "pitot",
+    GNSS: "GNSS",
+    GNSS_VELOCITY: "GNSS velocity",
+    GNSS_HEIGHT: "GNSS height",
+}
 _INSTEAD = {
     MAGNETOMETER: "heading by course and gyros",
     BAROMETER: "height by GNSS",
     PITOT: "airspeed by wind and model",
     GNSS: "dead reckoning",
+    GNSS_VELOCITY: "velocity by air and IMU",
+    GNSS_HEIGHT: "height by barometer",
 }
 
 
 class EstimatorMessages:
     """Makes messages and texts from the estimate of the last step."""
 
-    def __init__(
-        self, hot: HotState, origin: Origin, home: VehicleHome, clock: VehicleClock
-    ) -> None:
-        self._hot, self._origin, self._home, self._clock = hot, origin, home, clock
-        estimator, self._imus = hot.navigation["estimator"], int(hot.navigation["count"])
-        self._report: np.void | None = estimator["report"] if self._imus else None
-        self._filters, self._gate = estimator["filters"], float(estimator["parameters"]["gate"])
+    def __init__(self, hot: HotState, shown: ShownState, clock: VehicleClock) -> None:
+        self._hot, self._shown, self._clock = hot, shown, clock
+        self._imus, self._heard = int(hot.navigation["count"]), HeardSensors(hot)
+        self._report = shown.report
+        self._gate = float(hot.navigation["estimator"]["parameters"]["gate"])
         self._said = [WELL] * N_SENSORS
         self._said_imus = [WELL] * self._imus
         self._said_resets = 0
 
     @message(dialect.MAVLink_estimator_status_message)
     def estimator_status(self) -> MAVLink_message:
-        """Return ESTIMATOR_STATUS: each innovation over the limit of its test."""
-        gnss, height, heading, airspeed = self._ratios()
-        numbers = (gnss, gnss, height, heading, 0.0, airspeed, *self._accuracy())
+        """Return ESTIMATOR_STATUS: each innovation over the limit of its test.
+
+        NaN of a sensor that has said nothing, as PX4 has it.
+        """
+        ratios = (*self._ratios(), *self._accuracy())
         return dialect.MAVLink_estimator_status_message(
-            self._clock.boot_us, self.flags(), *float32s(numbers)
+            self._clock.boot_us, self.flags(), *float32s(ratios)
         )
 
     @message(dialect.MAVLink_ekf_status_report_message)
     def ekf_status_report(self) -> MAVLink_message:
-        """Return EKF_STATUS_REPORT: the same as ArduPilot's stations have it."""
-        gnss, height, heading, airspeed = self._ratios()
-        numbers = float32s((gnss, gnss, height, heading, 0.0, airspeed))
-        return dialect.MAVLink_ekf_status_report_message(self.flags(), *numbers)
+        """Return EKF_STATUS_REPORT: the same as ArduPilot's stations have it, 0 for NaN."""
+        numbers = [0.0 if math.isnan(ratio) else ratio for ratio in self._ratios()]
+        flags = self.flags()
+        more = _EKF_GPS_GLITCHING if flags & dialect.ESTIMATOR_GPS_GLITCH else 0
+        more |= 0 if flags & dialect.ESTIMATOR_ATTITUDE else _EKF_UNINITIALIZED
+        return dialect.MAVLink_ekf_status_report_message(flags & _SHARED | more, *float32s(numbers))
 
     @message(dialect.MAVLink_attitude_quaternion_cov_message)
     def attitude_quaternion_cov(self) -> MAVLink_message:
         """Return ATTITUDE_QUATERNION_COV: the variances of roll, pitch and yaw, too."""
-        measured = self._hot.measured
-        attitude = measured["attitude"].tolist()
-        p, q, r = float32s(measured["rates"].tolist())
+        p, q, r = float32s(self._shown.vector("rates"))
+        known = self._report is None
+        covariance = np.zeros((3, 3)) if known else self._shown.attitude_covariance()
         return dialect.MAVLink_attitude_quaternion_cov_message(
             self._clock.boot_us,
-            float32s(quaternion_of(*attitude)),
+            float32s(quaternion_of(*self._shown.vector("attitude"))),
             *(p, q, r),
-            float32s(self._attitude_covariance(attitude).ravel().tolist()),
+            float32s(covariance.ravel().tolist()),
         )
 
     @message(dialect.MAVLink_global_position_int_cov_message)
-    def global_position_int_cov(self) -> MAVLink_message:
-        """Return GLOBAL_POSITION_INT_COV: variances of position and velocity, NED."""
-        measured = self._hot.measured
-        position = measured["position"].tolist()
-        place = place_of(self._origin, *position)
-        attitude = vec3(measured["attitude"])
-        vx, vy, vz = float32s(mul(R1(attitude), vec3(measured["velocity"])))
+    def global_position_int_cov(self) -> MAVLink_message | None:
+        """Return GLOBAL_POSITION_INT_COV: variances of position and velocity, NED.
+
+        None before the first fix.
+        """
+        if not self._shown.is_placed:
+            return None
+        vx, vy, vz = float32s(self._shown.velocity_ned)
         variances = [0.0] * 6
         if self._report is not None:
             both = *self._report["position_std"].tolist(), *self._report["velocity_std"].tolist()
@@ -112,21 +121,33 @@ class EstimatorMessages:
         return dialect.MAVLink_global_position_int_cov_message(
             self._clock.boot_us,
             dialect.MAV_ESTIMATOR_TYPE_GPS_INS,
-            place.latitude,
-            place.longitude,
-            place.altitude,
-            place.height - round(1e3 * self._home.at.height_m),
+            *self._shown.place,
             *(vx, vy, vz),
             float32s(np.diag(variances).ravel().tolist()),
         )
 
     def flags(self) -> int:
-        """Return ESTIMATOR_STATUS_FLAGS."""
-        if self._report is None:
+        """Return ESTIMATOR_STATUS_FLAGS.
+
+        Horizontal motion is known by a fix, or after one by the airspeed; in constant position mode
+        by nothing outside. A glitch is a receiver that is heard, and excluded.
+        """
+        report = self._report
+        if report is None:
             return _ALL_KNOWN
-        if not self._report["aligned"]:
+        if not report["aligned"]:
             return 0
-        return _MOVING if self._report["dead_reckoning"] else _MOVING | _PLACED
+        reasons = report["reasons"]
+        has_fix = bool(report["placed"]) and not report["dead_reckoning"]
+        has_airspeed = not report["synthetic_airspeed"]
+        flags: int = dialect.ESTIMATOR_ATTITUDE
+        flags |= _HIGH if has_fix or reasons[BAROMETER] == WELL else 0
+        flags |= _MOVING if report["placed"] and (has_fix or has_airspeed) else 0
+        flags |= _PLACED if has_fix else 0
+        flags |= 0 if has_fix or has_airspeed else dialect.ESTIMATOR_CONST_POS_MODE
+        flags |= dialect.ESTIMATOR_GPS_GLITCH if reasons[GNSS] > SILENT else 0
+        flags |= 0 if self._flies_by_a_well_imu() else dialect.ESTIMATOR_ACCEL_ERROR
+        return flags
 
     def healthy(self, sensors: int) -> int:
         """Return a set of MAV_SYS_STATUS_SENSOR without the excluded ones."""
@@ -136,6 +157,8 @@ class EstimatorMessages:
         for sensor, bit in _HEALTH.items():
             if report["reasons"][sensor] != WELL:
                 sensors &= ~bit
+        if not report["placed"]:
+            sensors &= ~dialect.MAV_SYS_STATUS_SENSOR_GPS
         if all(reason != WELL for reason in self._imu_reasons()):
             sensors &= ~_INERTIAL
         if not report["aligned"]:
@@ -168,37 +191,72 @@ class EstimatorMessages:
                 yield Change(name, dialect.MAV_SEVERITY_CRITICAL, text)
             self._said_imus[k] = reason
         for sensor, name in _NAMES.items():
-            reason, before = int(report["reasons"][sensor]), self._said[sensor]
+            reason, before = self._reason(sensor), self._said[sensor]
             self._said[sensor] = reason
             if reason in {before, ABSENT}:
                 continue
             if reason == WELL:
                 yield Change(name, dialect.MAV_SEVERITY_NOTICE, f"{name} back in use {at}")
             elif before == WELL:
-                text = f"{name} excluded {at}: {REASONS[reason]}, {_INSTEAD[sensor]}"
+                text = f"{name} excluded {at}: {REASONS[reason]}, {self._instead(sensor)}"
                 yield Change(name, dialect.MAV_SEVERITY_WARNING, text)
         resets, self._said_resets = self._said_resets, int(report["resets"])
         if self._said_resets > resets:
             yield Change("estimate", dialect.MAV_SEVERITY_WARNING, f"estimate reset {at}")
 
+    def _reason(self, sensor: int) -> int:
+        """Return why a sensor is excluded; of a part of GNSS, only what is not the receiver's."""
+        assert self._report is not None
+        reasons: list[int] = self._report["reasons"].tolist()
+        is_part = sensor in {GNSS_VELOCITY, GNSS_HEIGHT}
+        return WELL if is_part and reasons[sensor] == reasons[GNSS] else reasons[sensor]
+
+    def _instead(self, sensor: int) -> str:
+        assert self._report is not None
+        reasons = self._report["reasons"]
+        place_alone = reasons[GNSS] == INCONSISTENT and reasons[GNSS_VELOCITY] == WELL
+        if sensor == GNSS and place_alone:
+            return "place by its velocity"
+        return _INSTEAD[sensor]
+
     def _flown_by(self) -> str:
         assert self._report is not None
         imu = int(self._report["imu"])
-        if self._imu_reasons()[imu] == WELL:
+        if self._flies_by_a_well_imu():
             return f"flying by IMU {imu + 1}"
         return f"no IMU passes its test, IMU {imu + 1} is the best"
+
+    def _flies_by_a_well_imu(self) -> bool:
+        assert self._report is not None
+        return self._imu_reasons()[int(self._report["imu"])] == WELL
 
     def _imu_reasons(self) -> Sequence[int]:
         assert self._report is not None
         reasons: list[int] = self._report["imu_reasons"][: self._imus].tolist()
         return reasons
 
-    def _ratios(self) -> list[float]:
-        """Return the last innovations over the limits of their tests: as in `_RATIOS`."""
+    def _ratios(self) -> Sequence[float]:
+        """Return the last innovations over the limits of their tests; NaN if there are none.
+
+        Of velocity, position, height, field, height above the ground, airspeed; the larger of the
+        barometer's and the receiver's height.
+        """
         if self._report is None:
-            return [0.0] * len(_RATIOS)
-        squares = (max(float(self._report["ratios"][sensor]), 0.0) for sensor in _RATIOS)
-        return [math.sqrt(square / self._gate) for square in squares]
+            return [0.0] * 6
+        squares: list[float] = self._report["ratios"].tolist()
+        position, velocity = squares[GNSS], squares[GNSS_VELOCITY]
+        is_heard, has_fix = self._heard.is_heard, self._heard.is_heard(GNSS)
+        heights = [squares[BAROMETER]] if is_heard(BAROMETER) else []
+        heights += [squares[GNSS_HEIGHT]] if has_fix else []
+        found = (
+            velocity if has_fix else math.nan,
+            position if has_fix else math.nan,
+            max(heights, default=math.nan),
+            squares[MAGNETOMETER] if is_heard(MAGNETOMETER) else math.nan,
+            math.nan,  # nothing measures the height above the ground
+            squares[PITOT] if is_heard(PITOT) else math.nan,
+        )
+        return [math.sqrt(max(square, 0.0) / self._gate) for square in found]
 
     def _accuracy(self) -> tuple[float, float]:
         """Return the standard deviations of the position, horizontal and vertical [m]."""
@@ -206,26 +264,3 @@ class EstimatorMessages:
             return 0.0, 0.0
         north, east, down = self._report["position_std"].tolist()
         return math.hypot(north, east), down
-
-    def _attitude_covariance(self, attitude: Sequence[float]) -> np.ndarray:
-        """Return the covariance of roll, pitch and yaw [rad²], shape (3, 3).
-
-        From the covariance of a small turn in NED axes, by the rates of the Euler angles in a turn:
-        J. Solà, Quaternion kinematics for the error-state Kalman filter, 2017, section 4.
-        """
-        if self._report is None:
-            return np.zeros((3, 3))
-        P = self._filters[int(self._report["imu"])]["P"][PHI : PHI + 3, PHI : PHI + 3]
-        _, pitch, yaw = attitude
-        if not math.isfinite(pitch + yaw):
-            return np.full((3, 3), math.nan)
-        c, s = math.cos(yaw), math.sin(yaw)
-        J = np.array(
-            [
-                [c / math.cos(pitch), s / math.cos(pitch), 0.0],
-                [-s, c, 0.0],
-                [c * math.tan(pitch), s * math.tan(pitch), 1.0],
-            ]
-        )
-        covariance: np.ndarray = J @ P @ J.T
-        return covariance

@@ -51,8 +51,10 @@ class MessageRequests:
         }
 
     def _request(self, params: tuple[float, ...]) -> int:
-        make = self._others.get(params[0])
-        message = make() if make else self._telemetry[self.station].request(params)
+        telemetry, make = self._telemetry[self.station], self._others.get(params[0])
+        message = make() if make else telemetry.request(params)
+        if message is None and params[0] in telemetry.available:  # it is not known yet
+            return dialect.MAV_RESULT_TEMPORARILY_REJECTED
         if message is None:
             return dialect.MAV_RESULT_UNSUPPORTED
         self._queue([message], self.station)

@@ -3,12 +3,12 @@
 import math
 
 from ftc_autopilot.common.angles import wrap
-from ftc_autopilot.common.geography import Origin, place_of
+from ftc_autopilot.common.geography import place_of
 from ftc_autopilot.control.controllers import Controllers
-from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.vehicle.clock import VehicleClock
 from ftc_autopilot.vehicle.flight_path import FlightPath
 from ftc_autopilot.vehicle.message import message
+from ftc_autopilot.vehicle.shown_state import ShownState
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.float32 import float32s, whole_within
@@ -36,13 +36,12 @@ class PathMessages:
 
     def __init__(
         self,
-        hot: HotState,
+        shown: ShownState,
         controllers: Controllers,
-        origin: Origin,
         path: FlightPath,
         clock: VehicleClock,
     ) -> None:
-        self._hot, self._controllers, self._origin = hot, controllers, origin
+        self._shown, self._controllers = shown, controllers
         self._path, self._clock = path, clock
 
     @message(
@@ -50,9 +49,9 @@ class PathMessages:
         stream=dialect.MAV_DATA_STREAM_EXTENDED_STATUS,
     )
     def nav_controller_output(self) -> MAVLink_message:
-        """Return NAV_CONTROLLER_OUTPUT."""
+        """Return NAV_CONTROLLER_OUTPUT; before the first fix, as without a path."""
         _, roll, pitch, _ = map(float, self._controllers.uavs[0]["guidance"]["command"])
-        if not self._path.flown:
+        if not (self._path.flown and self._shown.is_placed):
             bank, climb = float32s((math.degrees(roll), math.degrees(pitch)))
             nothing = (0, 0, 0, 0.0, 0.0, 0.0)
             return dialect.MAVLink_nav_controller_output_message(bank, climb, *nothing)
@@ -81,14 +80,17 @@ class PathMessages:
         dialect.MAVLink_position_target_global_int_message,
         stream=dialect.MAV_DATA_STREAM_EXTENDED_STATUS,
     )
-    def position_target_global_int(self) -> MAVLink_message:
+    def position_target_global_int(self) -> MAVLink_message | None:
         """Return POSITION_TARGET_GLOBAL_INT: where the path's present item leads.
 
-        Without a path no place is flown to: its type_mask says that all are to be ignored.
+        Without a path no place is flown to: its type_mask says that all are to be ignored. None
+        before the first fix.
         """
+        if not self._shown.is_placed:
+            return None
         flown = self._path.flown
         north, east, height = self._path.target() if flown else self._path.here()
-        place = place_of(self._origin, north, east, -height)
+        place = place_of(self._shown.origin, north, east, -height)
         (altitude,) = float32s((place.altitude / 1e3,))
         nothing = (0.0,) * 8
         return dialect.MAVLink_position_target_global_int_message(

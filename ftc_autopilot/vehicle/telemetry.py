@@ -18,6 +18,7 @@ from ftc_autopilot.vehicle.formation_messages import FormationMessages
 from ftc_autopilot.vehicle.message import declared_in
 from ftc_autopilot.vehicle.mission import Mission
 from ftc_autopilot.vehicle.path_messages import PathMessages
+from ftc_autopilot.vehicle.sensor_messages import SensorMessages, TrueStateSensors
 from ftc_autopilot.vehicle.state_messages import StateMessages
 from ftc_autopilot.vehicle.status_messages import StatusMessages
 from mavlink_defs import dialect
@@ -26,6 +27,8 @@ from mavlink_defs.dialect import MAVLink_message
 
 MAKERS = (
     StateMessages,
+    TrueStateSensors,
+    SensorMessages,
     PathMessages,
     ControllerMessages,
     DiagnosisMessages,
@@ -34,7 +37,7 @@ MAKERS = (
     StatusMessages,
     Mission,
 )
-"""Classes whose methods make messages."""
+"""Classes whose methods make messages; a vehicle has one of the two of sensors."""
 
 _DECLARED = tuple(declared_in(*MAKERS))
 
@@ -62,9 +65,10 @@ class Telemetry:
         """Start with the default intervals.
 
         Args:
-            makers: One object of each class of `MAKERS`, which make the messages.
+            makers: Objects of the classes of `MAKERS`, which make the messages. What is not known
+                now makes none.
         """
-        self._makers: dict[int, Callable[[], MAVLink_message]] = {
+        self._makers: dict[int, Callable[[], MAVLink_message | None]] = {
             each.number: getattr(maker, each.maker)
             for maker in makers
             for each in declared_in(type(maker))
@@ -81,7 +85,11 @@ class Telemetry:
             interval_us = 1e6 / message.req_message_rate if starts else -1.0
             of_all = message.req_stream_id == dialect.MAV_DATA_STREAM_ALL
             for each in _DECLARED:
-                if each.stream is not None and (of_all or each.stream == message.req_stream_id):
+                if (
+                    each.number in self._makers
+                    and each.stream is not None
+                    and (of_all or each.stream == message.req_stream_id)
+                ):
                     self._set_interval(each.number, interval_us)
 
     def due(self, clock_us: int, most: int | None = None) -> list[MAVLink_message]:
@@ -103,7 +111,8 @@ class Telemetry:
             self._due_us[message_id] += self._intervals_us[message_id]
             if self._due_us[message_id] <= clock_us:  # what was missed is left out
                 self._due_us[message_id] = clock_us + self._intervals_us[message_id]
-        return [self._makers[message_id]() for message_id in chosen]
+        made = (self._makers[message_id]() for message_id in chosen)
+        return [message for message in made if message is not None]
 
     def next_due_us(self) -> int:
         """Return when the next message is due, on the clock of `due` [µs]; far away if none is."""
@@ -129,8 +138,8 @@ class Telemetry:
         """Ids of all messages that can be made."""
         return self._makers.keys()
 
-    def make(self, message_id: int) -> MAVLink_message:
-        """Make one message now; its id must be among the makers'."""
+    def make(self, message_id: int) -> MAVLink_message | None:
+        """Make one message, if it can be made now; its id must be among the makers'."""
         return self._makers[message_id]()
 
     # commands: params are from the MAV_CMD
@@ -146,7 +155,7 @@ class Telemetry:
         return dialect.MAV_RESULT_ACCEPTED
 
     def request(self, params: Sequence[float]) -> MAVLink_message | None:
-        """Execute MAV_CMD_REQUEST_MESSAGE: return the message, None if unavailable."""
+        """Execute MAV_CMD_REQUEST_MESSAGE: return the message, None if there is none."""
         message_id = _whole(params[0])
         if message_id == dialect.MAVLINK_MSG_ID_MESSAGE_INTERVAL:
             return self.interval(params[1:])

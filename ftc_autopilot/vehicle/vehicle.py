@@ -34,6 +34,8 @@ from ftc_autopilot.vehicle.old_states import OldStates
 from ftc_autopilot.vehicle.param_table import parameters_of
 from ftc_autopilot.vehicle.path_messages import PathMessages
 from ftc_autopilot.vehicle.resumption import Resumption
+from ftc_autopilot.vehicle.sensor_messages import SensorMessages, TrueStateSensors
+from ftc_autopilot.vehicle.shown_state import ShownState
 from ftc_autopilot.vehicle.state_messages import StateMessages
 from ftc_autopilot.vehicle.status_messages import StatusMessages
 from ftc_autopilot.vehicle.telemetry import Telemetry
@@ -112,9 +114,13 @@ class VehicleServices:
         self._old_states = OldStates(hot)
         self._changes = Changes()
         self._clock = VehicleClock(round(unix_s * 1e6))
-        self._estimator = EstimatorMessages(hot, config.origin, self._home, self._clock)
+        shown = ShownState(hot, config.origin, self._home)
+        self._estimator = EstimatorMessages(hot, shown, self._clock)
         makers = (
-            StateMessages(hot, controllers, config.origin, self._home, self._clock),
+            StateMessages(shown, controllers, self._home, self._clock),
+            TrueStateSensors(shown, self._clock)
+            if shown.report is None
+            else SensorMessages(hot, shown, self._clock),
             self._controller,
             self._diagnosis,
             self._estimator,
@@ -126,7 +132,7 @@ class VehicleServices:
                 lambda: int(hot.drops[GCS].sum()),
                 self._clock,
             ),
-            PathMessages(hot, controllers, config.origin, path, self._clock),
+            PathMessages(shown, controllers, path, self._clock),
             self._mission,
         )
         self.telemetry = [Telemetry(*makers) for _ in self._stations]
@@ -367,10 +373,12 @@ class VehicleServices:
     def _fleet_message(self) -> MAVLink_message:
         return dialect.MAVLink_ftc_fleet_message(self._fleet)
 
-    def _queue(self, messages: Iterable[MAVLink_message], station: int | None = None) -> None:
+    def _queue(
+        self, messages: Iterable[MAVLink_message | None], station: int | None = None
+    ) -> None:
         """Queue messages for a ground station; None: for all."""
         for number in self._stations if station is None else (station,):
-            self._gcs_outboxes[number] += messages
+            self._gcs_outboxes[number] += [one for one in messages if one is not None]
 
     def _collect(self) -> None:
         """Announce what happened to parameters, and gather what the services have to send."""

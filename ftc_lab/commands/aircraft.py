@@ -9,7 +9,8 @@ import typer
 
 from gcs.commands.common import QuietOption
 from gcs.console.errors import BadInput
-from gcs.console.terminal import console_of, numbers, print_json, print_line, table_of, texts
+from gcs.console.lines import print_json, print_line
+from gcs.console.terminal import console_of, numbers, table_of, texts
 from gcs.scenario.bundled import aircraft_names
 
 if TYPE_CHECKING:

@@ -23,8 +23,9 @@ from gcs.commands.common import (
 )
 from gcs.commands.options import options_of, with_options
 from gcs.console.errors import BadInput, FlightLost, Interrupted
+from gcs.console.lines import print_json
 from gcs.console.progress import working
-from gcs.console.terminal import console_of, numbers, print_json, table_of, texts
+from gcs.console.terminal import console_of, numbers, table_of, texts
 
 if TYPE_CHECKING:
     from ftc_lab.baselines.baseline import Baseline, Uncertain

@@ -8,8 +8,9 @@ import typer
 
 from gcs.commands.options import options_of, with_options
 from gcs.console.errors import BadInput
+from gcs.console.lines import print_json
 from gcs.console.outputs import check_file, write_file
-from gcs.console.terminal import console_of, print_json
+from gcs.console.terminal import console_of
 from mavlink_defs.visible import visible_lines
 
 if TYPE_CHECKING:

@@ -12,8 +12,9 @@ from ftc_lab.written_files import check_out
 from gcs.commands.common import QuietOption, flight_progress
 from gcs.commands.options import options_of, with_options
 from gcs.console.errors import BadInput, FlightLost
+from gcs.console.lines import print_line
 from gcs.console.outputs import write_file
-from gcs.console.terminal import Terminal, console_of, numbers, print_line, table_of, texts
+from gcs.console.terminal import Terminal, console_of, numbers, table_of, texts
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES, UNITS, percent
 from mavlink_defs.config.yaml_text import parse_yaml
 

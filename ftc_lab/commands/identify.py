@@ -11,9 +11,10 @@ from ftc_lab.written_files import check_out
 from gcs.commands.common import QuietOption
 from gcs.commands.options import JsonOption, options_of, with_options
 from gcs.console.errors import BadInput
+from gcs.console.lines import print_json
 from gcs.console.outputs import write_file
 from gcs.console.progress import working
-from gcs.console.terminal import Terminal, console_of, numbers, print_json, table_of, texts
+from gcs.console.terminal import Terminal, console_of, numbers, table_of, texts
 
 if TYPE_CHECKING:
     from ftc_lab.identification.identified import Identified

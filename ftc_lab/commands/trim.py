@@ -16,8 +16,9 @@ from gcs.commands.common import (
     changed_scenario,
 )
 from gcs.console.errors import BadInput
+from gcs.console.lines import print_json
 from gcs.console.progress import working
-from gcs.console.terminal import Terminal, console_of, numbers, print_json, table_of, texts
+from gcs.console.terminal import Terminal, console_of, numbers, table_of, texts
 from mavlink_defs.constants import Actuator
 
 if TYPE_CHECKING:

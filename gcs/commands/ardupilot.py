@@ -18,8 +18,9 @@ from gcs.commands.common import (
 )
 from gcs.commands.station import systems_in
 from gcs.console.errors import FlightLost, Interrupted, NoAnswer
+from gcs.console.lines import print_json
 from gcs.console.progress import working
-from gcs.console.terminal import console_of, print_json
+from gcs.console.terminal import console_of
 from gcs.results.choices import Record
 from gcs.scenario.settings import values_of
 from mavlink_defs.endpoint import UdpAddress

@@ -18,6 +18,7 @@ from gcs.command_list import OWN, GcsCommand, command_of, load, registered
 from gcs.commands.options import ConnectOption, ThemeOption
 from gcs.console.errors import BadInput, GcsError, Interrupted
 from gcs.console.extras import missing
+from gcs.console.lines import print_line
 from gcs.console.outputs import remove_empty
 from gcs.console.stopping import ending_at_once, stop_as_ctrl_c
 from mavlink_defs.config.problems import ConfigError
@@ -114,8 +115,6 @@ def _show_versions(asked: bool) -> None:
     if asked:
         import platform
         from importlib.metadata import PackageNotFoundError, version
-
-        from gcs.console.terminal import print_line
 
         print_line(f"ftc-sitl {version('ftc-sitl')}\nPython {platform.python_version()}")
         for package in ("pymavlink", "numba"):
@@ -354,8 +353,6 @@ def _wrong_value(problem: Any) -> str:
 
 
 def _end(status: int, text: str, hint: str = "") -> NoReturn:
-    from gcs.console.terminal import print_line
-
     remove_empty()
     with contextlib.suppress(OSError):  # the terminal may be gone
         print_line(text, stderr=True)

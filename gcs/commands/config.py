@@ -16,8 +16,9 @@ from gcs.commands.common import (
 )
 from gcs.commands.options import InsecureOption, SigningKeyOption
 from gcs.console.errors import BadInput
+from gcs.console.lines import print_line
 from gcs.console.outputs import all_or_none, make_folder
-from gcs.console.terminal import console_of, print_line
+from gcs.console.terminal import console_of
 from gcs.fleet.warm_up import warm_up
 from gcs.scenario.model import Scenario
 from gcs.scenario.plugins import prepare_plugins

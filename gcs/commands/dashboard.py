@@ -90,7 +90,7 @@ async def _run(app: "Dashboard") -> None:
     loop = asyncio.get_running_loop()
     end_with_session(partial(loop.call_soon_threadsafe, app.exit))  # the terminal as it was found
     await app.run_async()
-    from gcs.console.terminal import print_line
+    from gcs.console.lines import print_line
 
     for text, error in app.failures.items():
         print_line(f"warning: {text}", stderr=True)

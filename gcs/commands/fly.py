@@ -20,8 +20,9 @@ from gcs.commands.drawing import FlightDrawing, drawn
 from gcs.commands.options import options_of, with_options
 from gcs.console.errors import BadInput, FlightLost, Interrupted
 from gcs.console.extras import load_lab
+from gcs.console.lines import print_json
 from gcs.console.progress import working
-from gcs.console.terminal import console_of, print_json
+from gcs.console.terminal import console_of
 from gcs.results.choices import Record
 from gcs.scenario.model import Scenario
 

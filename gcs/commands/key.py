@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from gcs.console.errors import BadInput, Interrupted
-from gcs.console.terminal import print_line
+from gcs.console.lines import print_line
 from mavlink_defs.framing.key_file import ANNOUNCED_S, GRACE_S, replace_key
 from mavlink_defs.framing.signing import SigningError, key_exists, make_key, read_key
 

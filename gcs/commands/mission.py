@@ -13,8 +13,9 @@ from gcs.commands.options import JsonOption
 from gcs.commands.station import EXIT_STATUS, StationOptions, station_command
 from gcs.commands.transfer import Note
 from gcs.console.errors import BadInput
+from gcs.console.lines import print_json
 from gcs.console.outputs import check_file
-from gcs.console.terminal import console_of, numbers, print_json, table_of, texts
+from gcs.console.terminal import console_of, numbers, table_of, texts
 from gcs.scenario.itinerary import Itinerary, dry_run, load_mission
 from gcs.scenario.mission import tell_not_flown
 from gcs.scenario.model import read_scenario

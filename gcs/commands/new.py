@@ -13,8 +13,8 @@ import typer
 
 from ftc_autopilot.control.laws import LAWS
 from gcs.console.errors import BadInput
+from gcs.console.lines import print_line
 from gcs.console.outputs import make_folder, write_file
-from gcs.console.terminal import print_line
 from mavlink_defs.config.yaml_text import yaml_of
 
 EPILOG = """

@@ -10,7 +10,7 @@ import typer
 
 from gcs.commands.station import EXIT_STATUS, StationOptions, station_command
 from gcs.console.errors import BadInput, CommandRefused
-from gcs.console.terminal import print_json, print_line
+from gcs.console.lines import print_json, print_line
 from gcs.station.notifications import enum_name
 from gcs.station.param_file import (
     READ_ONLY,

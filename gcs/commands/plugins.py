@@ -25,8 +25,9 @@ from ftc_autopilot.plugins.loading import (
     watching,
 )
 from gcs.console.errors import BadInput
+from gcs.console.lines import print_json, print_line
 from gcs.console.stopping import running_code
-from gcs.console.terminal import console_of, print_json, print_line, table_of, texts
+from gcs.console.terminal import console_of, table_of, texts
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import describe
 from mavlink_defs.runtime.foreign import PluginError

@@ -12,8 +12,9 @@ from gcs.commands import transfer
 from gcs.commands.station import EXIT_STATUS, StationOptions, station_command
 from gcs.commands.transfer import Note
 from gcs.console.errors import CommandRefused
+from gcs.console.lines import print_json, print_line
 from gcs.console.outputs import check_file
-from gcs.console.terminal import console_of, numbers, print_json, print_line, table_of
+from gcs.console.terminal import console_of, numbers, table_of
 from gcs.scenario.profile_file import load_profile, profile_yaml
 from gcs.station.vehicle import Vehicle
 from mavlink_defs import dialect

@@ -12,9 +12,10 @@ import typer
 from gcs.commands.options import ConnectOption, JsonOption, SigningKeyOption, TimeoutOption
 from gcs.commands.station import run_interruptible as run
 from gcs.console.errors import BadInput, NoAnswer
+from gcs.console.lines import print_json, print_line
 from gcs.console.progress import working
 from gcs.console.stopping import stop_signals
-from gcs.console.terminal import console_of, print_json, print_line
+from gcs.console.terminal import console_of
 from gcs.station.client import Client
 from gcs.station.connection import choose_connection, own_identity
 from mavlink_defs.capture.tlog import TlogWriter

@@ -14,17 +14,10 @@ from typer.core import TyperGroup
 
 from gcs.commands.common import QuietOption
 from gcs.console.errors import BadInput
+from gcs.console.lines import print_json, print_line
 from gcs.console.outputs import check_file
 from gcs.console.progress import working
-from gcs.console.terminal import (
-    MAX_WORD,
-    console_of,
-    numbers,
-    print_json,
-    print_line,
-    table_of,
-    texts,
-)
+from gcs.console.terminal import MAX_WORD, console_of, numbers, table_of, texts
 from gcs.results.quantities import percent
 from gcs.results.runs.index import list_runs
 from gcs.results.runs.run import Run

@@ -1,6 +1,6 @@
 """``gcs scenarios``: list the scenarios that come with the package."""
 
-from gcs.console.terminal import print_line
+from gcs.console.lines import print_line
 from gcs.scenario.bundled import addition_names, bundled_names, file_of
 from gcs.scenario.model import scenario_tree
 from mavlink_defs.config.files import read

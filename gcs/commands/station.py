@@ -21,7 +21,7 @@ from gcs.commands.options import (
     with_options,
 )
 from gcs.console.errors import BadInput, CommandRefused, Interrupted, NoAnswer
-from gcs.console.terminal import print_json, print_line
+from gcs.console.lines import print_json, print_line
 
 if TYPE_CHECKING:
     from gcs.station.client import Client

@@ -10,7 +10,8 @@ from rich.live import Live
 
 from gcs.commands.station import StationOptions, station_command
 from gcs.console.errors import CommandRefused, Interrupted, NoAnswer
-from gcs.console.terminal import console_of, print_json
+from gcs.console.lines import print_json
+from gcs.console.terminal import console_of
 from gcs.station.client import Client
 from gcs.station.status import drop_lines, fleet_table, not_heard, silence_lines, vehicle_status
 from gcs.station.vehicle import Vehicle

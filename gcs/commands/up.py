@@ -23,9 +23,10 @@ from gcs.commands.listening import listen, listening_address
 from gcs.commands.options import InsecureOption, options_of, with_options
 from gcs.console.errors import BadInput, Interrupted
 from gcs.console.extras import load_package
+from gcs.console.lines import print_json
 from gcs.console.progress import working
 from gcs.console.stopping import stop_signals
-from gcs.console.terminal import console_of, print_json
+from gcs.console.terminal import console_of
 from gcs.scenario.model import Scenario
 from gcs.scenario.signing_key import refuse_unsigned
 from mavlink_defs.config.models import counted

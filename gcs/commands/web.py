@@ -13,8 +13,8 @@ from gcs.commands.listening import listen as listen_at
 from gcs.commands.listening import listening_address
 from gcs.commands.options import SIGNING_KEY_VARIABLE, ConnectOption, ThemeOption
 from gcs.console.extras import WEB_PACKAGES, load_package
+from gcs.console.lines import print_line
 from gcs.console.stopping import die_with
-from gcs.console.terminal import print_line
 from gcs.fleet.hub import MAX_STATIONS
 from gcs.station.connection import choose_connection
 

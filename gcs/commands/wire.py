@@ -18,9 +18,10 @@ from rich.live import Live
 
 from gcs.commands.options import JsonOption, options_of, with_options
 from gcs.console.errors import BadInput, GcsError
+from gcs.console.lines import print_json, print_line
 from gcs.console.outputs import write_file
 from gcs.console.progress import working
-from gcs.console.terminal import console_of, print_json, print_line
+from gcs.console.terminal import console_of
 from gcs.reports.wire import wire_tables, write_csv
 from mavlink_defs import dialect
 from mavlink_defs.capture.impairment import Impairment

@@ -11,11 +11,14 @@ GcsError            1  something could not be done
 
 import contextlib
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from mavlink_defs.config.problems import ConfigError
-from mavlink_defs.endpoint import EndpointError, PortTaken
 from mavlink_defs.runtime.foreign import PluginError
 from mavlink_defs.visible import visible_lines
+
+if TYPE_CHECKING:
+    from mavlink_defs.endpoint import EndpointError
 
 
 class GcsError(Exception):
@@ -38,8 +41,10 @@ class PortInUse(BadInput):
     """Another program has a port."""
 
 
-def bad_endpoint(problem: EndpointError) -> BadInput:
+def bad_endpoint(problem: "EndpointError") -> BadInput:
     """Return the error of an address that cannot be used."""
+    from mavlink_defs.endpoint import PortTaken  # takes time, of every command
+
     return (PortInUse if isinstance(problem, PortTaken) else BadInput)(str(problem))
 
 

@@ -5,7 +5,6 @@ shows something ends with its session, by force if need be.
 """
 
 import contextlib
-import ctypes
 import os
 import select
 import signal
@@ -17,6 +16,7 @@ from pathlib import Path
 from types import FrameType
 
 from gcs.console.errors import Interrupted
+from gcs.console.lines import print_line
 
 _LONG_S = 5.0
 
@@ -89,6 +89,8 @@ def die_with(parent: int) -> None:
     On systems other than Linux only if it is gone already.
     """
     if sys.platform == "linux":
+        import ctypes  # takes time, of every command
+
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:
         os.kill(os.getpid(), signal.SIGKILL)
@@ -135,8 +137,6 @@ def running_code(file: Path, digest: str) -> Iterator[None]:
     Of the command line, those signals meanwhile end the process, with the name of the file: code of
     others may catch, or lose, an exception.
     """
-    from gcs.console.terminal import print_line  # not before a command needs it
-
     print_line(f"runs {file}, code {digest}", stderr=True)
     what = f"{file} is being imported"
     text = f"{what} for {_LONG_S:g} s now; Ctrl-C ends it"
@@ -156,7 +156,6 @@ def _ending_with(text: str) -> Iterator[None]:
         yield
         return
     with ending_at_once():
-        from gcs.console.terminal import print_line
 
         def end(number: int, _frame: FrameType | None) -> None:
             signal.signal(number, signal.SIG_DFL)

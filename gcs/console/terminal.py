@@ -3,7 +3,6 @@
 Results go to standard output, everything else to standard error.
 """
 
-import json
 import os
 import re
 from collections.abc import Iterable
@@ -93,28 +92,6 @@ def _recording(width: int) -> Terminal:
     console.record, console.file, console.width = True, StringIO(), width
     console.is_jupyter = False  # a notebook would show it at once
     return console
-
-
-def print_line(text: str, *, stderr: bool = False) -> None:
-    """Print a line, or lines, which a terminal may wrap but nothing folds."""
-    console_of(stderr).print(Text(text), soft_wrap=True)
-
-
-def print_json(value: Any, indent: int | None = None) -> None:
-    """Print a value as JSON; NaN and infinity become null."""
-    text = json.dumps(_finite(value), allow_nan=False, indent=indent)
-    print(text.replace("\x7f", "\\u007f"), flush=True)  # the control character json lets pass
-
-
-def _finite(value: Any) -> Any:
-    match value:
-        case dict():
-            return {key: _finite(inner) for key, inner in value.items()}
-        case list() | tuple():
-            return [_finite(inner) for inner in value]
-        case float() if value - value != 0.0:
-            return None
-    return value
 
 
 def texts(heading: str) -> Column:

@@ -318,6 +318,9 @@ def run_steps(
                         _estimate(fleet, estimating, i)
                     write_estimate(measured[i], estimates[k, i])
                 uav, path = controllers.uavs[i], controllers.paths[i]
+                if estimated:
+                    report = estimating.estimators[i]["report"]
+                    uav["guidance"]["unplaced"] = 1 - report["placed"]
                 mask = controller_step(uav, controllers.edges[i], path, measured[i], step_us)
                 if mask != 0:
                     receive_controls(fleet, i, uav["actuators"])

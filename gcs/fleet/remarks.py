@@ -8,7 +8,7 @@ from ftc_autopilot.plugins.loading import calling
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import Links
 from mavlink_defs.endpoint import EndpointError, UdpAddress, exposed, is_loopback
-from sitl_plant.sensing.observability import observability_warnings
+from sitl_plant.sensing.observability import observability_warnings, rounded_rates
 
 WARNING = "warning: "
 """What people read before a warning."""
@@ -56,10 +56,13 @@ def _one_path(scenario: Scenario) -> Iterator[str]:
 
 
 def _sensors(scenario: Scenario) -> Iterator[str]:
-    """Yield what the sensors that an autopilot navigates by do not observe at all times."""
+    """Yield what the sensors that an autopilot navigates by do otherwise than usual."""
     if scenario.navigation == "true_state":
         return
-    for loc, text in observability_warnings(scenario.sensors.navigation):
+    navigation = scenario.sensors.navigation
+    for loc, text in rounded_rates(navigation, scenario.step_us):
+        yield f"{'.'.join(['sensors', 'navigation', *map(str, loc)])}: {text}"
+    for loc, text in observability_warnings(navigation):
         key = ".".join(["sensors", "navigation", *map(str, loc)])
         yield WarningRemark(f"{WARNING}{key} is false: {text}")
 

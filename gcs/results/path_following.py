@@ -11,12 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ftc_autopilot.guidance.path import PATH, locate, point_at
-from ftc_autopilot.hot.navigation import navigate, new_navigation
+from ftc_autopilot.hot.navigation import navigate, new_navigation, note_gps
 from gcs.results.recording import Steps
 from gcs.scenario.model import Scenario
 from mavlink_defs.framing.codec import SIM_STATE, copy_step
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.loop.fleet import PlantState, navigates, new_plant_state, observe
+from sitl_plant.vec3 import hypot, square
 
 SETTLING_S = 10.0
 """A UAV's figures begin so long after it begins to follow the path; so long after its end a turn
@@ -263,7 +264,7 @@ def _from_slot(path: np.void, xi: float, slot: np.ndarray, state: np.ndarray) ->
     point = point_at(path, xi + slot[0])
     north = point.north - math.sin(point.course) * slot[1]
     east = point.east + math.cos(point.course) * slot[1]
-    return math.hypot(state[0] - north, state[1] - east)
+    return hypot(state[0] - north, state[1] - east)
 
 
 @compiled
@@ -280,11 +281,11 @@ def gather(errors: np.ndarray, followers: np.ndarray) -> None:
             else:
                 own["turn"] = _larger(own["turn"], error["cross_track"])
             own["height"] = _larger(own["height"], error["height"])
-            own["height_square"] += error["height"] ** 2
+            own["height_square"] += square(error["height"])
             if not math.isnan(error["slot"]):
                 own["slots"] += 1
                 own["slot"] = _larger(own["slot"], error["slot"])
-                own["slot_square"] += error["slot"] ** 2
+                own["slot_square"] += square(error["slot"])
 
 
 @compiled
@@ -317,6 +318,8 @@ def _first_estimate(scenario: Scenario, system: int, fleet: PlantState, i: int) 
     navigation = new_navigation(scenario.autopilot_config(system))
     state, samples = navigation.state[0], fleet.sensing.imus[i]
     state["imus"][: len(samples)] = samples
+    if fleet.sensing.sites[i]["delivered"] == 1:
+        note_gps(state, fleet.sensing.gps[i])
     copy_step(fleet.uavs[i]["message"], fleet.uavs[i]["step"])
     measured = np.zeros(1, SIM_STATE)
     navigate(state, navigation.history, fleet.uavs[i]["step"], measured[0])

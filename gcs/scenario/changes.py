@@ -10,7 +10,7 @@ from gcs.console.errors import BadInput
 from gcs.scenario.model import Scenario, load_scenario, scenario_of, scenario_tree
 from gcs.scenario.plugins import is_unread
 from gcs.scenario.settings import label, plain
-from mavlink_defs.config.inherit import PlaceError, merged, with_values
+from mavlink_defs.config.inherit import PlaceError, joined, merged, with_values
 
 ScenarioLike: TypeAlias = Scenario | Path | str
 """A scenario, a file, or the name of a bundled one."""
@@ -52,7 +52,7 @@ def with_changes(
     else:
         origin, tree = str(scenario), scenario_tree(scenario)
     for name in additions:
-        tree = merged(tree, scenario_tree(name))
+        tree = joined(tree, scenario_tree(name))
     try:
         tree = with_values(tree, values, source)
     except PlaceError as problem:

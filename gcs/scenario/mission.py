@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from ftc_autopilot.common.geography import Origin, place_of
 from ftc_autopilot.guidance.mission_places import home_item
-from gcs.console.terminal import print_line
+from gcs.console.lines import print_line
 from mavlink_defs import dialect
 from mavlink_defs.config.inherit import merged
 from mavlink_defs.config.models import AtMost, ConfigError, Model, Problem, Problems, shown

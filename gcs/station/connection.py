@@ -4,7 +4,7 @@ import contextlib
 import os
 
 from gcs.console.errors import BadInput
-from gcs.console.terminal import print_line
+from gcs.console.lines import print_line
 from mavlink_defs.endpoint import (
     Connection,
     EndpointError,

@@ -4,9 +4,10 @@
 accepts other ways to find it); of several, ``extends: [first.yaml, second.yaml]``, each is merged
 into those before it. The file is merged into its base as a JSON Merge Patch (RFC 7396):
 mappings merge key by key, a null removes the base's key, anything else, lists included, replaces.
-One rule is added: a mapping with another `kind` than the base's inherits nothing from it, so that
-one control law does not get the gains of another. Each value remembers the file and line where it
-is written.
+Two rules are added. A mapping with another `kind` than the base's inherits nothing from it, so that
+one control law does not get the gains of another. And `navigation: estimated` inherits no errors of
+the true state, which are of flights by it. Each value remembers the file and line where it is
+written.
 
 A file may name any other, also one that its reader must not see. Of a base that is not YAML, or has
 a top-level key that is none of the known ones, messages name the line but nothing of its content.
@@ -25,6 +26,9 @@ from mavlink_defs.config.models import ConfigError, Problem, shown, unknown_key
 from mavlink_defs.config.renamed import present
 from mavlink_defs.config.written import Written, WrittenDict, WrittenList, located, written_in
 from mavlink_defs.config.yaml_text import yaml_of
+
+OF_TRUE_STATE = "gyro_deg_s", "accelerometer_m_s2", "attitude_deg", "airspeed_m_s"
+"""Sections of `sensors` that a flight by an estimated state has no use for."""
 
 _PLACE = re.compile(r"\w+(?:\.\w+|\[[0-9]+\])*")
 _STEP = re.compile(r"\.?(\w+)|\[([0-9]+)\]")  # a key, or an index
@@ -80,7 +84,7 @@ def read_inherited(
         try:
             files = [find(path.parent, name) for name in names]
             bases = [read_one(file, [*above, path.resolve()]) for file in files]
-            tree_of: dict[Any, Any] = functools.reduce(merged, [*bases, own])
+            tree_of: dict[Any, Any] = merged(functools.reduce(joined, bases), own)
             return tree_of
         except ConfigError as exc:
             problems = [Problem(("extends",), line) for line in exc.lines]
@@ -106,6 +110,7 @@ def merged(base: Any, overlay: Any) -> Any:
         return overlay
     if not isinstance(base, dict) or overlay.get("kind", base.get("kind")) != base.get("kind"):
         base = {}
+    base = _without_ruled_out(base, overlay)
     new = WrittenDict(base, _sources(base))
     sources = _sources(overlay)
     for key, value in overlay.items():
@@ -117,6 +122,26 @@ def merged(base: Any, overlay: Any) -> Any:
         if key in sources:
             new.sources[key] = sources[key]
     return new
+
+
+def joined(base: dict[Any, Any], addition: dict[Any, Any]) -> dict[Any, Any]:
+    """Return `base` with the tree of a file merged into it that was written for any flight.
+
+    Of those two, each leaves out what the other one rules out: their order does not count.
+    """
+    if "navigation" not in addition:
+        addition = _without_ruled_out(addition, base)
+    tree: dict[Any, Any] = merged(base, addition)
+    return tree
+
+
+def _without_ruled_out(tree: dict[Any, Any], other: dict[Any, Any]) -> dict[Any, Any]:
+    """Return the part of a scenario that has a meaning beside another part."""
+    sensors = tree.get("sensors")
+    if other.get("navigation") != "estimated" or not isinstance(sensors, dict):
+        return tree
+    left = merged(sensors, dict.fromkeys(OF_TRUE_STATE))
+    return WrittenDict({**tree, "sensors": left}, _sources(tree))
 
 
 def _sources(tree: Any) -> dict[Any, str]:

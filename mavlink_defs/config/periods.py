@@ -9,12 +9,16 @@ Found: TypeAlias = Iterator[tuple[Loc, str]]
 """Place and text of each problem."""
 
 
+_NEAR = 0.01
+"""Share by which a rate may differ from the nearest one that there is."""
+
+
 def rate_problems(loc: Loc, rate_hz: float | None, step_us: int) -> Found:
-    """Yield place and text if a rate is no whole number of control periods [µs] from the next."""
+    """Yield place and text if no whole number of control periods [µs] makes nearly that rate."""
     if rate_hz is None:
         return
     periods = 1e6 / (rate_hz * step_us)
-    if round(periods) < 1 or not _is_whole(periods):
+    if abs(periods / max(round(periods), 1) - 1.0) > _NEAR:
         fewer = max(int(periods), 1)
         near = " or ".join(f"{1e6 / (n * step_us):.6g}" for n in (fewer, fewer + 1))
         text = f"expected a sample every 1, 2, 3, ... control periods of {step_us} us, such as"

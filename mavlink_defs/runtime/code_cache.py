@@ -34,6 +34,7 @@ from typing import Any
 import llvmlite.binding
 import numba
 from numba.core import caching
+from numba.core.annotations import type_annotations
 
 from mavlink_defs.config.models import ConfigError, Problem
 from mavlink_defs.runtime.sources import (
@@ -95,6 +96,14 @@ def add_to_cache(*variants: Callable[..., object], further: tuple[Path, ...] = (
         return False
     _functions.update(dict.fromkeys(variants, further))
     return True
+
+
+def _text_of(annotation: Any) -> str:
+    """Return how a function's lines were typed, as numba stores it for people who inspect it.
+
+    It is longer than the machine code; of ours nothing is stored.
+    """
+    return "" if annotation.func_id.func in _functions else str(_annotated(annotation))
 
 
 def forget_unreadable() -> bool:
@@ -208,6 +217,9 @@ def _choose_target() -> str:
 _settings["CACHE_LOCATOR_CLASSES"] = (
     f"{__name__}.{DigestLocator.__name__},{_settings['CACHE_LOCATOR_CLASSES'] or _FURTHER_LOCATORS}"
 )
+_TypeAnnotation: Any = type_annotations.TypeAnnotation  # without annotations
+_annotated = _TypeAnnotation.__str__
+_TypeAnnotation.__str__ = _text_of
 _functions: dict[Callable[..., object], tuple[Path, ...]] = {}
 """Those whose code is cached, each with the further files that it depends on."""
 _cache_folder = _find_cache_folder()

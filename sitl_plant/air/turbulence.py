@@ -161,9 +161,11 @@ def _lagged(y: float, before: float, after: float, a: float) -> float:
 def _moment(k: int, a: float) -> float:
     """Return the integral of s^k exp(-2 s) from 0 to a, by a series of positive terms."""
     term = 1.0 / (k + 1.0)
-    total, j = term, 1
+    total, power, j = term, a, 1
+    for _ in range(k):
+        power *= a
     while term > 1e-17 * total:
         term *= 2.0 * a / (k + 1.0 + j)
         total += term
         j += 1
-    return a ** (k + 1) * math.exp(-2.0 * a) * total
+    return power * math.exp(-2.0 * a) * total

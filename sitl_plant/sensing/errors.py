@@ -115,9 +115,12 @@ def turn_on(sensor: np.void, errors: SensorErrors, period_s: float) -> None:
 
 @compiled
 def is_due(sensor: np.void, step: int) -> bool:
-    """Return whether a sensor has a new sample to report in a step."""
+    """Return whether a sensor has a new sample to report in a step.
+
+    The one of step 0 comes at once: the aircraft was held there for longer than any latency.
+    """
     measured = step - sensor["late"]
-    return bool(measured >= 0 and measured % sensor["every"] == 0)
+    return bool(step == 0 or (measured > 0 and measured % sensor["every"] == 0))
 
 
 @compiled

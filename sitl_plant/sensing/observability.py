@@ -3,6 +3,7 @@
 from mavlink_defs.config.models import Loc
 from mavlink_defs.config.periods import Found, period_problems, rate_problems
 from sitl_plant.sensing.config import NavigationSensors, Sensor, Sensors
+from sitl_plant.sensing.units import periods_between
 
 
 def fitted(sensors: NavigationSensors) -> list[str]:
@@ -39,6 +40,16 @@ def observability_warnings(sensors: NavigationSensors) -> Found:
         yield ("pitot", "fitted"), text
 
 
+def rounded_rates(sensors: NavigationSensors, step_us: int) -> Found:
+    """Yield place and text of each default rate that control periods [µs] make a different one."""
+    for name in fitted(sensors):
+        rate_hz = getattr(sensors, name).rate_hz
+        for loc, _ in rate_problems((name, "rate_hz"), rate_hz, step_us):
+            nearest = 1e6 / (periods_between(rate_hz, step_us) * step_us)
+            text = f"{nearest:.4g} Hz in place of {rate_hz:g}, the nearest that"
+            yield loc, f"{text} control periods of {step_us} us allow"
+
+
 def sensor_problems(sensors: Sensors, step_us: int) -> Found:
     """Yield place and text of what sensors on top of the true state cannot do at a period [µs]."""
     for name, sensor in sensors.of_true_state.items():
@@ -56,7 +67,9 @@ def navigation_problems(sensors: Sensors, step_us: int) -> Found:
     for name in fitted(navigation):
         sensor = getattr(navigation, name)
         loc: Loc = ("navigation", name)
-        yield from period_problems((*loc, "latency_s"), sensor.latency_s, step_us)
-        yield from rate_problems((*loc, "rate_hz"), sensor.rate_hz, step_us)
+        for key, problems in (("latency_s", period_problems), ("rate_hz", rate_problems)):
+            value = getattr(sensor, key)
+            if value != type(sensor).model_fields[key].default:  # which becomes the nearest
+                yield from problems((*loc, key), value, step_us)
     for at, text in unobservable(navigation):
         yield ("navigation", *at), text

@@ -22,7 +22,7 @@ from sitl_plant.sensing.failures import Failures, SensorRange, fail, new_failure
 from sitl_plant.sensing.geomagnetism import magnetic_field
 from sitl_plant.sensing.standard_air import altitude_of, pressure_at, temperature_at
 from sitl_plant.sensing.units import FAULT_NAMES, UPDATED, Unit, units_of
-from sitl_plant.vec3 import Vec3, mul, mul_t, vec3
+from sitl_plant.vec3 import Vec3, hypot, mul, mul_t, vec3
 
 _CHANNEL = 300  # of the random numbers: this one and the next 360
 _MOTION = 18  # rates, specific force, attitude, position, velocity, wind: three values each
@@ -156,7 +156,7 @@ def sense(sensing: Sensing, i: int, step: int, message: np.void) -> bool:
     t = step * site["step_us"] / 1e6
     for k in range(sensing.sensors.shape[1]):
         sensor, values = sensing.sensors[i, k], sensing.samples[i, k]
-        measured = step - sensor["late"]
+        measured = max(step - sensor["late"], 0)
         fresh = is_due(sensor, step)
         if fresh:
             motion = sensing.motions[i, measured % sensing.motions.shape[1]]
@@ -239,7 +239,7 @@ def _write_gps(gps: np.void, site: np.void, measured: int, values: np.ndarray) -
     gps["lon"] = round(longitude * 1e7)
     gps["alt"] = round((site["altitude"] - values[2]) * 1e3)
     gps["eph"], gps["epv"] = round(site["hdop"] * 100.0), round(site["vdop"] * 100.0)
-    gps["vel"] = round(math.hypot(north, east) * 100.0)
+    gps["vel"] = round(hypot(north, east) * 100.0)
     gps["vn"], gps["ve"] = round(north * 100.0), round(east * 100.0)
     gps["vd"] = round(down * 100.0)
     gps["cog"] = round(course * 100.0) % 36000

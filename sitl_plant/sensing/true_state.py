@@ -12,6 +12,7 @@ import numpy as np
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.air.gaussian import normal
 from sitl_plant.sensing.config import Sensor, Sensors
+from sitl_plant.sensing.units import periods_between
 from sitl_plant.vec3 import norm, scale, sub, vec3
 
 AXES = 10
@@ -69,7 +70,7 @@ def true_motions(sensors: np.ndarray) -> np.ndarray:
 
 def _fill(record: np.void, k: int, sensor: Sensor, unit: float, step_us: int) -> None:
     """Write a sensor to a record; `unit` is the unit of the configuration in SI units."""
-    every = 1 if sensor.rate_hz is None else round(1e6 / (sensor.rate_hz * step_us))
+    every = periods_between(sensor.rate_hz, step_us)
     record["noise"][k] = sensor.noise_rms * unit
     record["bias"][k] = sensor.bias * unit
     record["walk"][k] = sensor.bias_drift * unit * math.sqrt(every * step_us / 1e6)

@@ -93,8 +93,8 @@ def units_of(sensors: NavigationSensors, step_us: int) -> list[Unit]:
 
 
 def periods_between(rate_hz: float | None, step_us: int) -> int:
-    """Return the control periods [us] from sample to sample; without a rate, 1."""
-    return 1 if rate_hz is None else round(1e6 / (rate_hz * step_us))
+    """Return the control periods [us] from sample to sample, at least 1; without a rate, 1."""
+    return 1 if rate_hz is None else max(round(1e6 / (rate_hz * step_us)), 1)
 
 
 def _fitted(sensors: NavigationSensors) -> Iterator[tuple[int, int, AnySensor]]:

@@ -114,6 +114,9 @@ def status_when(
     def holds() -> bool:
         done = fleet.gcs("status", *options, "--json")
         assert done.returncode in {ACCEPTED, NO_ANSWER}, done.stderr
+        if not done.stdout:  # not one vehicle was heard in time
+            assert done.returncode == NO_ANSWER, done.stderr
+            return False
         status.update(json.loads(done.stdout))
         assert (done.returncode == NO_ANSWER) == bool(status["not_heard"])
         return condition(status["vehicles"])

@@ -107,7 +107,7 @@ def run(
     return subprocess.run(
         [programs / program, *arguments],
         cwd=folder,
-        env=environment(**{"NUMBA_DISABLE_JIT": "1", **changes}),
+        env=environment(**{"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": "", **changes}),
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,

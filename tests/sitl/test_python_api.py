@@ -14,12 +14,12 @@ from random import Random
 from typing import Any
 
 import pytest
-from flying import TIMEOUT_S, run, write_scenario
+from flying import TIMEOUT_S, run, wait_until, write_scenario
 from station import Up, up
 
 from gcs import BadInput, CommandRefused, Flight, NoAnswer, connect, fly, fly_many
 from gcs.fleet import local_workers
-from gcs.results.flight_mark import read_mark
+from gcs.results.flight_mark import FLIGHT, read_mark
 
 pytestmark = pytest.mark.sitl
 
@@ -109,6 +109,8 @@ def test_ctrl_c_in_a_coroutine(tmp_path: Path, how: str, times: int) -> None:
     )
     assert program.stdout is not None
     assert program.stdout.readline() == "begins\n"
+    if how != "fly_many":
+        wait_until((tmp_path / "run" / FLIGHT).exists, "the flight is marked")
     time.sleep(Random(how + str(times)).uniform(1.0, 4.0))  # any instant will do
     for _ in range(times):
         program.send_signal(signal.SIGINT)

@@ -30,7 +30,9 @@ pytestmark = pytest.mark.sitl
 
 STEP_S = 1e-3
 AHEAD_STEPS = 100  # over which an autopilot predicts at most
-LOST_COMMAND_M_S = 1.0  # with 107 m/s² of thrust believed or not; what is made up is 40 m/s off
+LOST_COMMAND_M_S = (
+    10.7  # 107 m/s² of thrust believed or not for so long; what is made up is 40 m/s off
+)
 
 
 def impaired(folder: Path, duration_s: float, **plant: Any) -> Path:

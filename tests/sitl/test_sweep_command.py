@@ -31,7 +31,8 @@ CAMPAIGN = {"request.yaml", "scenario.yaml", "draws.parquet", "results"}
 OUTPUTS = CAMPAIGN | {"table.csv", "table.md", "sweep.png", "sweep.svg"}
 LONG_S = 60.0
 """Of flights that are not all over when the first are stored, after 2 s."""
-MANY = ("--set", f"trigger.b2_deg={','.join(str(0.1 * k) for k in range(1, 16))}")
+FLIGHTS = 8
+MANY = ("--set", f"trigger.b2_deg={','.join(str(0.1 * k) for k in range(1, FLIGHTS + 1))}")
 
 
 def sweep(*arguments: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
@@ -136,15 +137,15 @@ def test_killed_in_the_middle(tmp_path: Path) -> None:
         os.kill(popen.pid, signal.SIGKILL)
         popen.wait(TIMEOUT_S)
     before = kept(folder)
-    assert 1 <= len(before) < 15
+    assert 1 <= len(before) < FLIGHTS
     assert not (folder / "table.csv").exists()
     done = sweep(scenario, *MANY, "--out", folder)
     assert done.returncode == 0, done.stderr
-    assert f"{len(before)} of 15 flights already flown" in done.stderr
+    assert f"{len(before)} of {FLIGHTS} flights already flown" in done.stderr
     after = kept(folder)
-    assert len(after) == 15
+    assert len(after) == FLIGHTS
     assert {name: after[name] for name in before} == before
-    assert len(rows_of(folder)) == 15 * 3
+    assert len(rows_of(folder)) == FLIGHTS * 3
     assert not list(folder.rglob("*.part"))
 
 
@@ -156,11 +157,11 @@ def test_interrupt(tmp_path: Path) -> None:
     assert popen.returncode == 130
     assert_one_message(text)
     before = kept(folder)
-    assert f"{len(before)} of 15 flights in {folder}" in text
+    assert f"{len(before)} of {FLIGHTS} flights in {folder}" in text
     assert "same command" in text
     assert sweep(scenario, *MANY, "--out", folder).returncode == 0
     after = kept(folder)
-    assert len(after) == 15
+    assert len(after) == FLIGHTS
     assert {name: after[name] for name in before} == before
 
 

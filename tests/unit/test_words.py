@@ -46,8 +46,16 @@ def pattern(word: str) -> re.Pattern[str]:
     return re.compile(rf"(?<![^\W_]){text}(?![^\W_])", re.IGNORECASE)
 
 
+@cache
+def lowered(text: str) -> str:
+    """A text in small letters."""
+    return text.lower()
+
+
 def uses(word: str, text: str) -> list[int]:
     """The lines in which a word is used."""
+    if word.strip("*").split()[0].lower() not in lowered(text):  # sooner found than by a pattern
+        return []
     if word in ALLOWED:
         text = re.sub(ALLOWED[word], "", text, flags=re.IGNORECASE)
     return [text.count("\n", 0, found.start()) + 1 for found in pattern(word).finditer(text)]
@@ -109,8 +117,13 @@ BACK_TICKED = re.compile(r"(?<!`)`([A-Za-z_]\w*(?:\.\w+)*)(?:\(\))?`(?!`)")
 OUR_OWN = re.compile(r"`((?:gcs|ftc_lab|ftc_autopilot|sitl_plant|mavlink_defs)\.[\w.]+)`")
 
 
-def parts_of_code(text: str) -> Iterator[tuple[bool, str]]:
+@cache
+def parts_of_code(text: str) -> tuple[tuple[bool, str], ...]:
     """Docstrings and whole lines of comments, which are prose, and all else."""
+    return tuple(tokens_of(text))
+
+
+def tokens_of(text: str) -> Iterator[tuple[bool, str]]:
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
         alone = not token.line[: token.start[1]].strip()
         is_text = token.type == tokenize.STRING and token.string.endswith('"""')

@@ -27,6 +27,7 @@ from ftc_autopilot.control.diagnosis.instrument import (
 from ftc_autopilot.control.diagnosis.parameters import Limits
 from ftc_autopilot.control.diagnosis.regression import estimate, long_estimate, restart
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.vec3 import square
 
 
 @compiled
@@ -208,8 +209,8 @@ def _is_lost(
     at_most = found.by_dither + gains["lost_sigma"] * found.dither_error
     if found.by_dither < lost and at_most < surely:
         return True
-    noise = min(actuator["variance"], (gains["flat_noise"] * limits.jump) ** 2)
-    flat = gains["flat_sigma"] ** 2 * noise + gains["flat"] ** 2 * actuator["var_u"]
+    noise = min(actuator["variance"], square(gains["flat_noise"] * limits.jump))
+    flat = square(gains["flat_sigma"]) * noise + square(gains["flat"]) * actuator["var_u"]
     return bool(
         excited
         and found.rho < lost
@@ -236,7 +237,7 @@ def _follows(actuator: np.void, limits: Limits, gains: np.void, is_throttle: boo
     """
     cov, var_u = actuator["long_cov"], actuator["long_var_u"]
     follows: bool = (
-        var_u > 0.25 * limits.excitation**2
+        var_u > 0.25 * square(limits.excitation)
         and long_estimate(actuator, limits.prior) > gains["return_effectiveness"]
         and cov > 0.55 * var_u
         and cov * cov > gains["return_r2"] * var_u * actuator["long_var_y"]

@@ -16,7 +16,7 @@ from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.airframe.aircraft import AircraftRecord
 from sitl_plant.airframe.stops import range_of
 from sitl_plant.airframe.thrust import available_thrust
-from sitl_plant.vec3 import clamp
+from sitl_plant.vec3 import clamp, square
 
 _FIRST_SIGMA = 0.2  # standard deviation of the residual at first, relative to the jump threshold
 _AT_STOP = 0.98  # of the stop
@@ -67,7 +67,7 @@ def diagnose(
         before = actuator["lost"]
         if now.first:
             actuator["effectiveness"] = 1.0
-            actuator["variance"] = (_FIRST_SIGMA * limits.jump) ** 2
+            actuator["variance"] = square(_FIRST_SIGMA * limits.jump)
         monitor(actuator, limits, state["age"], dt, gains)
         if j < THROTTLE:
             at_stop = held[j] < _AT_STOP * lowest or held[j] > _AT_STOP * highest
@@ -191,6 +191,6 @@ def _weigh(actuator: np.void, prior: float, excitation: float, memory_s: float, 
     target = 1.0
     if found < _WEAK:
         target = max(found, _WEAKEST)
-    elif actuator["effectiveness"] < 0.9 and actuator["long_var_u"] < (0.7 * enough) ** 2:
+    elif actuator["effectiveness"] < 0.9 and actuator["long_var_u"] < square(0.7 * enough):
         target = actuator["effectiveness"]
     actuator["effectiveness"] += dt / memory_s * (target - actuator["effectiveness"])

@@ -22,7 +22,7 @@ from ftc_autopilot.control.diagnosis.instrument import restart_instrument
 from ftc_autopilot.control.diagnosis.parameters import Limits
 from ftc_autopilot.control.diagnosis.regression import learn, restart
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.vec3 import clamp
+from sitl_plant.vec3 import clamp, square
 
 
 @compiled
@@ -80,10 +80,10 @@ def monitor(actuator: np.void, limits: Limits, age: float, dt: float, gains: np.
             if in_service:
                 _learn_explained(actuator, clamp(whole_away, -smooth_jump, smooth_jump), share)
             moved = min(abs(smooth_away), smooth_jump)
-            actuator["smooth_variance"] += share * (moved**2 - actuator["smooth_variance"])
+            actuator["smooth_variance"] += share * (square(moved) - actuator["smooth_variance"])
             if age > limits.check:  # a fault from before the start would pass for noise
                 moved = min(abs(away), jump)
-                actuator["variance"] += share * (moved**2 - actuator["variance"])
+                actuator["variance"] += share * (square(moved) - actuator["variance"])
         actuator["command_mean"] += dt / gains["mean_s"] * (u - actuator["command_mean"])
         learn(actuator, limits.window, gains["long_s"], dt)
     actuator["suspect_s"] = max(actuator["suspect_s"] - dt, 0.0)
@@ -115,7 +115,7 @@ def _explained(actuator: np.void, limits: Limits, age: float, gains: np.void) ->
     """
     if age <= gains["explained_start_s"]:
         return 0.0
-    share = actuator["moved_cov"] / (actuator["moved_var_u"] + limits.prior**2)
+    share = actuator["moved_cov"] / (actuator["moved_var_u"] + square(limits.prior))
     return float(share * (actuator["smooth_u"] - actuator["command_mean"]))
 
 

@@ -20,7 +20,7 @@ from sitl_plant.airframe.config import Aircraft
 from sitl_plant.airframe.rigid_body import R2
 from sitl_plant.airframe.stops import range_of
 from sitl_plant.airframe.thrust import available_thrust
-from sitl_plant.vec3 import Vec3, clamp, mul
+from sitl_plant.vec3 import Vec3, clamp, mul, square
 
 _TimeConstant = Annotated[float, quantity("s", "Time constant of an attitude loop.", gt=0.0)]
 _RateLimit = Annotated[float, quantity("deg/s", "Limit of an Euler angle's rate.", gt=0.0)]
@@ -136,7 +136,9 @@ def _surface(
     """
     error = commanded[axis] - omega[axis]
     proportional: float = gains["rate_p"][axis] * error + state["integral"][axis]
-    delta: float = -(scaling * gains["rate_ff"][axis] * commanded[axis] + scaling**2 * proportional)
+    delta: float = -(
+        scaling * gains["rate_ff"][axis] * commanded[axis] + square(scaling) * proportional
+    )
     lowest, highest = range_of(aircraft, axis)
     winds_up = (delta <= lowest and error > 0.0) or (delta >= highest and error < 0.0)
     if not winds_up:

@@ -47,6 +47,7 @@ from mavlink_defs.config.quantity import quantity
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.airframe.aerodynamics import carried_linearly, drag
 from sitl_plant.airframe.thrust import available_thrust
+from sitl_plant.vec3 import hypot, square
 
 _APPROACH_MAX = math.radians(40.0)
 """Largest angle between the commanded course and the path [rad]."""
@@ -149,7 +150,7 @@ def path_law(
     airspeed = _airspeed(now, path, place, wind, aircraft, limits, state)
     climb, climb_now = _climb(now, path, place, aircraft, limits, gains, state)
     weight = aircraft["m"] * aircraft["g"] * math.cos(climb)
-    lift = 0.5 * aircraft["rho"] * airspeed**2 * aircraft["S"]
+    lift = 0.5 * aircraft["rho"] * square(airspeed) * aircraft["S"]
     at_zero, slope = carried_linearly(aircraft)
 
     most = at_zero + slope * limits["incidence_max_rad"]
@@ -206,7 +207,7 @@ def _estimate_wind(now: Situation, gains: np.void, state: np.void) -> None:
 @compiled
 def _place(now: Situation, path: np.void) -> _PathPlace:
     """Return how the UAV moves along its path."""
-    ground_speed = math.hypot(now.velocity[0], now.velocity[1])
+    ground_speed = hypot(now.velocity[0], now.velocity[1])
     course = math.atan2(now.velocity[1], now.velocity[0])
     room = max(
         1.0 - now.off * now.here.curvature, 0.2
@@ -248,7 +249,7 @@ def _airspeed(
     speed *= max(1.0 - right * place.ahead.curvature, 0.2)
     north = speed * math.cos(place.ahead.course) - wind[0]
     east = speed * math.sin(place.ahead.course) - wind[1]
-    desired = math.hypot(north, east)
+    desired = hypot(north, east)
     desired = min(max(desired, limits["airspeed_min_m_s"]), limits["airspeed_max_m_s"])
     change = limits["acceleration_max_m_s2"] * now.dt
     faster = change
@@ -333,7 +334,7 @@ def _climb(
 ) -> tuple[float, float]:
     """Return γ_d and γ_d'."""
     V = max(now.motion.V, 1.0)
-    pressure = 0.5 * aircraft["rho"] * V**2 * aircraft["S"]
+    pressure = 0.5 * aircraft["rho"] * square(V) * aircraft["S"]
     weight = aircraft["m"] * aircraft["g"]
     _, lift_slope = carried_linearly(aircraft)
     lag = aircraft["m"] * V / (pressure * lift_slope)
@@ -361,7 +362,7 @@ def _climb(
 def _thrust_and_drag(now: Situation, aircraft: np.void, limits: np.void) -> tuple[float, float]:
     """Return the largest thrust that guidance counts on, and the drag, at present [N]."""
     V = max(now.motion.V, 1.0)
-    pressure = 0.5 * aircraft["rho"] * V**2 * aircraft["S"]
+    pressure = 0.5 * aircraft["rho"] * square(V) * aircraft["S"]
     D = drag(pressure, math.atan2(now.motion.v[2], now.motion.v[0]), aircraft)
     return limits["thrust_share_max"] * available_thrust(V, aircraft), D
 

@@ -21,8 +21,8 @@ def test_a_commit_runs_in_a_clone_with_its_own_caches(tmp_path: Path) -> None:
     assert cost.processor_s > 0.0
     printed = (clone.folder / "printed.log").read_text().split()
     assert printed == [str(tmp_path / "0" / name) for name in ("cache", "uv", "pip")]
-    with pytest.raises(subprocess.CalledProcessError):
-        clone.run("false")
+    with pytest.raises(SystemExit, match=r"-c raise OSError\('full'\) of .* ended with 1:"):
+        clone.run(sys.executable, "-c", "raise OSError('full')")
     clone.run("false", fail=False)
 
 
@@ -32,10 +32,21 @@ def test_rows_have_both_commits_in_turn(tmp_path: Path, capsys: pytest.CaptureFi
 
     def measured(clone: first_contact.Clone) -> first_contact.Cost:
         turns.append(clone.name)
-        return first_contact.Cost(len(turns), 10.0 * len(turns))
+        return first_contact.Cost(len(turns), 10.0 * len(turns), 0.5)
 
-    first_contact.both("a flight", clones, measured, rounds=3)
+    first_contact.both("gcs fly", clones, measured, rounds=3, targets=("≤ 3", "", "≤ 2.5"))
     assert turns == ["new", "old"] * 3
-    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
-    assert rows[0] == ["a", "flight", "wall", "s", "3.00", "4.00"]
-    assert rows[1] == ["a", "flight", "processor", "s", "30.00", "40.00"]
+    rows = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    assert rows == [
+        "gcs fly wall s 3.00 4.00 ≤ 3",
+        "gcs fly processor s 30.00 40.00",
+        "gcs fly its station 0.50 0.50 ≤ 2.5",
+    ]
+
+
+def test_the_station_counts_apart(tmp_path: Path) -> None:
+    used, station = tmp_path / "used", first_contact.STATION
+    command = (sys.executable, "-c", station, used, "--version")
+    said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    assert said.startswith("ftc-sitl ")
+    assert float(used.read_text()) > 0.0

@@ -3,23 +3,10 @@
 import ast
 from collections import defaultdict
 from collections.abc import Iterator
-from functools import cache
-from pathlib import Path
 
-ROOT = Path(__file__).parents[3]
-PACKAGES = ("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs", "ftc_lab")
-TEMPLATE = ROOT / "gcs" / "project"
+from parsed import trees
+
 MANY = 8
-
-
-@cache
-def trees() -> dict[str, ast.Module]:
-    return {
-        str(path.relative_to(ROOT)): ast.parse(path.read_text())
-        for package in PACKAGES
-        for path in (ROOT / package).rglob("*.py")
-        if path.name != "dialect.py" and not path.is_relative_to(TEMPLATE)
-    }
 
 
 def classes() -> Iterator[tuple[str, ast.ClassDef]]:

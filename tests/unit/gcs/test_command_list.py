@@ -16,7 +16,7 @@ nothing = 3
 """
 MODULE = '''
 """Of somebody else."""
-from gcs.console.terminal import print_line
+from gcs.console.lines import print_line
 EPILOG = "Examples: gcs hello"
 def hello() -> None:
     """Say hello."""

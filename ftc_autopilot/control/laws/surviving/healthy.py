@@ -8,7 +8,7 @@ from ftc_autopilot.control.attitude import filtered_derivative
 from ftc_autopilot.control.step import Step
 from mavlink_defs.runtime.jit import inlined
 from sitl_plant.airframe.rigid_body import R2
-from sitl_plant.vec3 import Vec3, clamp, mul, scale, sub, vec3
+from sitl_plant.vec3 import Vec3, clamp, mul, scale, square, sub, vec3
 
 _MIN_PITCH = -0.75  # of the pitch reference [rad]
 _NEAR = math.radians(3.0)  # of the limit of the angle of attack
@@ -62,7 +62,7 @@ def commanded_acceleration(now: Step, rates: Vec3, gains: np.void, state: np.voi
     omega_d = mul(R2(now.motion.phi), rates)
     K2 = gains["K2"]
     slope = filtered_derivative(now, omega_d, gains["tau_omega_d_s"], state["omega_d_filtered"])
-    share = clamp((now.motion.V / gains["full_gain_airspeed_m_s"]) ** 2, 0.25, 1.0)
+    share = clamp(square(now.motion.V / gains["full_gain_airspeed_m_s"]), 0.25, 1.0)
     e = sub(now.motion.omega, omega_d)
     a, b, c = vec3(gains["acceleration_limit_rad_s2"])
     return (

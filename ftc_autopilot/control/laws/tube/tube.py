@@ -14,6 +14,7 @@ from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.control.laws.tube.parameters import OUTPUTS
 from ftc_autopilot.control.step import Step
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.vec3 import square
 
 _YAW = 3
 
@@ -60,7 +61,7 @@ def build_tube(now: Step, rows: int, gains: np.void, path: np.ndarray, width: np
         inside = d + k * abs(z)
         beyond = max(abs(error) - max(rate * tau, inside), 0.0)
         outside = max(abs(error) - beyond - inside, 0.0)
-        slope, bend = slope + bandwidth * z, bend + 2.0 * bandwidth * slope + bandwidth**2 * z
+        slope, bend = slope + bandwidth * z, bend + 2.0 * bandwidth * slope + square(bandwidth) * z
         filter_decay, funnel_decay = 1.0, 1.0
         for i in range(rows):
             s = (i + 1) * h

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ftc_autopilot.estimation.config import EstimatorConfig, parameters_of
-from ftc_autopilot.estimation.fuse import correct, innovation_variance
+from ftc_autopilot.estimation.fuse import LARGE_TURN, correct, innovation_variance
 from ftc_autopilot.estimation.measurements import past_travel
 from ftc_autopilot.estimation.predict import predict
 from ftc_autopilot.estimation.state import (
@@ -91,8 +91,12 @@ def test_a_scalar_update_is_the_kalman_update(seed: int) -> None:
     K = P @ h / S
     joseph = (np.eye(N) - np.outer(K, h)) @ P @ (np.eye(N) - np.outer(K, h)).T
     joseph += 0.04 * np.outer(K, K)
-    assert np.allclose(record["P"], joseph, atol=1e-12)
-    assert np.array_equal(record["P"], record["P"].T)
+    u, v, w = 0.005 * K[:3]  # half of the correction
+    assert 2.0 * (abs(u) + abs(v) + abs(w)) > LARGE_TURN
+    G = np.eye(N)
+    G[:3, :3] += [[0, -w, v], [w, 0, -u], [-v, u, 0]]  # Solà, section 6.3
+    assert np.allclose(record["P"], G @ joseph @ G.T, atol=1e-12)
+    assert np.allclose(record["P"], record["P"].T, rtol=0.0, atol=1e-15)
     assert np.allclose(record["x"][3:], (x + 0.01 * K)[3:])
     turned = np.array(rotation(record["quaternion"])) @ before.T
     assert turned[2, 1] == pytest.approx(0.01 * K[0], abs=1e-4)
@@ -142,3 +146,16 @@ def test_integrals_of_the_past_are_found_between_entries() -> None:
     assert past[6] == pytest.approx(0.1234)
     assert past[0] == pytest.approx(math.sin(0.1234), abs=1e-5)
     assert past[1] == pytest.approx(0.1234**2, abs=1e-4)
+
+
+def test_before_its_memory_an_aircraft_went_straight_on() -> None:
+    """A sample of before the first entry is none of the first entry's time."""
+    history = np.zeros((30, 7))
+    history[:, 6] = np.arange(30) * 0.01
+    history[:, 0] = 5.0 * history[:, 6]  # accelerates northwards, from 0 s on
+    now, past = history[-1].copy(), np.zeros(7)
+    gap = past_travel(history, now, now[6] + 0.15, past)
+    assert gap == pytest.approx(0.15)
+    assert past[6] == pytest.approx(-0.15)
+    assert past[0] == history[0, 0]
+    assert past_travel(history, now, 0.1, past) == 0.0

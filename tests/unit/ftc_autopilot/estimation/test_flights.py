@@ -11,14 +11,13 @@ from benchmarks.consistency import (
     Followed,
     airspeed_error,
     attitude_error,
+    flown,
     follow,
-    motion_of,
     nees,
 )
 from ftc_autopilot.estimation.estimator import EstimatorConfig, estimate, new_estimator
 from ftc_autopilot.estimation.output import REPORT
-from gcs.fleet.in_process import fly_in_process
-from gcs.results.recording import Recording
+from ftc_autopilot.estimation.state import GNSS_HEIGHT, GNSS_VELOCITY
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.constants import BAROMETER, GNSS, MAGNETOMETER, PITOT
 from mavlink_defs.framing.codec import SIM_STATE, SIM_STEP
@@ -32,14 +31,14 @@ LATE = 100  # samples of 0.1 s: after 10 s
 
 
 @pytest.fixture(scope="module")
-def flown() -> tuple[Scenario, Recording]:
+def flight() -> tuple[Scenario, np.ndarray]:
     scenario = load_scenario("paper/scenario1")
-    return scenario, fly_in_process(scenario)
+    return scenario, flown(scenario)
 
 
 @pytest.fixture(scope="module")
-def runs(flown: tuple[Scenario, Recording]) -> list[Followed]:
-    return [follow(*flown, seed) for seed in range(1, SEEDS + 1)]
+def runs(flight: tuple[Scenario, np.ndarray]) -> list[Followed]:
+    return [follow(*flight, seed) for seed in range(1, SEEDS + 1)]
 
 
 def rms(values: np.ndarray) -> np.ndarray:
@@ -66,9 +65,9 @@ def test_the_covariance_is_that_of_the_errors(runs: list[Followed]) -> None:
 
 
 def test_innovations_have_their_variance(runs: list[Followed]) -> None:
-    """Of a magnetometer the largest of 3, of a GNSS receiver of 6: means of 2.1 and 3.0."""
+    """Of field and velocity the largest of 3, of a place the largest of 2: means 2.1 and 1.6."""
     ratios = np.mean([run.ratios[LATE:] for run in runs], axis=(0, 1))
-    expected = {MAGNETOMETER: 2.1, BAROMETER: 1.0, GNSS: 3.0}
+    expected = {MAGNETOMETER: 2.1, BAROMETER: 1.0, GNSS: 1.6, GNSS_VELOCITY: 2.1, GNSS_HEIGHT: 1.0}
     for sensor, mean in expected.items():
         assert ratios[sensor] == pytest.approx(mean, rel=0.15)
     assert ratios[PITOT] < 1.1
@@ -82,23 +81,23 @@ def test_no_sensor_is_excluded_without_a_fault(runs: list[Followed]) -> None:
 
 
 def fly_with_fault(
-    flown: tuple[Scenario, Recording],
+    flight: tuple[Scenario, np.ndarray],
     fault: Callable[[np.ndarray, np.void, bool], bool],
     end_s: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return reports, estimated states and true motion by step, of a flight with a fault.
 
     Args:
-        flown: The flight.
+        flight: Its scenario and its motion.
         fault: Changes records of the IMUs and the GNSS receiver from 10 s on, and returns
             whether the latter is delivered.
         end_s: When it ends.
     """
-    scenario, flight = flown
+    scenario, motion = flight
     plant = scenario.plant_config(speed=None)
     aircraft = scenario.aircraft_of(scenario.uavs[0].id)
     steps = round(end_s * 1e6 / scenario.step_us)
-    true = motion_of(flight.states[:steps, 0], flight.wind[:steps, 0, :3], 9.8, 1e-3)
+    true = motion[:steps, 0]
     estimator = new_estimator(
         EstimatorConfig(plant.sensors.navigation, plant.origin, scenario.step_us, aircraft)
     )
@@ -142,9 +141,9 @@ def stick_gyro(imus: np.ndarray, _gps: np.void, delivered: bool) -> bool:
 
 @pytest.mark.parametrize("fault", [silence_imu, bias_gyro, bias_accelerometer, stick_gyro])
 def test_the_other_imu_takes_over_within_half_a_second(
-    flown: tuple[Scenario, Recording], fault: Callable[[np.ndarray, np.void, bool], bool]
+    flight: tuple[Scenario, np.ndarray], fault: Callable[[np.ndarray, np.void, bool], bool]
 ) -> None:
-    reports, states, true = fly_with_fault(flown, fault, 11.0)
+    reports, states, true = fly_with_fault(flight, fault, 11.0)
     assert (reports["imu"][:10_000] == 0).all()
     assert (reports["imu"][10_500:] == 1).all()
     assert (reports["bad_imus"][10_500:] == 1).all()
@@ -169,9 +168,9 @@ def silence_pitot(imus: np.ndarray, _gps: np.void, delivered: bool) -> bool:
 
 @pytest.mark.parametrize("fault", [block_pitot, empty_pitot, silence_pitot])
 def test_a_pitot_tube_that_fails_is_excluded_and_the_airspeed_stays(
-    flown: tuple[Scenario, Recording], fault: Callable[[np.ndarray, np.void, bool], bool]
+    flight: tuple[Scenario, np.ndarray], fault: Callable[[np.ndarray, np.void, bool], bool]
 ) -> None:
-    reports, states, true = fly_with_fault(flown, fault, 14.0)
+    reports, states, true = fly_with_fault(flight, fault, 14.0)
     assert (reports["synthetic_airspeed"][9_000:10_000] == 0).all()
     assert (reports["synthetic_airspeed"][13_000:] == 1).all()
     speed = np.linalg.norm(states["velocity"] - states["wind"], axis=1)
@@ -189,15 +188,15 @@ def shift_gnss(_imus: np.ndarray, gps: np.void, delivered: bool) -> bool:
 
 @pytest.mark.parametrize("fault", [lose_gnss, shift_gnss])
 def test_without_gnss_it_reckons(
-    flown: tuple[Scenario, Recording], fault: Callable[[np.ndarray, np.void, bool], bool]
+    flight: tuple[Scenario, np.ndarray], fault: Callable[[np.ndarray, np.void, bool], bool]
 ) -> None:
-    reports, states, true = fly_with_fault(flown, fault, 14.0)
+    reports, states, true = fly_with_fault(flight, fault, 14.0)
     assert (reports["dead_reckoning"][11_000:] == 1).all()
     assert np.abs(states["position"] - true[:, :3])[9000:].max() < 6.0
 
 
-def test_a_second_call_for_a_step_changes_nothing(flown: tuple[Scenario, Recording]) -> None:
-    scenario, _ = flown
+def test_a_second_call_for_a_step_changes_nothing(flight: tuple[Scenario, np.ndarray]) -> None:
+    scenario, _ = flight
     plant = scenario.plant_config(speed=None)
     aircraft = scenario.aircraft_of(scenario.uavs[0].id)
     config = EstimatorConfig(plant.sensors.navigation, plant.origin, scenario.step_us, aircraft)

@@ -9,7 +9,7 @@ from ftc_autopilot import estimation
 from ftc_autopilot.common.records import in_si
 from ftc_autopilot.estimation.config import EstimatorConfig, parameters_of
 from ftc_autopilot.estimation.estimator import new_estimator
-from ftc_autopilot.estimation.health import INCONSISTENT, WELL, note_test
+from ftc_autopilot.estimation.health import INCONSISTENT, WELL, exclude, note_test
 from ftc_autopilot.estimation.parameters import EstimatorParameters
 from ftc_autopilot.hot.navigation import new_navigation
 from gcs.scenario.model import Scenario, scenario_of
@@ -40,13 +40,22 @@ def test_a_scenario_has_them_and_the_autopilot_takes_them(scenario1: Scenario) -
         scenario_of("own", tree | {"estimator": {"gate_sigma": 0.0}})
 
 
-@pytest.mark.parametrize(("sigma", "reason"), [(5.0, WELL), (3.0, INCONSISTENT)])
-def test_a_gate_decides_what_is_inconsistent(
-    scenario1: Scenario, sigma: float, reason: int
-) -> None:
+@pytest.mark.parametrize(("sigma", "fails"), [(5.0, False), (3.0, True)])
+def test_a_gate_decides_what_fails(scenario1: Scenario, sigma: float, fails: bool) -> None:
     config = config_of(scenario1, EstimatorParameters(gate_sigma=sigma))
     assumed = parameters_of(config)[0]
     barometer = new_estimator(config).state[0]["sensors"][BAROMETER]
-    for _ in range(100):
-        note_test(barometer, 16.0, assumed)
-    assert barometer["reason"] == reason
+    assert [note_test(barometer, 16.0, assumed) for _ in range(100)][-1] == fails
+
+
+def test_a_sensor_is_taken_back_and_later_each_time(scenario1: Scenario) -> None:
+    config = config_of(scenario1, EstimatorParameters())
+    assumed = parameters_of(config)[0]
+    sensor = new_estimator(config).state[0]["sensors"][BAROMETER]
+    passed = []
+    for _ in range(6):
+        exclude(sensor, INCONSISTENT)
+        while sensor["reason"] != WELL:
+            note_test(sensor, 1.0, assumed)
+        passed.append(int(sensor["passed"]))
+    assert passed == [50, 100, 200, 400, 400, 400]  # of 50 samples a second

@@ -16,6 +16,9 @@ FAULTS = [name for name in bundled_names() if name.startswith("sensor_faults/")]
 SETTLED = 8000  # steps
 MAX_DEG = {"sensor_faults/gyro_garbage": 10.0}
 """Largest error of roll and pitch, where it is not 2°."""
+MAX_M_S = {"sensor_faults/pitot_iced": 22.0}
+"""Largest error of the airspeed, where it is not 5 m/s: of a tube that ices up before the ratio of
+its pressure and the lift has been learned."""
 
 
 def by_sensors(name: str, **changes: Any) -> Scenario:
@@ -27,7 +30,7 @@ def by_sensors(name: str, **changes: Any) -> Scenario:
 def test_estimates_stay_near_the_truth(name: str) -> None:
     flown = estimates_of(by_sensors(name))
     assert flown.attitude_deg < MAX_DEG.get(name, 2.0)
-    assert flown.airspeed_m_s < 5.0
+    assert flown.airspeed_m_s < MAX_M_S.get(name, 5.0)
     assert flown.place_m < 60.0
     assert flown.phase < LOST  # no actuator is blamed for a sensor
 

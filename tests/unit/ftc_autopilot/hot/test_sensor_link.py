@@ -11,8 +11,11 @@ import pytest
 from link_bench import LOCKSTEP, NOTHING_APPLIED, UAV, Rig
 from pymavlink.dialects.v20 import common
 
+from ftc_autopilot.control.controllers import begin_path
 from ftc_autopilot.hot.drops import SIMULATOR
 from ftc_autopilot.hot.state import reset_links
+from gcs.results.path_following import paths_of
+from gcs.scenario.changes import with_changes
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.dialect import FTC_SIM_FLAGS_GPS, FTC_SIM_FLAGS_RUNNING
@@ -22,7 +25,7 @@ from mavlink_defs.framing.hot_link import ReturnReason
 
 ALL_OF_IMU_0 = 0b1_1111_1111_1111
 GYRO_AND_ACCELEROMETER = 0b11_1111
-ORIGIN = {"lat": 473_566_100, "lon": 85_191_400, "alt": 1_488_000}
+FAR = 473_566_100, 85_191_400, 1_488_000
 
 
 class SensorRig(Rig):
@@ -54,8 +57,8 @@ class SensorRig(Rig):
             )
         )
 
-    def send_gps(self, measured: int) -> None:
-        place, velocity = ORIGIN.values(), (4000, 4000, 0, 0, 0)
+    def send_gps(self, measured: int, place: tuple[int, int, int] = FAR) -> None:
+        velocity = 4000, 4000, 0, 0, 0
         self.send(common.MAVLink_hil_gps_message(1000 * measured, 3, *place, 80, 80, *velocity, 14))
 
     def send_step(self, step: int, flags: int = LOCKSTEP, run: int = 7) -> None:
@@ -134,6 +137,34 @@ def test_in_lockstep_a_step_that_lacks_its_gps_sample_waits(rig: SensorRig) -> N
     rig.send_step(1, LOCKSTEP | FTC_SIM_FLAGS_GPS)
     assert is_answered(rig)
     assert int(rig.autopilots.own[0]["link"]["flags"]) == LOCKSTEP
+
+
+def test_before_the_first_fix_a_member_flies_by_no_place_and_tells_neighbours_none() -> None:
+    """It tells them its motion; a place is one of the fix, not a guess from home."""
+    scenario = with_changes("missions/hexagon", ["estimated"])
+    rig, paths = SensorRig(scenario), paths_of(scenario)
+    assert paths is not None
+    rig.controllers.paths[0] = paths[1]
+    uav = rig.controllers.uavs[0]
+    begin_path(uav["guidance"])
+    own, command = uav["own_state"], uav["guidance"]["command"].tolist()
+    for step in range(3):
+        rig.send_neighbour_state(step)
+        rig.send_all(step)
+        assert is_answered(rig)
+        assert (int(own["step"]), int(own["path_id"]), own["position"].any()) == (step, 0, False)
+        assert uav["guidance"]["command"].tolist() == command
+    rig.send_neighbour_state(3)
+    origin = scenario.origin
+    degrees = round(origin.latitude_deg * 1e7), round(origin.longitude_deg * 1e7) + 10_000
+    rig.send_gps(2, (*degrees, 1_000_000))
+    rig.send_all(3, LOCKSTEP | FTC_SIM_FLAGS_GPS)
+    assert is_answered(rig)
+    assert int(own["path_id"]) == int(paths[1]["id"])
+    place, _, _ = rig.estimate()
+    assert own["position"] == pytest.approx(place, abs=1e-3)
+    assert uav["guidance"]["command"].tolist() != command
+    rig.close()
 
 
 def test_in_real_time_a_step_is_flown_with_what_has_come(rig: SensorRig) -> None:

@@ -163,11 +163,9 @@ def test_the_mavlink_messages_of_its_state_are_made(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(text)
     bench = Bench(scenario(tmp_path, controller={"kind": f"{tmp_path}/mine.py:Mine"}))
     bench.controllers.uavs[0]["controller"]["plugin"]["own"]["numbers"][1] = 3.5
-    made: Any = {
-        one.make(i).get_type(): one.make(i)
-        for one in bench.vehicle.telemetry
-        for i in one.available
-    }
+    (telemetry,) = bench.vehicle.telemetry
+    every: list[Any] = [telemetry.make(i) for i in telemetry.available]
+    made = {message.get_type(): message for message in every}
     assert made["FTC_ADAPTATION"].phi_v == 3.5
     assert "FTC_DIAGNOSIS" in made
 

@@ -7,18 +7,23 @@ import numpy as np
 import pytest
 from vehicle_bench import Bench, of_type
 
-from ftc_autopilot.estimation.health import INCONSISTENT, SILENT, STUCK, WELL
+from ftc_autopilot.estimation.health import ABSENT, INCONSISTENT, SILENT, STUCK, WELL
 from ftc_autopilot.estimation.parameters import EstimatorParameters
+from ftc_autopilot.estimation.state import GNSS_HEIGHT, GNSS_VELOCITY
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.constants import BAROMETER, GNSS, MAGNETOMETER, PITOT
+from sitl_plant.airframe.rigid_body import R1
+from sitl_plant.vec3 import vec3
 
 GATE = EstimatorParameters().gate_sigma ** 2
 GPS = dialect.MAV_SYS_STATUS_SENSOR_GPS
 PITOT_BIT = dialect.MAV_SYS_STATUS_SENSOR_DIFFERENTIAL_PRESSURE
 GYRO, AHRS = dialect.MAV_SYS_STATUS_SENSOR_3D_GYRO, dialect.MAV_SYS_STATUS_AHRS
 ABSOLUTE = dialect.ESTIMATOR_POS_HORIZ_ABS | dialect.ESTIMATOR_PRED_POS_HORIZ_ABS
-ALL_KNOWN = 0b11_0111_1111
+ALL_KNOWN = 0b11_0011_1111  # but the height above the ground
+HEIGHT = dialect.ESTIMATOR_POS_VERT_ABS
+EKF_UNINITIALIZED, EKF_GPS_GLITCHING = 1024, 32768
 
 
 @pytest.fixture
@@ -26,7 +31,8 @@ def bench(scenario1: Scenario) -> Bench:
     bench = Bench(scenario1.model_copy(update={"navigation": "estimated"}))
     bench.hot.measured["time_usec"] = 12_340_000
     bench.run()
-    report(bench)["aligned"] = 1
+    report(bench)["aligned"] = report(bench)["placed"] = 1
+    bench.hot.navigation["step"] = bench.hot.navigation["gps_step"] = 12_340
     said(bench)
     return bench
 
@@ -54,18 +60,49 @@ def test_ratios_are_innovations_over_their_limit(bench: Bench) -> None:
         (MAGNETOMETER, GATE),
         (BAROMETER, GATE / 4.0),
         (PITOT, 4.0 * GATE),
-        (GNSS, 0.0),
+        (GNSS, 9.0 * GATE),
+        (GNSS_VELOCITY, 16.0 * GATE),
+        (GNSS_HEIGHT, 0.01 * GATE),
     ):
         report(bench)["ratios"][sensor] = squared
     report(bench)["position_std"] = (3.0, 4.0, 7.0)
     status = made(bench, dialect.MAVLINK_MSG_ID_ESTIMATOR_STATUS)
     assert (status.mag_ratio, status.pos_vert_ratio) == (1.0, 0.5)
-    assert (status.tas_ratio, status.vel_ratio, status.pos_horiz_ratio) == (2.0, 0.0, 0.0)
+    assert (status.tas_ratio, status.vel_ratio, status.pos_horiz_ratio) == (2.0, 4.0, 3.0)
+    assert math.isnan(status.hagl_ratio)
     assert (status.pos_horiz_accuracy, status.pos_vert_accuracy) == (5.0, 7.0)
     assert status.flags & ABSOLUTE == ABSOLUTE
     arducopter = made(bench, dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT)
     assert (arducopter.compass_variance, arducopter.airspeed_variance) == (1.0, 2.0)
-    assert arducopter.flags == status.flags
+    assert arducopter.terrain_alt_variance == 0.0
+    assert arducopter.flags == status.flags == ALL_KNOWN
+    report(bench)["ratios"][GNSS_HEIGHT] = GATE
+    assert made(bench, dialect.MAVLINK_MSG_ID_ESTIMATOR_STATUS).pos_vert_ratio == 1.0
+
+
+@pytest.mark.parametrize(
+    ("sensor", "ratio", "variance"),
+    [
+        (GNSS, "vel_ratio", "velocity_variance"),
+        (GNSS, "pos_horiz_ratio", "pos_horiz_variance"),
+        (MAGNETOMETER, "mag_ratio", "compass_variance"),
+        (PITOT, "tas_ratio", "airspeed_variance"),
+    ],
+)
+@pytest.mark.parametrize("is_fitted", [True, False])
+def test_a_sensor_that_says_nothing_has_no_ratio(
+    sensor: int, ratio: str, variance: str, is_fitted: bool, bench: Bench
+) -> None:
+    """The last one would stand there for ever. NaN as PX4 has it, 0 as ArduPilot has it."""
+    report(bench)["ratios"] = GATE
+    one = bench.hot.navigation["estimator"]["sensors"][sensor]
+    if is_fitted:
+        one["silent"] = one["most_silent"] + 1
+    else:
+        one["reason"] = ABSENT
+    assert math.isnan(getattr(made(bench, dialect.MAVLINK_MSG_ID_ESTIMATOR_STATUS), ratio))
+    assert getattr(made(bench, dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT), variance) == 0.0
+    assert made(bench, dialect.MAVLINK_MSG_ID_ESTIMATOR_STATUS).pos_vert_ratio == 1.0
 
 
 def test_dead_reckoning_and_a_start_show_in_the_flags(bench: Bench) -> None:
@@ -73,9 +110,63 @@ def test_dead_reckoning_and_a_start_show_in_the_flags(bench: Bench) -> None:
     status = made(bench, dialect.MAVLINK_MSG_ID_ESTIMATOR_STATUS)
     assert not status.flags & ABSOLUTE
     assert status.flags & dialect.ESTIMATOR_ATTITUDE
+    assert status.flags & dialect.ESTIMATOR_VELOCITY_HORIZ
+    assert not status.flags & dialect.ESTIMATOR_CONST_POS_MODE
+    report(bench)["synthetic_airspeed"] = 1
+    status = made(bench, dialect.MAVLINK_MSG_ID_ESTIMATOR_STATUS)
+    assert not status.flags & dialect.ESTIMATOR_VELOCITY_HORIZ
+    assert status.flags & dialect.ESTIMATOR_CONST_POS_MODE
     report(bench)["aligned"] = 0
     assert made(bench, dialect.MAVLINK_MSG_ID_ESTIMATOR_STATUS).flags == 0
+    assert made(bench, dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT).flags == EKF_UNINITIALIZED
     assert not made(bench, dialect.MAVLINK_MSG_ID_SYS_STATUS).onboard_control_sensors_health & AHRS
+
+
+STREAMED_PLACES = {"GLOBAL_POSITION_INT", "LOCAL_POSITION_NED"}
+PLACES = STREAMED_PLACES | {
+    "GLOBAL_POSITION_INT_COV",
+    "ODOMETRY",
+    "POSITION_TARGET_GLOBAL_INT",
+}
+
+
+def test_before_the_first_fix_no_place_is_claimed(bench: Bench) -> None:
+    def streamed() -> set[str]:
+        bench.now += 1.0
+        bench.hot.measured["time_usec"] += 1_000_000
+        bench.vehicle.handle_timer(bench.now)
+        return {message.get_type() for message in bench.vehicle.gcs_messages()}
+
+    report(bench)["placed"] = 0
+    flags = made(bench, dialect.MAVLINK_MSG_ID_ESTIMATOR_STATUS).flags
+    assert flags & (dialect.ESTIMATOR_ATTITUDE | HEIGHT) == dialect.ESTIMATOR_ATTITUDE | HEIGHT
+    assert not flags & (ABSOLUTE | dialect.ESTIMATOR_POS_HORIZ_REL)
+    assert not made(bench, dialect.MAVLINK_MSG_ID_SYS_STATUS).onboard_control_sensors_health & GPS
+    for name in PLACES:
+        number = getattr(dialect, f"MAVLINK_MSG_ID_{name}")
+        result = bench.command(dialect.MAV_CMD_REQUEST_MESSAGE, number)
+        assert result == dialect.MAV_RESULT_TEMPORARILY_REJECTED
+    assert not streamed() & PLACES
+    report(bench)["placed"] = 1
+    assert streamed() >= STREAMED_PLACES
+    assert all(made(bench, getattr(dialect, f"MAVLINK_MSG_ID_{name}")) for name in PLACES)
+
+
+def test_a_receiver_that_is_heard_and_excluded_is_a_glitch(bench: Bench) -> None:
+    for reason, glitch in ((INCONSISTENT, True), (STUCK, True), (SILENT, False), (WELL, False)):
+        report(bench)["reasons"][GNSS] = reason
+        status = made(bench, dialect.MAVLINK_MSG_ID_ESTIMATOR_STATUS)
+        assert bool(status.flags & dialect.ESTIMATOR_GPS_GLITCH) == glitch
+        ekf = made(bench, dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT)
+        assert bool(ekf.flags & EKF_GPS_GLITCHING) == glitch
+        assert not ekf.flags & EKF_UNINITIALIZED
+
+
+def test_without_barometer_and_fix_no_height_is_known(bench: Bench) -> None:
+    report(bench)["reasons"][BAROMETER] = SILENT
+    assert made(bench, dialect.MAVLINK_MSG_ID_ESTIMATOR_STATUS).flags & HEIGHT
+    report(bench)["dead_reckoning"] = 1
+    assert not made(bench, dialect.MAVLINK_MSG_ID_ESTIMATOR_STATUS).flags & HEIGHT
 
 
 def test_excluded_sensors_are_announced_once_and_are_not_healthy(bench: Bench) -> None:
@@ -101,7 +192,10 @@ def test_an_excluded_imu_is_announced_and_gyros_are_unhealthy_when_none_is_left(
     report(bench)["imu_reasons"][0], report(bench)["imu"] = INCONSISTENT, 1
     assert said(bench) == ["IMU 1 excluded at 12.34 s: inconsistent, flying by IMU 2"]
     assert made(bench, dialect.MAVLINK_MSG_ID_SYS_STATUS).onboard_control_sensors_health & GYRO
+    error = dialect.ESTIMATOR_ACCEL_ERROR
+    assert not made(bench, dialect.MAVLINK_MSG_ID_ESTIMATOR_STATUS).flags & error
     report(bench)["imu_reasons"][1] = SILENT
+    assert made(bench, dialect.MAVLINK_MSG_ID_ESTIMATOR_STATUS).flags & error
     assert not made(bench, dialect.MAVLINK_MSG_ID_SYS_STATUS).onboard_control_sensors_health & GYRO
 
 
@@ -125,9 +219,50 @@ def test_the_covariance_of_the_position_is_on_the_diagonal(bench: Bench) -> None
     assert message.vx == pytest.approx(40.0)
 
 
+def test_the_wind_has_the_accuracy_of_the_estimate(bench: Bench) -> None:
+    report(bench)["wind_std"] = (0.3, 0.4, 0.2)
+    wind = made(bench, dialect.MAVLINK_MSG_ID_WIND_COV)
+    assert (wind.var_horiz, wind.var_vert) == pytest.approx((0.25, 0.04))
+    assert (wind.horiz_accuracy, wind.vert_accuracy) == pytest.approx((0.5, 0.2))
+
+
+def upper_to_whole(upper: list[float]) -> np.ndarray:
+    whole = np.zeros((6, 6))
+    whole[np.triu_indices(6)] = upper
+    return whole + np.triu(whole, 1).T
+
+
+def test_odometry_has_the_covariance_of_pose_and_velocity(bench: Bench) -> None:
+    """Against samples of the filter's error, put through the exact equations."""
+    rng = np.random.default_rng(5)
+    attitude, velocity = np.array([0.3, 0.2, 1.1]), np.array([38.0, 2.0, -1.0])
+    bench.hot.measured["attitude"], bench.hot.measured["velocity"] = attitude, velocity
+    mix = rng.normal(0.0, 1e-3, (9, 9))  # attitude, velocity, position
+    mix[3:] *= 30.0
+    bench.hot.navigation["estimator"]["filters"][0]["P"][:9, :9] = mix @ mix.T
+    errors = rng.normal(0.0, 1.0, (40_000, 9)) @ mix.T
+    R = np.array(R1(vec3(attitude)))
+    turned = np.eye(3) + np.cross(np.eye(3)[None, :, :], -errors[:, None, :3])
+    true_R = np.moveaxis(turned, 1, 2) @ R
+    angles = np.column_stack(
+        [
+            np.arctan2(true_R[:, 2, 1], true_R[:, 2, 2]),
+            -np.arcsin(true_R[:, 2, 0]),
+            np.arctan2(true_R[:, 1, 0], true_R[:, 0, 0]),
+        ]
+    )
+    body = np.einsum("nij,ni->nj", true_R, R @ velocity + errors[:, 3:6])
+    message = made(bench, dialect.MAVLINK_MSG_ID_ODOMETRY)
+    pose = upper_to_whole(message.pose_covariance)
+    assert pose == pytest.approx(np.cov(np.hstack([errors[:, 6:], angles]).T), rel=0.1, abs=2e-5)
+    moving = upper_to_whole(message.velocity_covariance)
+    assert moving[:3, :3] == pytest.approx(np.cov(body.T), rel=0.05, abs=2e-4)
+    assert np.isnan(moving[3:]).all()  # of the rates nothing is stated
+
+
 def test_by_true_states_all_is_known(scenario1: Scenario) -> None:
     bench = Bench(scenario1)
     status = made(bench, dialect.MAVLINK_MSG_ID_ESTIMATOR_STATUS)
-    assert status.flags == ALL_KNOWN
+    assert status.flags == ALL_KNOWN | dialect.ESTIMATOR_POS_VERT_AGL
     assert status.mag_ratio == status.pos_horiz_accuracy == 0.0
     assert not any(made(bench, dialect.MAVLINK_MSG_ID_ATTITUDE_QUATERNION_COV).covariance)

@@ -46,7 +46,9 @@ class Bench:
     def heard(self, name: str) -> Any:
         """A message as a ground station gets it."""
         message_id = getattr(dialect, f"MAVLINK_MSG_ID_{name}")
-        received = parse(self.speaker.pack(self.telemetry.make(message_id)))
+        made = self.telemetry.make(message_id)
+        assert made is not None
+        received = parse(self.speaker.pack(made))
         assert received is not None
         return received
 

@@ -68,6 +68,8 @@ def test_nothing_heavy_is_imported_before_a_command_listens(command: tuple[str, 
     assert "pydantic" not in modules or command[0] == "fault"  # whose options its models declare
     if command in {("--version",), ("arm", "--help")}:
         assert modules & OF_WHAT_TALKS == set()
+    if command in {("--version",), ("arm", *NOWHERE)}:  # whose answers are lines
+        assert "rich" not in modules
 
 
 def test_the_entry_points_import_nothing_before_ctrl_c_is_silent() -> None:
@@ -80,3 +82,12 @@ def test_the_entry_points_import_nothing_before_ctrl_c_is_silent() -> None:
             [sys.executable, "-c", code], capture_output=True, text=True, check=True
         )
         assert set(done.stdout.split()) == {package, f"{package}.__main__"}
+
+
+def test_nothing_is_left_to_search_for_garbage_at_the_end() -> None:
+    code = (
+        "import atexit, gc, sys; atexit.register(lambda: print(len(gc.get_objects())));"
+        "sys.argv = ['gcs', '--version']; from gcs.__main__ import main; main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert int(done.stdout.split()[-1]) < 1000

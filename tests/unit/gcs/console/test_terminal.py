@@ -15,11 +15,13 @@ from rich.progress import Progress, TextColumn
 from rich.text import Text
 
 from gcs.console import terminal
-from gcs.console.terminal import console_of, numbers, print_json, print_line, table_of, texts
+from gcs.console.lines import print_json, print_line
+from gcs.console.terminal import console_of, numbers, table_of, texts
 
 OUTPUT = Path(terminal.__file__)
+LINES = OUTPUT.with_name("lines.py")
 LAB = OUTPUT.parents[2] / "ftc_lab"
-SOURCES = sorted({*OUTPUT.parents[1].rglob("*.py"), *LAB.rglob("*.py")} - {OUTPUT})
+SOURCES = sorted({*OUTPUT.parents[1].rglob("*.py"), *LAB.rglob("*.py")} - {OUTPUT, LINES})
 NASTY = "\x1b]0;PWNED\x07\x1b[31m\x9b2J\r\u2028\u202e\udc80\x7f\x00"
 RAW = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028\u2029\u202e\ud800-\udfff]")
 
@@ -123,7 +125,7 @@ def test_no_control_character_comes_out_on_a_terminal(
 def test_output_and_tables_are_made_in_one_place() -> None:
     calls = {"Table", "Table.grid", "Console", "print", "typer.echo"}
     elsewhere = [
-        f"{path}:{node.lineno} calls {called}: see gcs.console.terminal"
+        f"{path}:{node.lineno} calls {called}: see gcs.console.terminal and lines"
         for path in SOURCES
         for node in ast.walk(ast.parse(path.read_text()))
         if isinstance(node, ast.Call) and (called := ast.unparse(node.func)) in calls

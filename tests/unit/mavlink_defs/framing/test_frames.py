@@ -1,6 +1,7 @@
 """Frames of every message of the dialect: the bytes match pymavlink's."""
 
 import struct
+from functools import cache
 from typing import Any
 
 import pytest
@@ -13,6 +14,7 @@ from mavlink_defs.framing.frames import FramePacker, of_mavlink1, parse
 MESSAGES = list(dialect.mavlink_map.values())
 
 
+@cache  # a strategy is checked when it is first drawn from
 def values_of(code: str) -> st.SearchStrategy[Any]:
     """What a field of a type can hold, by its code in `struct`; zeros are cut off at the end."""
     if code in "fd":
@@ -20,6 +22,11 @@ def values_of(code: str) -> st.SearchStrategy[Any]:
     bits = 8 * struct.calcsize(f"<{code}")
     least = -(2 ** (bits - 1)) if code.islower() else 0
     return st.just(0) | st.integers(least, least + 2**bits - 1)
+
+
+@cache
+def arrays_of(code: str, count: int) -> st.SearchStrategy[Any]:
+    return st.lists(values_of(code), min_size=count, max_size=count)
 
 
 @st.composite
@@ -34,7 +41,7 @@ def messages(draw: st.DrawFn, kind: Any) -> dialect.MAVLink_message:
         if code == "c":
             fields[name] = draw(st.binary(max_size=count))
         elif count:
-            fields[name] = draw(st.lists(values_of(code), min_size=count, max_size=count))
+            fields[name] = draw(arrays_of(code, count))
         else:
             fields[name] = draw(values_of(code))
     message: dialect.MAVLink_message = kind(**fields)

@@ -8,10 +8,12 @@ import pytest
 from pydantic import ValidationError
 
 from gcs.scenario.model import Scenario
+from mavlink_defs.constants import GNSS, PITOT
 from sitl_plant.config import PlantConfig
 from sitl_plant.sensing.config import NavigationSensors, Sensors
 from sitl_plant.sensing.observability import navigation_problems, observability_warnings
 from sitl_plant.sensing.true_state import new_sensors
+from sitl_plant.sensing.units import units_of
 
 PAGE = Path(__file__).parents[4] / "docs/explanation/sensors.md"
 NOT_ERRORS = {"fitted", "rate_hz", "latency_s", "hdop", "vdop", "satellites"}
@@ -37,9 +39,28 @@ def test_the_default_set_can_navigate() -> None:
 
 
 @pytest.mark.parametrize("step_us", [1000, 2000, 5000, 10_000])
+def test_a_rate_within_one_percent_is_whole_control_periods_as_well(step_us: int) -> None:
+    for share, is_near in ((0.992, True), (1.008, True), (0.985, False), (1.015, False)):
+        found = problems({"navigation": {"pitot": {"rate_hz": 1e6 / step_us * share}}}, step_us)
+        assert (not found) == is_near
+
+
+@pytest.mark.parametrize(
+    ("step_us", "pitot", "gnss", "late"), [(4000, 2, 25, 50), (7000, 1, 14, 29)]
+)
+def test_default_rates_and_latencies_become_the_nearest(
+    step_us: int, pitot: int, gnss: int, late: int
+) -> None:
+    assert not problems({}, step_us)
+    units = {unit.kind: unit for unit in units_of(NavigationSensors(), step_us)}
+    assert units[PITOT].every == pitot
+    assert (units[GNSS].every, units[GNSS].late) == (gnss, late)
+
+
+@pytest.mark.parametrize("step_us", [1000, 2000, 5000, 10_000])
 def test_a_rate_is_whole_control_periods(step_us: int) -> None:
     assert not problems({}, step_us)
-    found = problems({"navigation": {"magnetometer": {"rate_hz": 83.0}}}, step_us)
+    found = problems({"navigation": {"magnetometer": {"rate_hz": 75.0}}}, step_us)
     assert list(found) == ["navigation.magnetometer.rate_hz"]
     assert f"control periods of {step_us} us" in found["navigation.magnetometer.rate_hz"]
     late = problems({"navigation": {"gnss": {"latency_s": 0.20003}}}, step_us)
@@ -47,7 +68,7 @@ def test_a_rate_is_whole_control_periods(step_us: int) -> None:
 
 
 def test_what_is_not_fitted_needs_no_rate() -> None:
-    off = {"fitted": False, "rate_hz": 83.0}
+    off = {"fitted": False, "rate_hz": 75.0}
     assert not problems({"navigation": {"magnetometer": off}})
 
 
@@ -77,7 +98,7 @@ def test_a_set_that_observes_at_times_is_warned_of() -> None:
 
 def test_they_change_nothing_of_a_flight_by_the_true_state(scenario1: Scenario) -> None:
     tree = scenario1.plant_config().model_dump()
-    navigation = {"gyro": {"turn_on_bias_deg_s": 5.0}, "magnetometer": {"rate_hz": 83.0}}
+    navigation = {"gyro": {"turn_on_bias_deg_s": 5.0}, "magnetometer": {"rate_hz": 75.0}}
     config = PlantConfig.model_validate(tree | {"sensors": {"navigation": navigation}})
     assert new_sensors(config.sensors, [1], config.seed, config.step_us)["ideal"].all()
     with pytest.raises(ValidationError):

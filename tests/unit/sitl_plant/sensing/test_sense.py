@@ -80,10 +80,7 @@ def test_ideal_sensors_report_the_truth_in_the_units_of_the_messages(
         "velocity": velocity,
         "wind": wind,
     }
-    assert not sense(sensing, 0, 0, motion_at(0, **true))
-    for step in range(1, 201):
-        delivered = sense(sensing, 0, step, motion_at(step, **true))
-    assert delivered
+    assert sense(sensing, 0, 0, motion_at(0, **true))
     near = 1e-6  # what float32 holds
     for imu in sensing.imus[0]:
         assert [imu[name] for name in GYRO] == pytest.approx(true["rates"], rel=near)
@@ -130,10 +127,22 @@ def test_gnss_is_delivered_late_with_the_time_of_its_measurement(scenario1: Scen
         if sense(sensing, 0, step, motion_at(step, position=position)):
             delivered.append(step)
             measured = int(sensing.gps[0]["time_usec"]) // STEP_US
-            assert measured == step - 200
+            assert measured == max(step - 200, 0)
             place = place_of(config.origin, 0.04 * measured, 0.0, -100.0)
             assert sensing.gps[0]["lat"] == place.latitude
-    assert delivered == [200, 300, 400, 500]
+    assert delivered == [0, 300, 400, 500]
+
+
+def test_an_aircraft_held_at_its_start_has_a_fix(scenario1: Scenario) -> None:
+    """It has been there for longer than the receiver's latency."""
+    config = config_of(scenario1, {"grade": "ideal"})
+    sensing = new_sensing(config)
+    position = (3000.0, 20.0, -100.0)
+    for _ in range(3):
+        assert sense(sensing, 0, 0, motion_at(0, position=position))
+    place = place_of(config.origin, *position)
+    gps = sensing.gps[0]
+    assert (gps["time_usec"], gps["lat"], gps["lon"]) == (0, place.latitude, place.longitude)
 
 
 def test_a_latency_is_exact(scenario1: Scenario) -> None:
@@ -142,7 +151,7 @@ def test_a_latency_is_exact(scenario1: Scenario) -> None:
     for step in range(40):
         sense(sensing, 0, step, motion_at(step, rates=(float(step), 0.0, 0.0)))
         fresh = bool(sensing.imus[0, 1]["fields_updated"] & dialect.HIL_SENSOR_UPDATED_XGYRO)
-        assert fresh == (step >= 4 and step % 2 == 0)
+        assert fresh == (step == 0 or (step > 4 and step % 2 == 0))
         assert sensing.imus[0, 1]["xgyro"] == max((step - 4) // 2 * 2, 0)
 
 

@@ -1,0 +1,19 @@
+"""The sources of the packages as trees, for checks of how they are written."""
+
+import ast
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = ("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs", "ftc_lab")
+TEMPLATE = ROOT / "gcs" / "project"
+
+
+@cache
+def trees() -> dict[str, ast.Module]:
+    return {
+        str(path.relative_to(ROOT)): ast.parse(path.read_text())
+        for package in PACKAGES
+        for path in (ROOT / package).rglob("*.py")
+        if path.name != "dialect.py" and not path.is_relative_to(TEMPLATE)
+    }
