@@ -149,8 +149,8 @@ def _known(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _rms(square: float, count: int) -> float | None:
-    return math.sqrt(square / count) if count else None
+def _rms(total: float, count: int) -> float | None:
+    return math.sqrt(total / count) if count else None
 
 
 @compiled
