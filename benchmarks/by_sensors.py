@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ftc_autopilot.estimation.state import AIDING
+from ftc_autopilot.estimation.state import TESTED
 from gcs.fleet.in_process import InProcessFlight, begin, fly_in_process, fly_on
 from gcs.results.figures import FlightSummary
 from gcs.results.recording import Steps
@@ -116,9 +116,9 @@ def _excluded(flight: InProcessFlight) -> Iterator[tuple[int, str]]:
         for k in range(3):
             if int(report["bad_imus"]) >> k & 1:
                 yield uav, f"imu {k + 1}"
-        for k in AIDING:
+        for k in TESTED:
             if int(report["bad_sensors"]) >> k & 1:
-                yield uav, FAULT_NAMES[k]
+                yield uav, (*FAULT_NAMES, "gps velocity", "gps height")[k]
 
 
 def errors_of(steps: Steps, step_us: int, settled_s: float = _SETTLED_S) -> list[float]:

@@ -105,9 +105,8 @@ def lift_disagrees(airspeed: np.void, ratio: float, assumed: np.void) -> bool:
     In a gust, the lift explains half of what the tube shows, at the least.
     """
     shown, explained = ratio - airspeed["usual"], airspeed["explained"]
-    if not abs(shown) > limit_of(airspeed):
-        return False
-    return bool(shown / explained > assumed["icing_lift"])
+    share = assumed["icing_lift"] * abs(explained)
+    return bool(shown * explained > 0.0 and abs(shown) > max(limit_of(airspeed), share))
 
 
 @compiled

@@ -5,41 +5,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ftc_autopilot.estimation.airspeed import (
-    AIRSPEED,
-    RESTORED,
-    forget,
-    is_icing,
-    is_impossible,
-    lift_disagrees,
-    lift_ratio,
-    restore_wind,
-)
+from ftc_autopilot.estimation.airspeed import AIRSPEED
 from ftc_autopilot.estimation.alignment import align
 from ftc_autopilot.estimation.config import PARAMETERS, EstimatorConfig, parameters_of
 from ftc_autopilot.estimation.health import (
     INCONSISTENT,
     SENSOR,
-    STUCK,
     WELL,
-    exclude,
     is_used,
     new_sensor_health,
     note_sample,
-    note_test,
 )
 from ftc_autopilot.estimation.imus import IMU, is_useless, judge_imus, note_imu, runs, sample_of
-from ftc_autopilot.estimation.judging import (
-    IT,
-    NOBODY,
-    THE_BAROMETER,
-    THE_BIASES,
-    THE_FILTER,
-    THE_HEIGHT,
-    THE_OFFSET,
-    THE_WIND,
-    judge,
-)
+from ftc_autopilot.estimation.isolation import DOUBTED_AGAIN_S, isolate, watch_air
 from ftc_autopilot.estimation.latency import LATENCY, LONGEST_S, note_velocity
 from ftc_autopilot.estimation.measurements import (
     SETTLING_S,
@@ -48,34 +26,17 @@ from ftc_autopilot.estimation.measurements import (
     fuse_magnetometer,
     fuse_pitot,
     fuse_sideslip,
-    is_settled,
     past_travel,
 )
 from ftc_autopilot.estimation.output import REPORT, hand_over, pay, write_motion, write_report
-from ftc_autopilot.estimation.predict import fade, predict
-from ftc_autopilot.estimation.receiver import (
-    BAROMETRIC,
-    RECEIVER,
-    forget_moves,
-    has_moved,
-    is_kept_out,
-    leave_out,
-    note_fix,
-)
-from ftc_autopilot.estimation.resets import (
-    doubt_barometer,
-    doubt_biases,
-    doubt_magnetometer,
-    doubt_wind,
-    now_of,
-    place_first,
-    reset_height,
-    reset_to_fix,
-)
+from ftc_autopilot.estimation.predict import predict
+from ftc_autopilot.estimation.receiver import FIX, RECEIVER, forget_moves, write_fix
+from ftc_autopilot.estimation.resets import place_first
 from ftc_autopilot.estimation.state import (
     FILTER,
     FORCE_BIAS,
     GNSS_HEIGHT,
+    GNSS_PARTS,
     GNSS_VELOCITY,
     GYRO_BIAS,
     HISTORY_S,
@@ -85,18 +46,16 @@ from ftc_autopilot.estimation.state import (
     TESTED,
     TRAVEL,
     VEL,
-    WIND,
     N,
 )
 from mavlink_defs.constants import BAROMETER, GNSS, MAGNETOMETER, PITOT
 from mavlink_defs.framing.codec import HIL_GPS, HIL_SENSOR, SIM_STATE, SIM_STEP, copy_step
-from mavlink_defs.origin import EARTH_RADIUS_M
 from mavlink_defs.runtime.jit import apart, compiled
 from mavlink_defs.runtime.memory import copy_record
 from sitl_plant.sensing.config import MAX_IMUS
 from sitl_plant.sensing.standard_air import altitude_of
 from sitl_plant.sensing.units import is_updated
-from sitl_plant.vec3 import Vec3, square, vec3
+from sitl_plant.vec3 import square, vec3
 
 __all__ = ["ESTIMATOR", "Estimator", "EstimatorConfig", "estimate", "new_estimator"]
 
@@ -105,10 +64,9 @@ _PA = 100.0  # in one hPa
 _SIDESLIP_EVERY_S = 0.05
 _MAX_GAP_US = 200_000  # time without data after which the estimate begins again
 _MEMORY_S = 0.1 + LONGEST_S  # longer than the latency
+_OLDEST_S = 5.0  # of a fix that says something: velocity by then ± 25 m/s
 _VELOCITY_ERROR = 1.0  # m/s, of dead reckoning, when a receiver is back
 
-_RECENT_US = 50_000  # age of a sample of the barometer that a fix can be compared with
-_DOUBTED_AGAIN_S = 5.0  # biases
 
 PROGRESS = np.dtype(
     [
@@ -130,6 +88,7 @@ ESTIMATOR = np.dtype(
         ("progress", PROGRESS),
         ("sensors", SENSOR, (N_SENSORS,)),
         ("airspeed", AIRSPEED),
+        ("fix", FIX),
         ("receiver", RECEIVER),
         ("latency", LATENCY),
         ("report", REPORT),
@@ -206,16 +165,15 @@ def estimate(
             _advance(estimator, history, assumed)
     if gap > 0:
         slip = _is_due(step, gap, assumed)
-        fixed = has_gps and gps["fix_type"] >= _FIX_3D
-        _note_samples(estimator, imus[0], gps, fixed, assumed)
-        age = 0.0
+        age = (int(sim_step["time_usec"]) - int(gps["time_usec"])) / 1e6
+        fixed = has_gps and gps["fix_type"] >= _FIX_3D and age < _OLDEST_S
+        _note_samples(estimator, imus[0], gps, fixed)
         if fixed:
-            age = (int(sim_step["time_usec"]) - int(gps["time_usec"])) / 1e6
-            age = _age(estimator, history, gps, age, assumed)
-        _aid(estimator, history, imus[0], gps, fixed, age, slip, assumed)
-        _judge(estimator, history, gps, fixed, age, assumed)
+            _note_fix(estimator, history, gps, age, assumed)
+        _aid(estimator, history, imus[0], fixed, slip, assumed)
+        isolate(estimator, history, fixed, assumed)
         if slip:
-            _watch_air(estimator, assumed)
+            watch_air(estimator, _SIDESLIP_EVERY_S, assumed)
         _switch(estimator, history, assumed)
     progress["step"], progress["run"] = step, run
     kalman, report = estimator["filters"][progress["imu"]], estimator["report"]
@@ -237,9 +195,13 @@ def _begin(estimator: np.void, history: np.ndarray, imus: np.ndarray, assumed: n
     first, progress = imus[0], estimator["progress"]
     if progress["step"] >= 0:
         estimator["report"]["resets"] += 1
-    progress["imu"], progress["without_gnss"], progress["doubted"] = 0, 0.0, _DOUBTED_AGAIN_S
+    progress["imu"], progress["without_gnss"], progress["doubted"] = 0, 0.0, DOUBTED_AGAIN_S
     progress["altitude"], progress["pressure"] = math.nan, math.nan
-    estimator["receiver"]["since"] = 0
+    estimator["receiver"]["since"], estimator["airspeed"]["age"] = 0, 0.0
+    for s in TESTED:  # what another filter found inconsistent is not so for this one
+        forget_moves(estimator["receiver"], s)
+        if estimator["sensors"][s]["reason"] == INCONSISTENT:
+            estimator["sensors"][s]["reason"] = WELL
     field = float(first["xmag"]), float(first["ymag"]), float(first["zmag"])
     altitude, pressure = math.nan, math.nan
     if is_updated(first, BAROMETER):
@@ -264,6 +226,7 @@ def _advance(estimator: np.void, history: np.ndarray, assumed: np.void) -> None:
     step_s = assumed["step_us"] / 1e6
     estimator["progress"]["without_gnss"] += step_s
     estimator["progress"]["doubted"] += step_s
+    estimator["fix"]["age"] += step_s
     for k in range(assumed["imus"]):
         if not (runs(estimator["imus"][k], step_s) or k == estimator["progress"]["imu"]):
             continue
@@ -287,9 +250,7 @@ def _advance(estimator: np.void, history: np.ndarray, assumed: np.void) -> None:
 
 
 @compiled
-def _note_samples(
-    estimator: np.void, first: np.void, gps: np.void, fixed: bool, assumed: np.void
-) -> None:
+def _note_samples(estimator: np.void, first: np.void, gps: np.void, fixed: bool) -> None:
     """Note which sensors beside the IMUs have new samples."""
     sensors, progress = estimator["sensors"], estimator["progress"]
     field = float(first["xmag"]), float(first["ymag"]), float(first["zmag"])
@@ -309,23 +270,23 @@ def _note_samples(
 
 
 @compiled
-def _age(
-    estimator: np.void, history: np.ndarray, gps: np.void, stated: float, assumed: np.void
-) -> float:
-    """Return the age of a fix [s], by what it says and what has been learned of its latency."""
-    latency, progress = estimator["latency"], estimator["progress"]
-    kalman = estimator["filters"][progress["imu"]]
-    if kalman["unsettled"] <= 0.0 and estimator["imus"][progress["imu"]]["reason"] == WELL:
-        _, velocity = _place(gps, assumed)
-        own = history[progress["imu"]]
-        past = estimator["past"]
-        if note_velocity(latency, own, kalman["travel"], velocity, stated, past, assumed):
-            estimator["receiver"]["since"] = 0
-            forget_moves(estimator["receiver"], 0, 2)
-            estimator["report"]["delay"] = latency["delay"]
-    else:
+def _note_fix(
+    estimator: np.void, history: np.ndarray, gps: np.void, stated_s: float, assumed: np.void
+) -> None:
+    """Note a fix, and its age by what it says and what has been learned of its latency."""
+    fix, latency, imu = estimator["fix"], estimator["latency"], estimator["progress"]["imu"]
+    write_fix(fix, gps, assumed)
+    kalman = estimator["filters"][imu]
+    if kalman["unsettled"] > 0.0 or estimator["imus"][imu]["reason"] != WELL:
         latency["age"] = 0.0
-    return float(max(stated + latency["delay"], 0.0))
+    elif note_velocity(
+        latency, history[imu], kalman["travel"], fix, stated_s, estimator["past"], assumed
+    ):
+        estimator["receiver"]["since"] = 0
+        for s in GNSS_PARTS:
+            forget_moves(estimator["receiver"], s)
+        estimator["report"]["delay"] = latency["delay"]
+    fix["age"] = max(stated_s + latency["delay"], 0.0)
 
 
 @compiled
@@ -333,13 +294,11 @@ def _aid(
     estimator: np.void,
     history: np.ndarray,
     first: np.void,
-    gps: np.void,
     fixed: bool,
-    age: float,
     slip: bool,
     assumed: np.void,
 ) -> None:
-    """Fuse what has come from the sensors beside the IMUs, a fix of some age [s] among them."""
+    """Fuse what has come from the sensors beside the IMUs."""
     sensors, progress = estimator["sensors"], estimator["progress"]
     field = float(first["xmag"]), float(first["ymag"]), float(first["zmag"])
     primary = progress["imu"]
@@ -361,7 +320,7 @@ def _aid(
             use = is_used(sensors[PITOT])
             ratios[PITOT] = fuse_pitot(kalman, progress["pressure"], assumed, use)
         if fixed:
-            _fuse_fix(estimator, kalman, history[k], gps, age, assumed)
+            _fuse_fix(estimator, kalman, history[k], assumed)
         if slip and kalman["blind"][1] == 0:
             ratios[SIDESLIP] = fuse_sideslip(kalman, _SIDESLIP_EVERY_S, assumed)
     ratios, gate = estimator["filters"][primary]["ratios"], assumed["gate"]
@@ -370,215 +329,18 @@ def _aid(
 
 
 @compiled
-def _fuse_fix(
-    estimator: np.void,
-    kalman: np.void,
-    history: np.ndarray,
-    gps: np.void,
-    age: float,
-    assumed: np.void,
-) -> None:
-    """Fuse a fix of some age [s] in one filter, which may get its place by it."""
-    past, sensors = estimator["past"], estimator["sensors"]
-    gap = past_travel(history, kalman["travel"], age, past)
-    position, velocity = _place(gps, assumed)
+def _fuse_fix(estimator: np.void, kalman: np.void, history: np.ndarray, assumed: np.void) -> None:
+    """Fuse a fix in one filter, which may get its place by it."""
+    fix, past, sensors = estimator["fix"], estimator["past"], estimator["sensors"]
+    gap = past_travel(history, kalman["travel"], fix["age"], past)
     if kalman["placed"] == 0 and is_used(sensors[GNSS]):
         heading, air = sensors[MAGNETOMETER]["reason"] == WELL, sensors[PITOT]["reason"] == WELL
-        place_first(kalman, position, velocity, past, gap, heading, air, assumed)
+        place_first(kalman, fix, past, gap, heading, air, assumed)
         kalman["placed"] = 1
         kalman["owed"][:] = 0.0  # from a guess to a place, at once
         return
     use = is_used(sensors[GNSS]), is_used(sensors[GNSS_VELOCITY]), is_used(sensors[GNSS_HEIGHT])
-    fuse_gnss(kalman, position, velocity, past, gap, assumed, use)
-
-
-@compiled
-def _judge(
-    estimator: np.void,
-    history: np.ndarray,
-    gps: np.void,
-    fixed: bool,
-    age: float,
-    assumed: np.void,
-) -> None:
-    """Exclude and take back sensors, and reset the filters if these are to blame."""
-    sensors, progress = estimator["sensors"], estimator["progress"]
-    receiver, imus = estimator["receiver"], estimator["imus"]
-    kalman = estimator["filters"][progress["imu"]]
-    if kalman["unsettled"] > 0.0 or imus[progress["imu"]]["reason"] != WELL:
-        receiver["since"] = 0
-        return
-    if fixed:
-        _compare(estimator, kalman, history[progress["imu"]], gps, age, assumed)
-    ratio = math.nan
-    if sensors[PITOT]["fresh"] == 1 and kalman["blind"][1] == 0:
-        ratio = lift_ratio(kalman, estimator["airspeed"], progress["pressure"], assumed)
-    late = sensors[GNSS]["silent"] * assumed["step_us"] / 1e6  # since the last fix
-    for s in TESTED:
-        if sensors[s]["fresh"] == 0:
-            continue
-        before = sensors[s]["reason"]
-        if _is_kept_out(s, estimator, ratio, assumed):
-            sensors[s]["passed"] = 0
-        failed = note_test(sensors[s], kalman["ratios"][s], assumed)
-        if before == INCONSISTENT and sensors[s]["reason"] == WELL:
-            _settle_moves(receiver, s)
-            if s == PITOT:
-                estimator["airspeed"]["age"] = 0.0
-        if not failed:
-            continue
-        rested = progress["doubted"] > _DOUBTED_AGAIN_S
-        who = judge(s, sensors, receiver, estimator["airspeed"], ratio, rested, assumed)
-        if who == IT:
-            _exclude(estimator, s, assumed)
-        elif who == THE_BAROMETER:
-            _exclude(estimator, BAROMETER, assumed)
-        elif who != NOBODY:
-            _mend(estimator, history, who, gps, age + late, assumed)
-            for other in TESTED:
-                sensors[other]["failed"] = 0
-            break
-
-
-@compiled
-def _compare(
-    estimator: np.void,
-    kalman: np.void,
-    history: np.ndarray,
-    gps: np.void,
-    age: float,
-    assumed: np.void,
-) -> None:
-    """Compare a fix with the one before, and exclude what moves without a velocity."""
-    sensors, receiver, past = estimator["sensors"], estimator["receiver"], estimator["past"]
-    past_travel(history, kalman["travel"], age, past)
-    position, velocity = _place(gps, assumed)
-    altitude = estimator["progress"]["altitude"]
-    if sensors[BAROMETER]["silent"] * assumed["step_us"] > _RECENT_US:
-        altitude = math.nan
-    else:  # then, by the estimated velocity: the barometer's sample is of now
-        altitude += kalman["x"][VEL + 2] * age
-    note_fix(receiver, position, velocity, past, altitude, assumed)
-    if sensors[GNSS]["reason"] == STUCK:
-        forget_moves(receiver, 0, 2)
-    if not is_used(sensors[GNSS_VELOCITY]):
-        receiver["since"] = 0
-        return
-    flat = has_moved(receiver, 0, assumed) or has_moved(receiver, 1, assumed)
-    height, barometric = has_moved(receiver, 2, assumed), has_moved(receiver, BAROMETRIC, assumed)
-    if height and barometric and sensors[BAROMETER]["reason"] == WELL:  # it is the velocity
-        forget_moves(receiver, 0, BAROMETRIC)
-        return
-    if flat and sensors[GNSS]["reason"] == WELL:
-        _exclude(estimator, GNSS, assumed)
-    if height and sensors[GNSS_HEIGHT]["reason"] == WELL:
-        _exclude(estimator, GNSS_HEIGHT, assumed)
-    if barometric and sensors[BAROMETER]["reason"] == WELL:
-        _exclude(estimator, BAROMETER, assumed)
-
-
-@compiled
-def _exclude(estimator: np.void, s: int, assumed: np.void) -> None:
-    """Exclude a sensor that is inconsistent."""
-    exclude(estimator["sensors"][s], INCONSISTENT)
-    receiver = estimator["receiver"]
-    if s == MAGNETOMETER:
-        for k in range(assumed["imus"]):
-            doubt_magnetometer(estimator["filters"][k], assumed)
-    if s == GNSS:
-        leave_out(receiver, 0, 1)
-    elif s == GNSS_HEIGHT:
-        leave_out(receiver, 2, 2)
-    elif s == BAROMETER:
-        leave_out(receiver, BAROMETRIC, BAROMETRIC)
-
-
-@compiled
-def _is_kept_out(s: int, estimator: np.void, ratio: float, assumed: np.void) -> bool:
-    """Return whether there is more than its innovations against an excluded sensor."""
-    if estimator["sensors"][s]["reason"] != INCONSISTENT:
-        return False
-    receiver = estimator["receiver"]
-    if s == GNSS:
-        return is_kept_out(receiver, 0, assumed) or is_kept_out(receiver, 1, assumed)
-    if s == GNSS_HEIGHT:
-        return is_kept_out(receiver, 2, assumed)
-    if s == BAROMETER:
-        return is_kept_out(receiver, BAROMETRIC, assumed)
-    return s == PITOT and lift_disagrees(estimator["airspeed"], ratio, assumed)
-
-
-@compiled
-def _settle_moves(receiver: np.void, s: int) -> None:
-    if s == GNSS:
-        forget_moves(receiver, 0, 1)
-    elif s == GNSS_HEIGHT:
-        forget_moves(receiver, 2, 2)
-    elif s == BAROMETER:
-        forget_moves(receiver, BAROMETRIC, BAROMETRIC)
-
-
-@compiled
-def _mend(
-    estimator: np.void, history: np.ndarray, who: int, gps: np.void, age: float, assumed: np.void
-) -> None:
-    """Doubt, or reset, what is to blame in all filters."""
-    sensors, progress = estimator["sensors"], estimator["progress"]
-    for k in range(assumed["imus"]):
-        kalman = estimator["filters"][k]
-        if who == THE_WIND:
-            doubt_wind(kalman, progress["pressure"], assumed)
-        elif who == THE_BIASES:
-            doubt_biases(kalman)
-        elif who == THE_OFFSET:
-            doubt_barometer(kalman, assumed)
-        else:
-            gap = past_travel(history[k], kalman["travel"], age, estimator["past"])
-            position, velocity = _place(gps, assumed)
-            past = estimator["past"]
-            if who == THE_HEIGHT:
-                place, _ = now_of(kalman, position, velocity, past)
-                reset_height(kalman, place[2], assumed)
-            else:
-                reset_to_fix(kalman, position, velocity, past, gap, assumed)
-    if who in (THE_BIASES, THE_FILTER):
-        progress["doubted"] = 0.0
-    if who == THE_FILTER:
-        estimator["report"]["resets"] += 1
-        for s in (GNSS, GNSS_VELOCITY, GNSS_HEIGHT):
-            sensors[s]["reason"] = WELL
-        forget_moves(estimator["receiver"], 0, 2)
-        progress["without_gnss"] = 0.0
-
-
-@compiled
-def _watch_air(estimator: np.void, assumed: np.void) -> None:
-    """Exclude a pitot tube that ices up; let the wind return to its mean without a receiver."""
-    airspeed, sensors = estimator["airspeed"], estimator["sensors"]
-    kalman = estimator["filters"][estimator["progress"]["imu"]]
-    without = estimator["progress"]["without_gnss"]
-    if kalman["blind"][1] == 1 or not is_settled(kalman):
-        return
-    if is_used(sensors[PITOT]) and without < 1.0:
-        icing = is_icing(kalman, airspeed, _SIDESLIP_EVERY_S, assumed)
-        if icing:
-            for k in range(assumed["imus"]):
-                restore_wind(estimator["filters"][k], airspeed)
-        impossible = is_impossible(airspeed)
-        if icing or impossible:
-            exclude(sensors[PITOT], INCONSISTENT)
-            airspeed["suspicious"] = 0.0
-        if impossible:
-            forget(airspeed)
-    elif without >= 1.0 and airspeed["age"] > 0.0:
-        for k in range(assumed["imus"]):
-            own = estimator["filters"][k]
-            for j in range(2):
-                mean = airspeed["wind"][j]
-                own["x"][WIND + j] -= mean
-                share = _SIDESLIP_EVERY_S / assumed["wind_return_s"]
-                fade(own, WIND + j, share, airspeed["gusts"][j] + square(RESTORED))
-                own["x"][WIND + j] += mean
+    fuse_gnss(kalman, fix, past, gap, assumed, use)
 
 
 @compiled
@@ -590,16 +352,6 @@ def _loosen(estimator: np.void, assumed: np.void) -> None:
         for i in range(2):
             P[POS + i, POS + i] += square(assumed["position_growth_m_s"] * gap)
             P[VEL + i, VEL + i] += square(_VELOCITY_ERROR)
-
-
-@compiled
-def _place(gps: np.void, assumed: np.void) -> tuple[Vec3, Vec3]:
-    """Return position [m] and velocity [m/s], NED, of an HIL_GPS payload."""
-    north = math.radians(gps["lat"] / 1e7 - assumed["latitude"]) * EARTH_RADIUS_M
-    degrees = (gps["lon"] / 1e7 - assumed["longitude"] + 180.0) % 360.0 - 180.0
-    east = math.radians(degrees) * EARTH_RADIUS_M * math.cos(math.radians(assumed["latitude"]))
-    down = assumed["altitude"] - gps["alt"] / 1e3
-    return (north, east, down), (gps["vn"] / 100.0, gps["ve"] / 100.0, gps["vd"] / 100.0)
 
 
 @compiled

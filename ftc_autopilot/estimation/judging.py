@@ -11,17 +11,8 @@ from typing import Final
 import numpy as np
 
 from ftc_autopilot.estimation.airspeed import lift_disagrees
-from ftc_autopilot.estimation.health import (
-    WELL,
-    is_repeating,
-    is_used,
-)
-from ftc_autopilot.estimation.receiver import (
-    BAROMETRIC,
-    agrees_with_itself,
-    has_moved,
-    is_kept_out,
-)
+from ftc_autopilot.estimation.health import WELL, is_repeating, is_used
+from ftc_autopilot.estimation.receiver import agrees_with_itself, has_moved, is_kept_out
 from ftc_autopilot.estimation.state import GNSS_HEIGHT, GNSS_VELOCITY
 from mavlink_defs.constants import BAROMETER, GNSS, MAGNETOMETER, PITOT
 from mavlink_defs.runtime.jit import compiled
@@ -70,9 +61,9 @@ def judge(
         return _of_height(sensors, receiver, used, coherent, assumed)
     if s == BAROMETER:
         if coherent and is_used(sensors[GNSS_HEIGHT]):
-            if used and not has_moved(receiver, BAROMETRIC, assumed):
+            if used and not has_moved(receiver, BAROMETER, assumed):
                 return THE_HEIGHT
-            if not used and not is_kept_out(receiver, BAROMETRIC, assumed):
+            if not used and not is_kept_out(receiver, BAROMETER, assumed):
                 return THE_OFFSET
         return IT if used else NOBODY
     if not used:
@@ -93,8 +84,8 @@ def judge(
 def _of_height(
     sensors: np.ndarray, receiver: np.void, used: bool, coherent: bool, assumed: np.void
 ) -> int:
-    if has_moved(receiver, 2, assumed) or not coherent:
+    if has_moved(receiver, GNSS_HEIGHT, assumed) or not coherent:
         return IT if used else NOBODY
-    if has_moved(receiver, BAROMETRIC, assumed) and sensors[BAROMETER]["reason"] == WELL:
+    if has_moved(receiver, BAROMETER, assumed) and sensors[BAROMETER]["reason"] == WELL:
         return THE_BAROMETER
     return THE_HEIGHT

@@ -12,7 +12,6 @@ import numpy as np
 
 from ftc_autopilot.estimation.measurements import past_travel
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.vec3 import Vec3
 
 _STEP_S, _EARLIEST_S = 0.05, -0.3
 DELAYS = 19
@@ -42,7 +41,7 @@ def note_velocity(
     latency: np.void,
     history: np.ndarray,
     travel: np.ndarray,
-    velocity: Vec3,
+    fix: np.void,
     age: float,
     past: np.ndarray,
     assumed: np.void,
@@ -53,7 +52,7 @@ def note_velocity(
         latency: Record of dtype `LATENCY`, updated in place.
         history: Memory of the filter flown by, shape (entries, TRAVEL).
         travel: Its integrals now, shape (TRAVEL,).
-        velocity: NED [m/s].
+        fix: Record of dtype `receiver.FIX`; its velocity is read.
         age: Of the fix, as it says [s].
         past: Written, scratch of shape (TRAVEL,).
         assumed: Record of dtype `PARAMETERS`.
@@ -72,12 +71,12 @@ def note_velocity(
             continue
         if first or not math.isfinite(latency["scatter"][k]):
             for axis in range(3):
-                latency["mean"][k, axis] = velocity[axis] - past[axis]
+                latency["mean"][k, axis] = fix["velocity"][axis] - past[axis]
             latency["scatter"][k] = 0.0 if first else math.inf
             continue
         total = 0.0
         for axis in range(3):
-            off = velocity[axis] - past[axis] - latency["mean"][k, axis]
+            off = fix["velocity"][axis] - past[axis] - latency["mean"][k, axis]
             latency["mean"][k, axis] += share * off
             total += off * off
         latency["scatter"][k] = latency["scatter"][k] * fade + total

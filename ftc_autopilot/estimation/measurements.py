@@ -267,8 +267,7 @@ def past_travel(history: np.ndarray, now: np.ndarray, age: float, past: np.ndarr
 @compiled
 def fuse_gnss(
     kalman: np.void,
-    position: Vec3,
-    velocity: Vec3,
+    fix: np.void,
     past: np.ndarray,
     gap: float,
     assumed: np.void,
@@ -282,8 +281,7 @@ def fuse_gnss(
 
     Args:
         kalman: Record of dtype `FILTER`; its `ratios` are the largest of each part.
-        position: Position then, NED [m].
-        velocity: Velocity then, NED [m/s].
+        fix: Record of dtype `receiver.FIX`.
         past: `travel` then, shape (7,).
         gap: Time of which `travel` was not remembered [s].
         assumed: Record of dtype `PARAMETERS`.
@@ -292,8 +290,7 @@ def fuse_gnss(
     ratios = kalman["ratios"]
     ratios[GNSS] = ratios[GNSS_VELOCITY] = ratios[GNSS_HEIGHT] = 0.0
     for part in range(6):
-        value = position[part] if part < 3 else velocity[part - 3]
-        ratio = _gnss(kalman, part, value, past, gap, assumed, False)
+        ratio = _gnss(kalman, part, fix, past, gap, assumed, False)
         number = _part(part)
         ratios[number] = max(ratios[number], ratio)
         if part >= 3:
@@ -303,8 +300,7 @@ def fuse_gnss(
         number = _part(part)
         k = 0 if number == GNSS else (1 if number == GNSS_VELOCITY else 2)
         if use[k] and (settling or ratios[number] < assumed["gate"]):
-            value = position[part] if part < 3 else velocity[part - 3]
-            _gnss(kalman, part, value, past, gap, assumed, True)
+            _gnss(kalman, part, fix, past, gap, assumed, True)
 
 
 @inlined
@@ -319,7 +315,7 @@ def _part(part: int) -> int:
 def _gnss(
     kalman: np.void,
     part: int,
-    value: float,
+    fix: np.void,
     past: np.ndarray,
     gap: float,
     assumed: np.void,
@@ -333,7 +329,7 @@ def _gnss(
         expected = x[POS + part] - x[VEL + part] * age - then + x[GNSS_ERROR + part]
         h[POS + part], h[VEL + part], h[GNSS_ERROR + part] = 1.0, -age, 1.0
         noise = assumed["gnss_position"][part] + square(0.5 * changed * gap)
-        return _fuse_tested(kalman, value - expected, noise, assumed, use)
+        return _fuse_tested(kalman, fix["position"][part] - expected, noise, assumed, use)
     axis = part - 3
     R = rotation(kalman["quaternion"])
     pushed = sub(vec3(travel), vec3(past))
@@ -346,4 +342,4 @@ def _gnss(
     for k in range(3):
         h[FORCE_BIAS + k] = R[axis][k] * (age - gap)
     noise = assumed["gnss_velocity"][axis] + changed * changed
-    return _fuse_tested(kalman, value - expected, noise, assumed, use)
+    return _fuse_tested(kalman, fix["velocity"][axis] - expected, noise, assumed, use)

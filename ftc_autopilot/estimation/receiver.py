@@ -12,15 +12,19 @@ import math
 
 import numpy as np
 
-from ftc_autopilot.estimation.state import TRAVEL
+from ftc_autopilot.estimation.state import GNSS_HEIGHT, TRAVEL
+from mavlink_defs.constants import BAROMETER, GNSS
+from mavlink_defs.origin import EARTH_RADIUS_M
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.vec3 import Vec3
+from mavlink_defs.runtime.memory import copy_record
+
+FIX = np.dtype([("position", "f8", (3,)), ("velocity", "f8", (3,)), ("age", "f8")])
+"""The last fix: position [m] and velocity [m/s], NED, and how long ago that was [s]."""
 
 RECEIVER = np.dtype(
     [
         ("since", "i8"),  # fixes that were compared; 0: the next one is the first
-        ("position", "f8", (3,)),  # of the last fix, NED [m]
-        ("velocity", "f8", (3,)),
+        ("fix", FIX),  # the one before
         ("travel", "f8", (TRAVEL,)),  # then
         ("altitude", "f8"),  # by the barometer, then [m]
         ("moved", "f8", (4,)),  # beyond the velocity: north, east, down; barometer, up [m]
@@ -31,8 +35,7 @@ RECEIVER = np.dtype(
 )
 """What the last fixes said."""
 
-BAROMETRIC = 3
-"""Where in `moved` the barometer is."""
+_BAROMETRIC = 3  # where in `moved` the barometer is
 
 _LONGEST_S = 2.0  # between two fixes that can be compared
 _RETURNED = 1.5  # of the largest sum: what has returned may have moved so far
@@ -41,25 +44,32 @@ _REMEMBERED_S = 1.0  # a receiver that disagreed with itself is not believed for
 
 
 @compiled
+def write_fix(fix: np.void, gps: np.void, assumed: np.void) -> None:
+    """Write position and velocity of an HIL_GPS payload to a record of dtype `FIX`."""
+    north = math.radians(gps["lat"] / 1e7 - assumed["latitude"]) * EARTH_RADIUS_M
+    degrees = (gps["lon"] / 1e7 - assumed["longitude"] + 180.0) % 360.0 - 180.0
+    east = math.radians(degrees) * EARTH_RADIUS_M * math.cos(math.radians(assumed["latitude"]))
+    position, velocity = fix["position"], fix["velocity"]
+    position[0], position[1] = north, east
+    position[2] = assumed["altitude"] - gps["alt"] / 1e3
+    velocity[0], velocity[1] = gps["vn"] / 100.0, gps["ve"] / 100.0
+    velocity[2] = gps["vd"] / 100.0
+
+
+@compiled
 def note_fix(
-    receiver: np.void,
-    position: Vec3,
-    velocity: Vec3,
-    travel: np.ndarray,
-    altitude: float,
-    assumed: np.void,
+    receiver: np.void, fix: np.void, travel: np.ndarray, altitude: float, assumed: np.void
 ) -> None:
     """Compare a fix with the one before.
 
     Args:
         receiver: Record of dtype `RECEIVER`, updated in place.
-        position: NED [m].
-        velocity: NED [m/s].
+        fix: Record of dtype `FIX`.
         travel: Integrals of the acceleration at the time of the fix, shape (7,).
         altitude: By the barometer, at the same time [m]; NaN: none.
         assumed: Record of dtype `PARAMETERS`.
     """
-    elapsed = travel[6] - receiver["travel"][6]
+    elapsed, before = travel[6] - receiver["travel"][6], receiver["fix"]
     if receiver["since"] > 0 and 0.0 < elapsed < _LONGEST_S:
         out = receiver["out"]
         agrees = True
@@ -68,20 +78,19 @@ def note_fix(
             axis = min(k, 2)
             pushed = travel[3 + axis] - receiver["travel"][3 + axis]
             pushed -= 0.5 * (travel[axis] + receiver["travel"][axis]) * elapsed
-            went = 0.5 * (velocity[axis] + receiver["velocity"][axis]) * elapsed + pushed
-            if k < BAROMETRIC:
-                beyond = position[k] - receiver["position"][k] - went
+            went = 0.5 * (fix["velocity"][axis] + before["velocity"][axis]) * elapsed + pushed
+            if k < _BAROMETRIC:
+                beyond = fix["position"][k] - before["position"][k] - went
                 agrees = agrees and abs(beyond) < assumed["receiver_jump"][k]
             else:
                 beyond = altitude - receiver["altitude"] + went
                 beyond = beyond if math.isfinite(beyond) else 0.0
             receiver["moved"][k] = receiver["moved"][k] * (left if out[k] == 0.0 else 1.0) + beyond
             _note_stay(receiver, k, elapsed, assumed)
-        if not agrees or has_moved(receiver, 0, assumed) or has_moved(receiver, 1, assumed):
+        if not agrees or has_moved(receiver, GNSS, assumed):
             receiver["coherent"] = -_REMEMBERED_S
         receiver["coherent"] += elapsed
-    for k in range(3):
-        receiver["position"][k], receiver["velocity"][k] = position[k], velocity[k]
+    copy_record(before, fix)
     for k in range(TRAVEL):
         receiver["travel"][k] = travel[k]
     receiver["altitude"] = altitude
@@ -103,23 +112,42 @@ def _note_stay(receiver: np.void, k: int, elapsed: float, assumed: np.void) -> N
 
 
 @compiled
-def leave_out(receiver: np.void, first: int, last: int) -> None:
-    """Note that something is excluded: from one index to another."""
-    for k in range(first, last + 1):
+def _moves_of(s: int) -> tuple[int, int]:
+    """Return where in `moved` a sensor's are: from an index to before another; none of others."""
+    if s == GNSS:
+        return 0, 2
+    if s == GNSS_HEIGHT:
+        return 2, 3
+    return (_BAROMETRIC, 4) if s == BAROMETER else (0, 0)
+
+
+@compiled
+def leave_out(receiver: np.void, s: int) -> None:
+    """Note that a sensor is excluded."""
+    first, end = _moves_of(s)
+    for k in range(first, end):
         receiver["at"][k], receiver["out"][k] = receiver["moved"][k], 1e-9
 
 
 @compiled
-def has_moved(receiver: np.void, k: int, assumed: np.void) -> bool:
-    """Return whether a place, or the barometer's, moved further than its errors explain."""
-    return bool(abs(receiver["moved"][k]) > assumed["receiver_moved"][k])
+def has_moved(receiver: np.void, s: int, assumed: np.void) -> bool:
+    """Return whether what a sensor says moved further than errors explain."""
+    first, end = _moves_of(s)
+    for k in range(first, end):
+        if abs(receiver["moved"][k]) > assumed["receiver_moved"][k]:
+            return True
+    return False
 
 
 @compiled
-def is_kept_out(receiver: np.void, k: int, assumed: np.void) -> bool:
-    """Return whether what is excluded must stay so, even if its innovations pass."""
-    far = abs(receiver["moved"][k]) > _RETURNED * assumed["receiver_moved"][k]
-    return bool(far and receiver["out"][k] < _STAYS_S)
+def is_kept_out(receiver: np.void, s: int, assumed: np.void) -> bool:
+    """Return whether a sensor that is excluded must stay so, even if its innovations pass."""
+    first, end = _moves_of(s)
+    for k in range(first, end):
+        far = abs(receiver["moved"][k]) > _RETURNED * assumed["receiver_moved"][k]
+        if far and receiver["out"][k] < _STAYS_S:
+            return True
+    return False
 
 
 @compiled
@@ -129,7 +157,8 @@ def agrees_with_itself(receiver: np.void) -> bool:
 
 
 @compiled
-def forget_moves(receiver: np.void, first: int, last: int) -> None:
-    """Take what was moved for settled: from one index to another."""
-    for k in range(first, last + 1):
+def forget_moves(receiver: np.void, s: int) -> None:
+    """Take what a sensor moved for settled."""
+    first, end = _moves_of(s)
+    for k in range(first, end):
         receiver["moved"][k], receiver["at"][k], receiver["out"][k] = 0.0, 0.0, 0.0

@@ -25,7 +25,7 @@ from ftc_autopilot.estimation.state import (
     turn_world,
 )
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.vec3 import Vec3, hypot, square
+from sitl_plant.vec3 import hypot, square
 
 _DOUBTED_TILT, _DOUBTED_HEADING = math.radians(5.0), math.radians(10.0)
 _DOUBTED_GYRO, _DOUBTED_FORCE = math.radians(3.0), 1.0
@@ -37,28 +37,18 @@ _ODD_WIND = 2.5  # times what is to be expected: then the magnetometer may be wr
 
 
 @compiled
-def now_of(kalman: np.void, position: Vec3, velocity: Vec3, past: np.ndarray) -> tuple[Vec3, Vec3]:
-    """Return place [m] and velocity [m/s] of now, NED, by a fix and `travel` then."""
+def place_of_now(kalman: np.void, fix: np.void, past: np.ndarray, i: int) -> float:
+    """Return where a fix says that the aircraft is now, on one axis [m], by `travel` then."""
     travel = kalman["travel"]
     age = travel[6] - past[6]
-    p, v = position, velocity
-    place = (
-        p[0] + v[0] * age + travel[3] - past[3] - past[0] * age,
-        p[1] + v[1] * age + travel[4] - past[4] - past[1] * age,
-        p[2] + v[2] * age + travel[5] - past[5] - past[2] * age,
-    )
-    return place, (
-        v[0] + travel[0] - past[0],
-        v[1] + travel[1] - past[1],
-        v[2] + travel[2] - past[2],
-    )
+    since = travel[3 + i] - past[3 + i] - past[i] * age
+    return float(fix["position"][i] + fix["velocity"][i] * age + since)
 
 
 @compiled
 def place_first(
     kalman: np.void,
-    position: Vec3,
-    velocity: Vec3,
+    fix: np.void,
     past: np.ndarray,
     gap: float,
     has_heading: bool,
@@ -72,15 +62,14 @@ def place_first(
 
     Args:
         kalman: Record of dtype `FILTER`, with a coarse attitude.
-        position: Of the fix, NED [m].
-        velocity: Of the fix, NED [m/s].
+        fix: Record of dtype `receiver.FIX`.
         past: `travel` then, shape (7,).
         gap: Time of which `travel` was not remembered [s].
         has_heading: Whether there is a magnetometer that is used.
         has_airspeed: The same of a pitot tube; without it, no wind is the best guess.
         assumed: Record of dtype `PARAMETERS`.
     """
-    x, P = kalman["x"], kalman["P"]
+    x, P, velocity = kalman["x"], kalman["P"], fix["velocity"]
     air = through_air(x)
     speed, course = hypot(air[0], air[1]), math.atan2(velocity[1], velocity[0])
     heading = math.atan2(air[1], air[0])
@@ -96,11 +85,11 @@ def place_first(
         field = hypot(assumed["field"][0], assumed["field"][1])
         for k in range(3):
             P[MAG_BIAS + k, MAG_BIAS + k] += square(0.5 * field * off)
-    place, _ = now_of(kalman, position, velocity, past)
-    off = place[2] - x[POS + 2]
+    down = place_of_now(kalman, fix, past, 2)
+    off = down - x[POS + 2]
     if off * off > square(_ODD_HEIGHT) * (P[POS + 2, POS + 2] + assumed["gnss_error"][2]):
-        reset_height(kalman, place[2], assumed)
-    _take(kalman, position, velocity, past, gap, 2, assumed)
+        reset_height(kalman, down, assumed)
+    _take(kalman, fix, past, gap, 2, assumed)
     if not has_airspeed:
         for i in range(2):
             x[WIND + i] = 0.0
@@ -134,8 +123,7 @@ def place_first(
 @compiled
 def _take(
     kalman: np.void,
-    position: Vec3,
-    velocity: Vec3,
+    fix: np.void,
     past: np.ndarray,
     gap: float,
     axes: int,
@@ -143,20 +131,21 @@ def _take(
 ) -> None:
     """Take velocity, and the place along the first axes, from a fix alone."""
     x, P = kalman["x"], kalman["P"]
-    place, speed = now_of(kalman, position, velocity, past)
     for i in range(3):
-        kalman["owed"][VEL + i] += speed[i] - x[VEL + i]
-        x[VEL + i] = speed[i]
+        speed = fix["velocity"][i] + kalman["travel"][i] - past[i]
+        kalman["owed"][VEL + i] += speed - x[VEL + i]
+        x[VEL + i] = speed
         _forget(P, VEL + i)
         P[VEL + i, VEL + i] = square(_ANY_VELOCITY)
         if i < axes:
-            kalman["owed"][POS + i] += place[i] - x[POS + i]
-            x[POS + i], x[GNSS_ERROR + i] = place[i], 0.0
+            place = place_of_now(kalman, fix, past, i)
+            kalman["owed"][POS + i] += place - x[POS + i]
+            x[POS + i], x[GNSS_ERROR + i] = place, 0.0
             _forget(P, POS + i)
             _forget(P, GNSS_ERROR + i)
             P[POS + i, POS + i] = square(assumed["place_m"])
             P[GNSS_ERROR + i, GNSS_ERROR + i] = assumed["gnss_error"][i]
-    fuse_gnss(kalman, position, velocity, past, gap, assumed, (True, True, True))
+    fuse_gnss(kalman, fix, past, gap, assumed, (True, True, True))
 
 
 @compiled
@@ -168,8 +157,7 @@ def _forget(P: np.ndarray, k: int) -> None:
 @compiled
 def reset_to_fix(
     kalman: np.void,
-    position: Vec3,
-    velocity: Vec3,
+    fix: np.void,
     past: np.ndarray,
     gap: float,
     assumed: np.void,
@@ -178,8 +166,7 @@ def reset_to_fix(
 
     Args:
         kalman: Record of dtype `FILTER`, updated in place.
-        position: Of the fix, NED [m].
-        velocity: Of the fix, NED [m/s].
+        fix: Record of dtype `receiver.FIX`.
         past: `travel` then, shape (7,).
         gap: Time of which `travel` was not remembered [s].
         assumed: Record of dtype `PARAMETERS`.
@@ -197,7 +184,7 @@ def reset_to_fix(
     doubt_biases(kalman)
     doubt_barometer(kalman, assumed)
     kalman["unsettled"] = SETTLING_S
-    _take(kalman, position, velocity, past, gap, 3, assumed)
+    _take(kalman, fix, past, gap, 3, assumed)
 
 
 @compiled

@@ -25,6 +25,7 @@ AIDING = MAGNETOMETER, BAROMETER, PITOT, GNSS
 """The sensors beside the IMUs."""
 GNSS_VELOCITY, GNSS_HEIGHT = max(AIDING) + 1, max(AIDING) + 2
 """What a GNSS receiver reports beside its horizontal position, `GNSS`; each is judged by itself."""
+GNSS_PARTS = GNSS, GNSS_VELOCITY, GNSS_HEIGHT
 TESTED = *AIDING, GNSS_VELOCITY, GNSS_HEIGHT
 N_SENSORS = max(TESTED) + 1
 """Length of what each sensor has a place in, by its number."""

@@ -39,6 +39,8 @@ _HEALTH = {
     BAROMETER: dialect.MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE,
     PITOT: dialect.MAV_SYS_STATUS_SENSOR_DIFFERENTIAL_PRESSURE,
     GNSS: dialect.MAV_SYS_STATUS_SENSOR_GPS,
+    GNSS_VELOCITY: dialect.MAV_SYS_STATUS_SENSOR_GPS,
+    GNSS_HEIGHT: dialect.MAV_SYS_STATUS_SENSOR_GPS,
 }
 _INERTIAL = dialect.MAV_SYS_STATUS_SENSOR_3D_GYRO | dialect.MAV_SYS_STATUS_SENSOR_3D_ACCEL
 
@@ -70,7 +72,7 @@ class EstimatorMessages:
         self._gate = float(hot.navigation["estimator"]["parameters"]["gate"])
         self._said = [WELL] * N_SENSORS
         self._said_imus = [WELL] * self._imus
-        self._said_resets = 0
+        self._said_resets, self._said_delay = 0, 0.0
 
     @message(dialect.MAVLink_estimator_status_message)
     def estimator_status(self) -> MAVLink_message:
@@ -200,6 +202,13 @@ class EstimatorMessages:
             elif before == WELL:
                 text = f"{name} excluded {at}: {REASONS[reason]}, {self._instead(sensor)}"
                 yield Change(name, dialect.MAV_SEVERITY_WARNING, text)
+        delay, self._said_delay = self._said_delay, float(report["delay"])
+        if self._said_delay != delay:
+            more = (
+                f"{self._said_delay:.2f} s more than it says" if self._said_delay else "as it says"
+            )
+            text = f"GNSS latency {more} {at}"
+            yield Change("GNSS latency", dialect.MAV_SEVERITY_NOTICE, text)
         resets, self._said_resets = self._said_resets, int(report["resets"])
         if self._said_resets > resets:
             yield Change("estimate", dialect.MAV_SEVERITY_WARNING, f"estimate reset {at}")

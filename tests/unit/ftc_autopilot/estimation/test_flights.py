@@ -186,7 +186,13 @@ def shift_gnss(_imus: np.ndarray, gps: np.void, delivered: bool) -> bool:
     return delivered
 
 
-@pytest.mark.parametrize("fault", [lose_gnss, shift_gnss])
+def age_gnss(_imus: np.ndarray, gps: np.void, delivered: bool) -> bool:
+    """Of a simulator whose clock stands: a fix of long ago says nothing of now."""
+    gps["time_usec"] = 1
+    return delivered
+
+
+@pytest.mark.parametrize("fault", [lose_gnss, shift_gnss, age_gnss])
 def test_without_gnss_it_reckons(
     flight: tuple[Scenario, np.ndarray], fault: Callable[[np.ndarray, np.void, bool], bool]
 ) -> None:

@@ -96,6 +96,15 @@ def test_who_joins_in_flight_knows_his_place(phase_s: float) -> None:
     assert (flown.after(10.1).attitude_deg < 2.0).all()
 
 
+def test_who_joins_again_believes_what_another_filter_excluded() -> None:
+    """Else a restart in a fault would have no place until the fault is over."""
+    faults = [fault("gps", 8.0, 20.0, bias_m=50.0, axis="x")]
+    flown = watched(by_sensors(faults=faults, duration_s=12.0), begins_again_s=10.0)
+    assert flown.out[round(9.9 / LOOK_S), 0, GNSS]
+    assert not flown.after(10.5).out.any()
+    assert (flown.after(10.5).place_m[:, 0] < 55.0).all()  # not at the origin
+
+
 @pytest.mark.parametrize(
     ("sensor", "value"), [("accelerometer", {"bias_m_s2": 1.0}), ("gyro", {"bias_deg_s": 3.0})]
 )

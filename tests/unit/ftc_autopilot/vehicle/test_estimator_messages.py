@@ -186,6 +186,29 @@ def test_excluded_sensors_are_announced_once_and_are_not_healthy(bench: Bench) -
     assert made(bench, dialect.MAVLINK_MSG_ID_SYS_STATUS).onboard_control_sensors_health & GPS
 
 
+def test_parts_of_a_receiver_are_announced_by_themselves(bench: Bench) -> None:
+    report(bench)["reasons"][GNSS] = report(bench)["reasons"][GNSS_HEIGHT] = INCONSISTENT
+    assert said(bench) == ["GNSS excluded at 12.34 s: inconsistent, place by its velocity"]
+    bench.hot.measured["time_usec"] += 1_000_000
+    report(bench)["reasons"][GNSS] = WELL
+    report(bench)["reasons"][GNSS_VELOCITY] = INCONSISTENT
+    assert said(bench) == [
+        "GNSS back in use at 13.34 s",
+        "GNSS velocity excluded at 13.34 s: inconsistent, velocity by air and IMU",
+        "GNSS height excluded at 13.34 s: inconsistent, height by barometer",
+    ]
+    assert not made(bench, dialect.MAVLINK_MSG_ID_SYS_STATUS).onboard_control_sensors_health & GPS
+
+
+def test_a_receiver_that_is_late_is_announced(bench: Bench) -> None:
+    report(bench)["delay"] = 0.3
+    assert said(bench) == ["GNSS latency 0.30 s more than it says at 12.34 s"]
+    assert said(bench) == []
+    bench.hot.measured["time_usec"] += 1_000_000
+    report(bench)["delay"] = 0.0
+    assert said(bench) == ["GNSS latency as it says at 13.34 s"]
+
+
 def test_an_excluded_imu_is_announced_and_gyros_are_unhealthy_when_none_is_left(
     bench: Bench,
 ) -> None:
