@@ -35,6 +35,7 @@ MEMORY_S = 1.0  # for which a gap excuses being late: what comes after it comes 
 MESSAGES = 50
 MAX_WAIT_S = 40.0  # of a wait: busy loops are no good company
 LEVEL = [{"start_s": 0.0, "airspeed_m_s": 40.0, "roll_deg": 0.0, "pitch_deg": 1.0, "yaw_deg": 0.0}]
+HIGH_M = 5000.0  # where it starts: without processor time it may fall for all of the wait
 CALM = {"faults": [], "profile": LEVEL, "disturbance": {}}
 
 
@@ -118,7 +119,10 @@ async def starve(hub: str, pid: int, listener: Listener) -> int:
 
 def test_a_starved_autopilot_is_late_by_no_more_than_it_lacked_and_says_so(tmp_path: Path) -> None:
     listener = Listener()
-    with up(tmp_path / "up", "--start", tree=scenario_tree(**CALM)) as fleet:
+    tree = scenario_tree(**CALM)
+    for uav in tree["uavs"]:
+        uav["initial"]["altitude_m"] = HIGH_M
+    with up(tmp_path / "up", "--start", tree=tree) as fleet:
         pid = process_of(fleet.folder, f"uav{STARVED}")
         assert asyncio.run(starve(fleet.hub, pid, listener)) == 0
     heard = listener.heard
