@@ -13,10 +13,10 @@ import numpy as np
 
 from ftc_autopilot.guidance.laws.base import GuidanceParameters
 from mavlink_defs.config.models import Loc
-from sitl_plant.airframe.aerodynamics import carried_linearly, drag
+from mavlink_defs.runtime.jit import in_python
+from sitl_plant.airframe import aerodynamics, thrust
 from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft
-from sitl_plant.airframe.thrust import available_thrust
 
 _HOME_M_S = 45.0
 """Airspeed at which the paper's aircraft has the limits `HOME`."""
@@ -28,6 +28,11 @@ _MIN_ACCELERATION_M_S2 = 0.1
 _MAX_ALPHA = math.radians(30.0)
 _AIRSPEEDS = 101
 """At which level flight is tried, to find the fastest that the thrust holds."""
+
+# a ground station that checks a scenario does not wait for numba
+_available_thrust = in_python(thrust.available_thrust)
+_carried_linearly = in_python(aerodynamics.carried_linearly)
+_drag = in_python(aerodynamics.drag)
 
 Guidance = TypeVar("Guidance", bound=GuidanceParameters)
 
@@ -109,7 +114,7 @@ def limits_at(
     cruise, slowest, fastest = (min(max(few_digits(home * ratio), low), high) for home in HOME[:3])
     stall = aircraft.stall_deg
     below_stall = math.inf if stall is None else round(stall - _BELOW_STALL_DEG, 1)
-    largest = float(available_thrust(airspeed_m_s, aircraft_record(aircraft)))
+    largest = float(_available_thrust(airspeed_m_s, aircraft_record(aircraft)))
     climb = (_THRUST_SHARE * largest - level_n) / max(weight, _ANY_WEIGHT_N)
     spare = float(f"{(largest - level_n) / aircraft.mass_kg:.3g}")
     return AircraftLimits(
@@ -139,10 +144,10 @@ def _level_thrust(aircraft: Aircraft, airspeed_m_s: float) -> float:
     """Return about what level flight takes [N], the moments not balanced."""
     record = aircraft_record(aircraft)
     area = 0.5 * aircraft.air_density_kg_m3 * airspeed_m_s**2 * aircraft.wing_area_m2
-    at_zero, slope = carried_linearly(record)
+    at_zero, slope = _carried_linearly(record)
     alpha = (aircraft.mass_kg * aircraft.gravity_m_s2 / area - at_zero) / max(slope, 1e-6)
     alpha = min(max(alpha, -_MAX_ALPHA), _MAX_ALPHA)
-    return float(drag(area, alpha, record)) / math.cos(alpha)
+    return float(_drag(area, alpha, record)) / math.cos(alpha)
 
 
 def _fastest(aircraft: Aircraft) -> float:
@@ -151,5 +156,5 @@ def _fastest(aircraft: Aircraft) -> float:
     if aircraft.propulsion is None:
         return high
     tried = np.linspace(high, aircraft.airspeed_min_m_s, _AIRSPEEDS).tolist()
-    held = (V for V in tried if _level_thrust(aircraft, V) <= available_thrust(V, record))
+    held = (V for V in tried if _level_thrust(aircraft, V) <= _available_thrust(V, record))
     return few_digits(next(held, _airspeed_of(aircraft)))

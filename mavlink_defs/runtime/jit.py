@@ -11,6 +11,7 @@ import functools
 import inspect
 import os
 from collections.abc import Callable, Iterable
+from types import FunctionType
 from typing import Any, TypeAlias, TypeVar, cast
 
 import numpy as np
@@ -101,6 +102,20 @@ def load(*functions: Callable[..., object]) -> None:
         return
     for function in functions:
         compiler(*why_not(_apart[function])).load_part(_apart[function])
+
+
+def in_python(function: _F) -> _F:
+    """Return a compiled function, and what it calls, as plain Python: few calls need no compiler.
+
+    The bits are the same of sums, products, comparisons, and quotients of what is not zero.
+    """
+    if function not in _compiled_functions:
+        return function
+    plain = cast(FunctionType, inspect.unwrap(function))
+    known = plain.__globals__
+    called = {n: in_python(known[n]) for n in plain.__code__.co_names if callable(known.get(n))}
+    own = FunctionType(plain.__code__, known | called, plain.__name__, plain.__defaults__)
+    return cast(_F, own)
 
 
 def is_compiled(function: Callable[..., object]) -> bool:

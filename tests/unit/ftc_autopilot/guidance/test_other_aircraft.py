@@ -10,6 +10,7 @@ from vehicle_bench import ACCEPTED, of_type
 from vehicle_fleet import ARM, SET_MODE, START, Member, VehicleFleet
 
 from ftc_autopilot.common.geography import Origin, place_of
+from ftc_autopilot.guidance import aircraft_limits
 from ftc_autopilot.guidance.aircraft_limits import HOME, guidance_problems, limits_of
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from gcs.results.recording import Steps
@@ -19,6 +20,8 @@ from mavlink_defs import dialect
 from mavlink_defs.config.problems import ConfigError
 from mavlink_defs.constants import GUIDED, LOITER, RTL
 from mavlink_defs.mission_files import mission_item
+from sitl_plant.airframe import aerodynamics, thrust
+from sitl_plant.airframe.aircraft import aircraft_record
 
 SCENARIO_1 = Path("scenarios/paper/scenario1.yaml")
 AIRCRAFT = sorted(path.stem for path in Path("aircraft").glob("*.yaml"))
@@ -197,3 +200,19 @@ def test_every_bundled_scenario_of_an_aircraft_does(name: str) -> None:
 @needs_jsbsim
 def test_what_was_designed_for_jsbsim_does_there() -> None:
     check(bundled("minisgs_tube", own_plant=True))
+
+
+@pytest.mark.parametrize("name", AIRCRAFT)
+def test_limits_have_the_same_bits_with_and_without_the_compiler(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    aircraft = load_aircraft(name)
+    guidance, record = PathFollowing(), aircraft_record(aircraft)
+    plain = limits_of(guidance, aircraft)
+    drags = [aircraft_limits._drag(700.0, alpha, record) for alpha in np.linspace(-0.5, 0.5, 99)]
+    compiled = [aerodynamics.drag(700.0, alpha, record) for alpha in np.linspace(-0.5, 0.5, 99)]
+    assert drags == compiled
+    monkeypatch.setattr(aircraft_limits, "_drag", aerodynamics.drag)
+    monkeypatch.setattr(aircraft_limits, "_carried_linearly", aerodynamics.carried_linearly)
+    monkeypatch.setattr(aircraft_limits, "_available_thrust", thrust.available_thrust)
+    assert limits_of(guidance, aircraft) == plain

@@ -91,3 +91,12 @@ def test_nothing_is_left_to_search_for_garbage_at_the_end() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert int(done.stdout.split()[-1]) < 1000
+
+
+def test_a_scenario_is_read_and_checked_without_the_compiler() -> None:
+    code = (
+        "import sys; from gcs.scenario.model import load_scenario;"
+        "load_scenario('paper/scenario1'); print('numba' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
