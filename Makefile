@@ -14,7 +14,10 @@ WORKERS ?= $(shell echo $$((2 * $$(getconf _NPROCESSORS_ONLN))))
 PLAIN := tests/plain_python.txt
 COMPILED := $(addprefix --ignore=,$(shell cat $(PLAIN)))
 
-.PHONY: fly packages check test coverage explore mutants docs bench fuzz soak lock clean
+# whole tutorials, every aircraft, rare machines: half of the time of all tests
+NIGHTLY := tests/nightly.txt
+
+.PHONY: fly packages check test nightly coverage explore mutants docs bench fuzz soak lock clean
 
 fly: $(FLY)  ## fly the paper's scenario 1 over MAVLink
 	$(BIN)/gcs fly scenarios/paper/scenario1.yaml
@@ -27,9 +30,12 @@ check: lint  ## for the daily loop: format, lint, types and the quick tests
 
 # a worker that dies ends the session: xdist hangs where it goes on without it
 ALL := -n $(WORKERS) --dist loadfile --no-loadscope-reorder --max-worker-restart 0
-test: lint  ## everything that must pass: format, lint, types, all tests
+test: lint  ## everything that must pass before a change: format, lint, types, tests
 	NUMBA_DISABLE_JIT=1 $(BIN)/pytest $(ALL) @$(PLAIN)
-	$(BIN)/pytest $(ALL) $(COMPILED) tests
+	$(BIN)/pytest $(ALL) $(COMPILED) $(addprefix --deselect=,$(shell cat $(NIGHTLY))) tests
+
+nightly: $(READY)  ## what must pass, too, and takes longest: whole tutorials, every aircraft, rare machines
+	$(BIN)/pytest $(ALL) @$(NIGHTLY)
 
 .PHONY: lint
 lint: $(READY)

@@ -1,7 +1,7 @@
-"""`make test` and `make check` run each test once, files of tests/plain_python.txt as plain Python.
+"""`make test`, `make check`, `make nightly` run each test once, some as plain Python.
 
-A file is listed whose tests call parts of the equations, each of which would be compiled for them
-alone. What flies stays compiled, as do the courses, which hold the values of both.
+A file is in tests/plain_python.txt whose tests call parts of the equations, each of which would be
+compiled for them alone. What flies stays compiled, as do the courses, which hold values of both.
 """
 
 import re
@@ -13,6 +13,8 @@ import pytest
 ROOT = Path(__file__).parents[3]
 PLAIN = "tests/plain_python.txt"
 LISTED = (ROOT / PLAIN).read_text().splitlines()
+NIGHTLY = "tests/nightly.txt"
+LATER = (ROOT / NIGHTLY).read_text().splitlines()
 
 
 def files_under(*places: str) -> set[str]:
@@ -22,15 +24,20 @@ def files_under(*places: str) -> set[str]:
     return {str(path.relative_to(ROOT)) for path in found}
 
 
+def pytest_lines(goal: str) -> list[str]:
+    """What make would run of pytest."""
+    done = subprocess.run(
+        ["make", "--dry-run", goal], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    return [line for line in done.stdout.splitlines() if "/pytest " in line]
+
+
 @pytest.mark.parametrize(
     ("goal", "places"),
     [("test", ["tests"]), ("check", ["tests/unit", "tests/test_architecture.py"])],
 )
 def test_each_file_is_run_once(goal: str, places: list[str]) -> None:
-    done = subprocess.run(
-        ["make", "--dry-run", goal], cwd=ROOT, capture_output=True, text=True, check=True
-    )
-    plain, compiled = [line for line in done.stdout.splitlines() if "/pytest " in line]
+    plain, compiled = pytest_lines(goal)
     assert plain.startswith("NUMBA_DISABLE_JIT=1 ")
     assert plain.endswith(f" @{PLAIN}")
     assert not compiled.startswith("NUMBA_DISABLE_JIT")
@@ -46,3 +53,19 @@ def test_what_is_listed_is_a_file_of_its_own_that_does_not_fly() -> None:
     flying = [name for name in LISTED if "fly_in_process" in (ROOT / name).read_text()]
     assert not flying, f"compiled in less time than flown as plain Python: {flying}"
     assert not [name for name in LISTED if name.endswith("test_courses.py")]
+
+
+def test_what_make_test_leaves_out_make_nightly_and_ci_run() -> None:
+    _, compiled = pytest_lines("test")
+    assert re.findall(r"--deselect=(\S+)", compiled) == LATER
+    (nightly,) = pytest_lines("nightly")
+    assert nightly.endswith(f" @{NIGHTLY}")
+    assert {"make test", "make nightly"} < set((ROOT / ".ci" / "run").read_text().splitlines())
+
+
+def test_what_is_left_for_the_night_is_there_and_compiled() -> None:
+    assert sorted(set(LATER)) == LATER
+    for one in LATER:
+        path, _, name = one.partition("::")
+        assert path not in LISTED
+        assert f"def {name}(" in (ROOT / path).read_text() if name else (ROOT / path).is_file(), one
