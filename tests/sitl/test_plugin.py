@@ -140,7 +140,7 @@ def test_a_wrong_expectation_says_what_came_instead_and_where(project: Path) -> 
         r"<fleet of 'two UAVs' at 0\.200 s>, files in ",
         r"changes: duration_s: expected \(0, 86400\] s, got -1\n(?!\nDuring)",
     ):
-        assert re.search(line, output), (line, output)
+        assert re.search(line, output), f"{line}\n{output}"
 
 
 def test_bundled_scenarios_have_names(project: Path) -> None:
