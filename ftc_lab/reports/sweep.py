@@ -137,7 +137,7 @@ def _beaten(points: Sequence[Point], uav_id: int | None) -> dict[int, set[str]]:
         for name in _MARKED:
             costs = [(law, _cost(point, uav_id, name)) for point, law in group]
             for (point, _), (law, cost) in zip(group, costs, strict=True):
-                if math.isfinite(cost) and beaten_by(law, cost, costs):
+                if beaten_by(law, cost, costs):
                     found[point.row].add(name)
     return found
 

@@ -88,7 +88,7 @@ def test_points_that_a_simpler_law_flies_better_are_bold(short: Path, tmp_path: 
     for point in points:
         roll, saving = figures[point.values["controller.kind"]]
         if point.values["seed"] == "2":
-            roll = 1.0  # of a flight with other noise
+            roll = 5.0  # of both, with other noise: no matter what seed 1 came to
         own = {"uav3.iae_roll": roll, "uav3.saving": saving}
         changed.append(replace(point, figures={**point.figures, **own}))
     path = tmp_path / "table.md"
@@ -97,7 +97,7 @@ def test_points_that_a_simpler_law_flies_better_are_bold(short: Path, tmp_path: 
     rows = [line for line in text.splitlines() if line.startswith("| surviving")]
     assert ["**9.00**" in row for row in rows] == [True, False]
     assert not any("**99.00 %**" in row for row in rows)  # of a saving more is better
-    assert "**2.00**" not in text
+    assert not {"**2.00**", "**5.00**"} & set(text.split())
     assert text.count("**Bold**") == 1
     assert "bold: " in str(terminal_table(changed, 3).caption)
 
