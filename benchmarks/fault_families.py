@@ -4,8 +4,8 @@
     python -m benchmarks.fault_families swinging dead_time --seed 7 --laws tube
     python -m benchmarks.fault_families --hardware realistic
 
-A line for each family, law and hardware; another seed draws other faults. `pid`, which knows
-nothing of faults, flies the same as a rival.
+A row for each family and hardware, a column for each law; another seed draws other faults. Laws
+that know nothing of faults fly the same ones as rivals.
 """
 
 import argparse
@@ -13,7 +13,9 @@ import math
 import multiprocessing
 import os
 import random
-from collections.abc import Callable, Iterator
+import statistics
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
@@ -21,16 +23,21 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from ftc_autopilot.common.phases import LOST
+from ftc_autopilot.control.laws import KINDS
+from ftc_lab.reports.laws import Row, Value, law_markdown
 from gcs.fleet.in_process import fly_in_process
+from gcs.results.rivals import SIMPLEST_FIRST
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from mavlink_defs.config.inherit import merged
 from mavlink_defs.constants import ACTUATORS, SURFACES
 
 UAV = 3
 """Follower 2 has the faults."""
+DIAGNOSING = ("surviving", "tube")
+"""Laws that find faults."""
 HARDWARE = ("ideal", "realistic", "turbulent")
 _BALANCED = {"aileron": (-2.0, 10.0), "elevator": (-5.0, 5.0), "rudder": (6.0, 34.0)}  # deg
-_OVERTURNED_DEG, _LARGE_DEG, _HEADING_LOST_DEG = 90.0, 5.0, 15.0
+_OVERTURNED_DEG, _HEADING_LOST_DEG = 90.0, 15.0
 
 Fault: TypeAlias = dict[str, Any]
 Keys: TypeAlias = dict[str, Any]
@@ -181,19 +188,18 @@ class Flown(NamedTuple):
     """What one flight came to."""
 
     overturned: bool  # or lost
-    off_heading: bool
-    large: bool  # an attitude error of more than 5 deg
-    error_deg: float  # largest of roll and pitch
+    off_heading: bool  # or lost
+    error_deg: float  # largest of roll and pitch; infinite in a flight that was lost
     blamed: bool  # an actuator without a fault was declared lost, of any UAV
     found_s: float  # after the fault's start; NaN if never
-    messages: int
+    messages: float  # infinite in a flight that was lost: it is shorter than the others
 
 
 def fly(law: str, hardware: str, drawn: tuple[list[Fault], Keys]) -> Flown:
     """Fly scenario 1 with what was drawn."""
     faults, keys = drawn
     flight = fly_in_process(scenario_with(law, hardware, faults, keys))
-    i = flight.uav_ids.index(UAV)
+    crashed, i = bool(flight.loss), flight.uav_ids.index(UAV)
     start_s = min((fault["start_s"] for fault in faults), default=0.0)
     later = flight.time_s > max(start_s, 1.0)  # control check and trim come before
     errors = np.degrees(np.abs(flight.error("reference")[later, i, 1:])).max(axis=0)
@@ -202,33 +208,62 @@ def fly(law: str, hardware: str, drawn: tuple[list[Fault], Keys]) -> Flown:
     innocent = np.ones(lost.shape[1:], bool)
     innocent[i, guilty] = False
     found = flight.time_s[lost[:, i, guilty].any(axis=1)] - start_s
+    messages = float((flight.signals["events"][:, i] != 0).sum())
     return Flown(
-        bool(flight.loss) or np.degrees(np.abs(flight.states[:, i, 6])).max() > _OVERTURNED_DEG,
-        errors[2] > _HEADING_LOST_DEG,
-        errors.max() > _LARGE_DEG,
-        float(errors[:2].max()),
+        crashed or np.degrees(np.abs(flight.states[:, i, 6])).max() > _OVERTURNED_DEG,
+        crashed or errors[2] > _HEADING_LOST_DEG,
+        math.inf if crashed else float(errors[:2].max()),
         bool(lost[:, innocent].any()),
         float(found[0]) if len(found) else math.nan,
-        int((flight.signals["events"][:, i] != 0).sum()),
+        math.inf if crashed else messages,
     )
 
 
-def line(family: str, law: str, hardware: str, flown: list[Flown]) -> str:
-    """Return a row of the table."""
-    found = [one.found_s for one in flown if not math.isnan(one.found_s)]
-    times = "" if not found else f"{np.median(found):.3f}, {np.percentile(found, 95):.3f}"
-    counts = (
-        sum(one.overturned for one in flown),
-        sum(one.off_heading for one in flown),
-        sum(one.large for one in flown),
-        sum(one.blamed for one in flown),
-        len(found),
+def tables(flown: Mapping[tuple[str, str], Mapping[str, Sequence[Flown]]]) -> Iterator[str]:
+    """Yield the tables: how well laws fly, what they send, and what those that diagnose find.
+
+    Args:
+        flown: The flights of each family and hardware, by law: all laws flew the same.
+    """
+    laws = {law: law for by_law in flown.values() for law in by_law}
+    parts: tuple[tuple[str, Callable[[Sequence[Flown]], tuple[Value, ...]], list[str]], ...] = (
+        ("overturned; heading > 15° off; roll or pitch off: median, most [deg]", _kept, [*laws]),
+        ("messages, median", _sent, [*laws]),
+        (
+            "wrongly blamed; found; after: median, 95 % [s]",
+            _found,
+            [law for law in laws if law in DIAGNOSING],
+        ),
     )
+    for title, cell, shown in parts:
+        rows = [
+            Row(where, {law: cell(by_law[law]) for law in shown if law in by_law})
+            for where, by_law in flown.items()
+        ]
+        if shown:
+            head = ("family", "hardware")
+            yield f"{title}\n\n{law_markdown(head, rows, {law: law for law in shown})}"
+
+
+def _kept(flown: Sequence[Flown]) -> tuple[Value, ...]:
     errors = [one.error_deg for one in flown]
-    off = f"{np.median(errors):.1f}, {max(errors):.0f}"
-    cells = (family, law, hardware, len(flown), *counts[:3], off, *counts[3:], times)
-    messages = int(np.median([one.messages for one in flown]))
-    return f"| {' | '.join(map(str, cells))} | {messages} |"
+    return (
+        Value.of(sum(one.overturned for one in flown), 0),
+        Value.of(sum(one.off_heading for one in flown), 0),
+        Value.of(statistics.median(errors)),
+        Value.of(max(errors)),
+    )
+
+
+def _sent(flown: Sequence[Flown]) -> tuple[Value, ...]:
+    return (Value.of(statistics.median(one.messages for one in flown), 0),)
+
+
+def _found(flown: Sequence[Flown]) -> tuple[Value, ...]:
+    found = [one.found_s for one in flown if not math.isnan(one.found_s)]
+    times = (np.median(found), np.percentile(found, 95)) if found else ()
+    blamed = Value.of(sum(one.blamed for one in flown), 0)  # times: not of the same flights
+    return (blamed, Value(str(len(found))), *(Value(f"{time:.3f}") for time in times))
 
 
 def scenario_with(law: str, hardware: str, faults: list[Fault], keys: Keys) -> Scenario:
@@ -255,16 +290,20 @@ def _log_uniform(rng: random.Random, low: float, high: float) -> float:
     return math.exp(rng.uniform(math.log(low), math.log(high)))
 
 
-def rows(options: argparse.Namespace) -> Iterator[str]:
-    """Yield the rows of the table, as they are flown."""
+def fly_all(options: argparse.Namespace) -> dict[tuple[str, str], dict[str, list[Flown]]]:
+    """Fly what was asked for; families are named as they are done."""
+    flown: dict[tuple[str, str], dict[str, list[Flown]]] = {}
     with multiprocessing.get_context("spawn").Pool(options.jobs) as pool:
         for family in options.families or FAMILIES:
             rng = random.Random(f"{family} {options.seed}")
             drawn = [FAMILIES[family](rng) for _ in range(options.flights)]
-            for law in options.laws:
-                for hardware in options.hardware:
-                    flown = pool.map(partial(fly, law, hardware), drawn, chunksize=1)
-                    yield line(family, law, hardware, flown)
+            for hardware in options.hardware:
+                flown[family, hardware] = {
+                    law: pool.map(partial(fly, law, hardware), drawn, chunksize=1)
+                    for law in options.laws
+                }
+            print(family, file=sys.stderr)
+    return flown
 
 
 def main() -> None:
@@ -272,18 +311,14 @@ def main() -> None:
         prog="python -m benchmarks.fault_families", description=__doc__
     )
     parser.add_argument("families", nargs="*", choices=[*FAMILIES, []], help="all unless given")
-    parser.add_argument("--laws", nargs="+", default=["surviving", "tube", "pid"])
+    parser.add_argument("--laws", nargs="+", choices=KINDS, default=SIMPLEST_FIRST)
     parser.add_argument("--hardware", nargs="+", default=HARDWARE, choices=HARDWARE)
     parser.add_argument("--flights", type=int, default=40, help="of each family")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     options = parser.parse_args()
-    head = ["family", "law", "hardware", "flights", "overturned", "heading > 15° off"]
-    head += ["attitude > 5° off", "roll, pitch off: median, most [deg]", "wrongly blamed", "found"]
-    print(f"| {' | '.join([*head, 'after: median, 95 % [s]', 'messages'])} |")
-    print("| --- | --- | --- |" + " ---: |" * 9)
-    for row in rows(options):
-        print(row, flush=True)
+    for one in tables(fly_all(options)):
+        print(one)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from benchmarks.airframes import AIRFRAMES, FROM_S, STUCK_DEG, designed, row
+from benchmarks.airframes import AIRFRAMES, FROM_S, STUCK_DEG, designed
 from gcs.fleet.in_process import fly_in_process
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import AILERON, RUDDER
@@ -85,6 +85,11 @@ def _largest(
         if rudder != 0.0 and x[1] * x[3] < 0.0:
             return largest
     return math.inf
+
+
+def row(*cells: object) -> str:
+    """Return a row of a table in Markdown."""
+    return f"| {' | '.join(map(str, cells))} |"
 
 
 def main() -> None:

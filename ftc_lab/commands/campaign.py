@@ -102,11 +102,14 @@ def _keep(planned: "Plan", folder: Path, console: Terminal) -> None:
 
 
 def _report(folder: Path, console: Terminal) -> None:
-    from ftc_lab.campaigns.samples import read_samples
+    from ftc_lab.campaigns.findings import findings_of
     from ftc_lab.campaigns.store import OUTCOMES
     from ftc_lab.reports.campaign import write_report
+    from ftc_lab.reports.campaign_laws import hint, same_flights
+    from ftc_lab.reports.laws import law_terminal
 
-    samples = read_samples(folder)
+    found = findings_of(folder)
+    samples = found.ended
     counts = {name: Counter(own.outcome.tolist()) for name, own in samples.items()}
     shown = [name for name in OUTCOMES if any(own[name] for own in counts.values())]
     table = table_of(texts("variant"), *(numbers(name.replace("_", " ")) for name in shown))
@@ -115,6 +118,10 @@ def _report(folder: Path, console: Terminal) -> None:
     output = console_of(stderr=False, quiet=console.quiet)
     output.print(f"All {sum(map(len, samples.values()))} flights that ended:")
     output.print(table)
+    for group in same_flights(found):
+        output.print(law_terminal([f"of {group.draws} draws"], group.rows, group.laws))
+    if add_simpler := hint(found):
+        output.print(add_simpler, soft_wrap=True)
     with working(console, "writing the report"):
         page = write_report(folder)
     output.print(f"results in {folder}; open {page}", soft_wrap=True)

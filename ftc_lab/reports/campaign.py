@@ -16,6 +16,8 @@ from ftc_lab.campaigns.stopping import anytime_proportion, judge
 from ftc_lab.campaigns.store import OUTCOMES
 from ftc_lab.figures.campaign import distributions, importance, sobol_indices, two_factors
 from ftc_lab.reports.campaign_comparisons import comparisons
+from ftc_lab.reports.campaign_laws import hint, same_flights
+from ftc_lab.reports.laws import law_markdown
 from ftc_lab.reports.markdown import (
     html_of,
     interval,
@@ -90,6 +92,8 @@ def campaign_report(findings: Findings, figures: Mapping[str, str]) -> str:
         stopping=list(_stopping(findings)),
         quantiles=list(_quantiles(findings)),
         comparisons=comparisons(findings) if len(findings.counted) > 1 else None,
+        laws=list(_laws(findings)),
+        add_simpler=plain(hint(findings)),
         factors=_factors(findings),
         sobol=list(_sobol(findings)),
         worst=list(_worst(findings)),
@@ -133,6 +137,17 @@ def _quantiles(findings: Findings) -> Iterator[list[Any]]:
             if findings.is_sample:
                 cells = [interval(median), number(tolerance_bound(costs))]
             yield [title, f"`{name}`", *cells, int(np.isinf(costs).sum())]
+
+
+def _laws(findings: Findings) -> Iterator[str]:
+    """Yield a table of each group of variants that fly the same by several laws."""
+    for group in same_flights(findings):
+        columns = {f"`{name}`": law for name, law in group.laws.items()}
+        rows = [
+            row._replace(cells={f"`{name}`": cell for name, cell in row.cells.items()})
+            for row in group.rows
+        ]
+        yield law_markdown([f"of {group.draws} draws"], rows, columns)
 
 
 def _factors(findings: Findings) -> dict[str, list[Any]]:

@@ -4,7 +4,7 @@ import base64
 import html
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from pathlib import Path
 
 from ftc_lab.campaigns.statistics import Estimate
@@ -27,8 +27,8 @@ div.wide { overflow-x: auto; margin: 1.2em 0; }
 """
 
 
-_NUMBER = re.compile(r"[-+−<±]?\s*\d|-$")
-"""Begin of a number; a dash is one that is unknown."""
+_NUMBER = re.compile(r"(\*\*)?[-+−<±]?\s*\d|-$")
+"""Begin of a number, perhaps bold; a dash is one that is unknown."""
 _SPECIAL = re.compile(r"([\\`*_{}\[\]<>()#|&~])")
 
 
@@ -37,12 +37,26 @@ def plain(text: str) -> str:
     return _SPECIAL.sub(r"\\\1", " ".join(text.split()))
 
 
-def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Return a Markdown table; columns of numbers are right-aligned, columns of texts left."""
+def bold(text: str, is_bold: bool = True) -> str:
+    """Return a text in bold, or as it is."""
+    return f"**{text}**" if is_bold and text else text
+
+
+def table(
+    header: Sequence[str], rows: Iterable[Sequence[object]], numbers: Container[str] = ()
+) -> str:
+    """Return a Markdown table; columns of numbers are right-aligned, columns of texts left.
+
+    Args:
+        header: Its headings.
+        rows: Its cells.
+        numbers: Headings of columns of numbers in which there are texts, too.
+    """
     cells = [list(map(str, row)) for row in rows]
+    columns = zip(*cells, strict=True) if cells else [()] * len(header)
     rule = [
-        "---:" if cells and all(_NUMBER.match(cell) for cell in column) else "---"
-        for column in (zip(*cells, strict=True) if cells else [()] * len(header))
+        "---:" if name in numbers or (cells and all(map(_NUMBER.match, column))) else "---"
+        for name, column in zip(header, columns, strict=True)
     ]
     lines = [header, rule, *cells]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"

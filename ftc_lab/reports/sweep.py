@@ -5,22 +5,30 @@ flown; the other tables leave them out.
 """
 
 import csv
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from rich import box
 from rich.table import Table
+from rich.text import Text
 
 from ftc_lab.campaigns.points import FILE, Point, dimensions_of, position, uav_of
-from ftc_lab.reports.markdown import save_markdown, table
+from ftc_lab.reports.markdown import bold, save_markdown, table
 from gcs.console.terminal import numbers, table_of, texts
 from gcs.results.figures import UAV_FIGURES, shown_figure
 from gcs.results.quantities import IAE_UNITS, QUANTITIES
+from gcs.results.rivals import LEGEND, beaten_by, cost_of, flight_of, law_of
+from gcs.results.runs.details import leaves
+from gcs.scenario.settings import plain
 from mavlink_defs.config.output_files import naming
 from mavlink_defs.visible import visible
 
 _TERMINAL_ROWS = 50
+_MARKED = ("outcome", "saving", *(f"iae_{quantity}" for quantity in QUANTITIES), "events")
+"""Columns of which a simpler law may do better, in the order of table.md."""
+_LOSSES = ("heading_lost", "attitude_lost")
 
 
 def write_csv(points: Sequence[Point], path: Path) -> None:
@@ -49,7 +57,7 @@ def write_markdown(points: Sequence[Point], uav_id: int | None, path: Path) -> N
     names = [name for name, _ in dimensions_of(points)]
     iae = [f"IAE {quantity} [{IAE_UNITS[quantity]}]" for quantity in QUANTITIES]
     head = [*names, "outcome", "saving", *iae, "events", "smallest interval", "reason"]
-    triggered = _has_formation_trigger(points)
+    triggered, worse = _has_formation_trigger(points), _beaten(points, uav_id)
     if triggered:
         head[-1:-1] = ["neighbour messages", "neighbour messages saved"]
     rows = []
@@ -60,8 +68,12 @@ def write_markdown(points: Sequence[Point], uav_id: int | None, path: Path) -> N
             cells[len(where)], cells[-1] = lost
         if triggered:
             cells[-1:-1] = _neighbour_figures(point, uav_id)
-        rows.append([" ".join(cell.split()).replace("|", "\\|") for cell in cells])
-    save_markdown(path, f"{_title(uav_id)}\n\n{table(head, rows)}")
+        cells = [" ".join(cell.split()).replace("|", "\\|") for cell in cells]
+        for place, name in enumerate(_MARKED, len(where)):
+            cells[place] = bold(cells[place], name in worse[point.row])
+        rows.append(cells)
+    legend = f"\n**Bold**: {LEGEND}.\n" if any(worse.values()) else ""
+    save_markdown(path, f"{_title(uav_id)}\n\n{table(head, rows)}{legend}")
 
 
 def terminal_table(points: Sequence[Point], uav_id: int | None) -> Table:
@@ -72,7 +84,11 @@ def terminal_table(points: Sequence[Point], uav_id: int | None) -> Table:
         if left > 0
         else "red: not flown to the end, attitude or heading lost; reasons in table.md"
     )
-    marked = any(point.reason or _lost(point, uav_id) for point in points)
+    worse = _beaten(points, uav_id)
+    if not left > 0 and not any(point.reason or _lost(point, uav_id) for point in points):
+        caption = ""
+    if any(worse[point.row] for point in points[:_TERMINAL_ROWS]):
+        caption = f"{caption}; bold: {LEGEND}".removeprefix("; ")
     names = [name for name, _ in dimensions_of(points)]
     short = [name.rpartition(".")[2] for name in names]
     headings = short if len(set(short)) == len(short) else names
@@ -83,7 +99,7 @@ def terminal_table(points: Sequence[Point], uav_id: int | None) -> Table:
         *(numbers(f"{quantity}\n[{IAE_UNITS[quantity]}]") for quantity in QUANTITIES),
         *[numbers("neighbour\nmessages")] * triggered,
         title=_title(uav_id),
-        caption=caption if left > 0 or marked else None,
+        caption=caption or None,
         box=box.SIMPLE_HEAD,
         padding=0,
         pad_edge=False,
@@ -92,10 +108,48 @@ def terminal_table(points: Sequence[Point], uav_id: int | None) -> Table:
         where = [position(point, name) for name in names]
         saving, *iae = _figures(point, uav_id)[:-2]
         done = point.outcome == "completed"
+        cells = [saving if done else point.outcome, *iae]
+        names_of_cells = ("saving" if done else "outcome", *_MARKED[2:])
+        marked = (
+            Text(text, "bold" * (name in worse[point.row]))
+            for text, name in zip(cells, names_of_cells, strict=False)
+        )
         style = "red" if not done or _lost(point, uav_id) else None
         messages = _neighbour_figures(point, uav_id)[:1] if triggered else []
-        shown.add_row(*where, saving if done else point.outcome, *iae, *messages, style=style)
+        shown.add_row(*where, *marked, *messages, style=style)
     return shown
+
+
+def _beaten(points: Sequence[Point], uav_id: int | None) -> dict[int, set[str]]:
+    """Return the figures, and the outcome, in which a simpler law did better, by the point's row.
+
+    A point that was not flown to its end has no figures to compare, only an outcome.
+    """
+    found: dict[int, set[str]] = {point.row: set() for point in points}
+    flown = [(one, one.scenario) for one in points if one.scenario is not None]
+    if len({scenario.controller.kind for _, scenario in flown}) < 2:
+        return found
+    groups: dict[frozenset[tuple[str, str]], list[tuple[Point, str]]] = {}
+    for point, scenario in flown:
+        keys = dict(leaves(plain(scenario.model_dump()), ""))
+        groups.setdefault(flight_of(keys), []).append((point, law_of(keys)))
+    for group in groups.values():
+        for name in _MARKED:
+            costs = [(law, _cost(point, uav_id, name)) for point, law in group]
+            for (point, _), (law, cost) in zip(group, costs, strict=True):
+                if beaten_by(law, cost, costs):
+                    found[point.row].add(name)
+    return found
+
+
+def _cost(point: Point, uav_id: int | None, name: str) -> float:
+    uav = uav_of(point, uav_id)
+    if name != "outcome":
+        return math.nan if uav is None else cost_of(name, uav[name])
+    if uav is None:
+        return math.nan if point.outcome in {"invalid", "failed"} else float(len(_LOSSES) + 1)
+    lost = (uav[f"{what}_at_s"] is not None for what in _LOSSES)
+    return float(max((place * gone for place, gone in enumerate(lost, 1)), default=0))
 
 
 def _title(uav_id: int | None) -> str:

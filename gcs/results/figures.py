@@ -278,6 +278,11 @@ class Figure(Generic[_Of]):
         """Its column in CSV files."""
         return self.in_csv or self.name
 
+    @property
+    def is_share(self) -> bool:
+        """Whether it is a share of a whole."""
+        return self.text is percent
+
 
 def _count(name: str, of: Callable[[_Of], float | None], *, derived: bool = False) -> Figure[_Of]:
     return Figure(name, "", of, str, whole=True, derived=derived)
@@ -364,10 +369,16 @@ FLIGHT_FIGURES: tuple[Figure[FlightSummary], ...] = (
 """Figures of a whole flight."""
 
 
+def figure_of(name: str) -> Figure[Any] | None:
+    """Return a figure of a UAV or a flight, by its name; None if there is no such figure."""
+    figures: list[Figure[Any]] = [*UAV_FIGURES, *FLIGHT_FIGURES]
+    return next((figure for figure in figures if figure.name == name), None)
+
+
 def better_of(name: str) -> str | None:
     """Return whether "higher" or "lower" is better of a figure of a UAV or a flight, by its name.
 
     None where neither is, or if there is no such figure.
     """
-    figures: list[Figure[Any]] = [*UAV_FIGURES, *FLIGHT_FIGURES]
-    return next((figure.better for figure in figures if figure.name == name), None)
+    figure = figure_of(name)
+    return None if figure is None else figure.better

@@ -16,7 +16,7 @@ UAVS = (1, 2)
 FACTORS = ("mass", "cl_alpha", "idle")
 
 
-def campaign(variants: list[str], draws: int, **changes: Any) -> Campaign:
+def campaign(variants: list[str], draws: int, /, **changes: Any) -> Campaign:
     """A campaign of uniform factors."""
     uniform = {"kind": "uniform", "low": 0.8, "high": 1.2}
     return Campaign.model_validate(

@@ -48,7 +48,9 @@ def tables_of(text: str) -> dict[tuple[str, ...], Rows]:
 
 
 def assert_alike(ours: list[str], shown: list[str], head: list[str]) -> None:
-    """Equal texts; numbers within what another machine's arithmetic may change."""
+    """Equal texts, equally bold; numbers within what another machine's arithmetic may change."""
+    assert [value.startswith("**") for value in ours] == [cell.startswith("**") for cell in shown]
+    ours, shown = ([value.strip("*") for value in row] for row in (ours, shown))
     tumbled = not {"completed", "heading lost"} & set(shown)
     for key, value, expected in zip(head, ours, shown, strict=True):
         if key == "reason" or (tumbled and key.startswith(("IAE", "saving", "events", "small"))):
@@ -78,7 +80,7 @@ def section(text: str, heading: str) -> str:
 
 
 def test_there_are_tables() -> None:
-    assert len(SWEEPS) == 19
+    assert len(SWEEPS) == 16
 
 
 @pytest.mark.parametrize(("command", "shown"), SWEEPS, ids=lambda text: text[-12:])
@@ -91,7 +93,7 @@ def test_a_table_is_what_its_command_gives(
     arguments = [name for word in given for name in sorted(map(str, ROOT.glob(word))) or [word]]
     done = CliRunner().invoke(app, [*arguments, "--out", str(tmp_path / "out"), "--quiet"])
     assert done.exit_code == 0, done.output
-    table = (tmp_path / "out" / "table.md").read_text().partition("\n\n")[2]
+    table = (tmp_path / "out" / "table.md").read_text().split("\n\n")[1]
     head, _, *rows = cells(table)
     shown_head, _, *shown_rows = cells(shown)
     assert head == shown_head

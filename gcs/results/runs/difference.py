@@ -1,5 +1,6 @@
 """Two flights compared: what differs in their scenarios, and in what they did."""
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
@@ -8,14 +9,16 @@ from typing import Any
 
 from rich import box
 from rich.table import Table
+from rich.text import Text
 
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.triggers import TRIGGERS
 from gcs.console.errors import BadInput
 from gcs.console.terminal import numbers, table_of, texts
 from gcs.results.figures import UAV_FIGURES, Figure, FlightSummary, UavSummary
-from gcs.results.flight_mark import FLIGHT, is_under_way, read_mark
+from gcs.results.flight_mark import FLIGHT, INTERRUPTED, is_under_way, read_mark
 from gcs.results.quantities import QUANTITIES
+from gcs.results.rivals import LEGEND, beaten_by, cost_of, flight_of, law_of
 from gcs.results.run_folder import read_summary
 from gcs.results.runs.details import leaves, scenario_keys
 from gcs.results.runs.read import outcome_of
@@ -66,6 +69,13 @@ class EndedFlight:
         self.mark = mark = read_mark(folder)
         self.digest = "" if mark is None else mark.digest
 
+    def cost(self, figure: Figure[UavSummary], system: int) -> float:
+        """Return a figure of a UAV as a cost, as of `gcs.results.rivals`."""
+        uav = self.summary.uav(system)
+        if uav is None or (self.mark is not None and self.mark.ended == INTERRUPTED):
+            return math.nan
+        return cost_of(figure.name, figure.of(uav)) if self.summary.completed else math.inf
+
     @property
     def ending(self) -> str:
         """How it ended, and how long it was."""
@@ -88,7 +98,9 @@ def difference(
     yield f"{old.folder}: {old.ending}"
     yield f"{new.folder}: {new.ending}"
     yield from _set(old, new)
-    yield _figures(old.summary, new.summary)
+    yield _figures(old, new)
+    if law_of(old.keys) != law_of(new.keys) and flight_of(old.keys) != flight_of(new.keys):
+        yield "more than law and trigger differs: nothing is marked where the simpler law is better"
     yield from _diagnoses(old, new)
     yield from _keys(old, new, everything)
     if old.digest and new.digest:
@@ -106,6 +118,7 @@ def difference_data(old: EndedFlight, new: EndedFlight) -> dict[str, Any]:
     known = bool(old.keys and new.keys)
     return {
         **{name: _ending_data(flight) for name, flight in flights.items()},
+        "same_flight": flight_of(old.keys) == flight_of(new.keys) if known else None,
         "uavs": [_uav_data(system, flights) for system in ids],
         "scenario": {
             name: {which: flight.keys.get(name) for which, flight in flights.items()}
@@ -137,7 +150,8 @@ def _uav_data(system: int, flights: Mapping[str, EndedFlight]) -> dict[str, Any]
         }
         before, after = values["old"], values["new"]
         change = None if before is None or after is None else after - before
-        figures[name] = {**values, "change": change}
+        beaten = _beaten(flights["old"], flights["new"], by_name[name], system)
+        figures[name] = {**values, "change": change, "beaten_by": next(filter(None, beaten), None)}
     diagnosis = {
         which: None if uav is None else [asdict(one) for one in uav.diagnosis]
         for which, uav in uavs.items()
@@ -145,19 +159,38 @@ def _uav_data(system: int, flights: Mapping[str, EndedFlight]) -> dict[str, Any]
     return {"uav": system, "figures": figures, "diagnosis": diagnosis}
 
 
-def _figures(old: FlightSummary, new: FlightSummary) -> Table:
+def _beaten(
+    old: EndedFlight, new: EndedFlight, figure: Figure[UavSummary], system: int
+) -> tuple[str | None, str | None]:
+    """Return which simpler law did better in a figure than either flight, if they can be compared.
+
+    A flight that was lost is worse than any; one that was interrupted is not compared.
+    """
+    if not old.keys or flight_of(old.keys) != flight_of(new.keys):
+        return None, None
+    before, after = ((law_of(one.keys), one.cost(figure, system)) for one in (old, new))
+    return beaten_by(*before, [after]), beaten_by(*after, [before])
+
+
+def _figures(old: EndedFlight, new: EndedFlight) -> Table:
     """Return the figures of every UAV, with the change of each."""
     columns = (texts("UAV"), texts("figure"), *map(numbers, ("old", "new", "change", "in %")))
     table = table_of(*columns, title="Figures", box=box.SIMPLE_HEAD)
-    ids = sorted({uav.id for summary in (old, new) for uav in summary.uavs})
+    ids = sorted({uav.id for flight in (old, new) for uav in flight.summary.uavs})
     by_name = {figure.name: figure for figure in UAV_FIGURES}
     for system in ids:
-        before, after = old.uav(system), new.uav(system)
+        before, after = old.summary.uav(system), new.summary.uav(system)
         label = str(system)
         for name in _COMPARED:
             row = _row(by_name[name], before, after)
             if row is not None:
-                table.add_row(label, *row)
+                title, *values = row
+                beaten = _beaten(old, new, by_name[name], system)
+                for place, by in enumerate(beaten):
+                    if by is not None:
+                        table.caption = f"bold: {LEGEND}"
+                        values[place] = Text(str(values[place]), "bold")
+                table.add_row(label, title, *values)
                 label = ""
         table.add_section()
     return table
@@ -165,7 +198,7 @@ def _figures(old: FlightSummary, new: FlightSummary) -> Table:
 
 def _row(
     figure: Figure[UavSummary], old: UavSummary | None, new: UavSummary | None
-) -> tuple[str, ...] | None:
+) -> tuple[str | Text, ...] | None:
     """Return a row of the table; None if neither flight has the figure."""
     values = [None if uav is None else figure.of(uav) for uav in (old, new)]
     if values == [None, None]:

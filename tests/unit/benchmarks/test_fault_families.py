@@ -1,16 +1,18 @@
 """The table of fault families: every law flies the same faults, the worst beside the median."""
 
+import math
 import random
 from itertools import product
 
 import pytest
 
-from benchmarks.fault_families import FAMILIES, Flown, line, scenario_with
+from benchmarks.fault_families import FAMILIES, Flown, fly, scenario_with, tables
 from ftc_autopilot.control.laws import LAWS
+from gcs.results.rivals import SIMPLEST_FIRST
 
 
 def test_every_law_can_fly_every_family(subtests: pytest.Subtests) -> None:
-    for family, law in product(FAMILIES, ("surviving", "tube", "pid")):
+    for family, law in product(FAMILIES, SIMPLEST_FIRST):
         with subtests.test(family, law=law):
             faults, keys = FAMILIES[family](random.Random(1))
             scenario = scenario_with(law, "realistic", faults, keys)
@@ -18,12 +20,38 @@ def test_every_law_can_fly_every_family(subtests: pytest.Subtests) -> None:
             assert len(scenario.faults) == len(faults)
 
 
-def test_a_row_has_the_worst_flight_beside_the_median() -> None:
-    quiet = Flown(False, False, False, 1.0, False, 0.2, 100)
-    flown = [quiet, quiet._replace(error_deg=2.0), quiet._replace(large=True, error_deg=61.4)]
-    row = line("weak_aileron", "pid", "realistic", flown)
-    cells = [cell.strip() for cell in row.strip("|").split("|")]
-    assert cells == [
-        *("weak_aileron", "pid", "realistic", "3"),
-        *("0", "0", "1", "2.0, 61", "0", "3", "0.200, 0.200", "100"),
+QUIET = Flown(False, False, 1.0, False, 0.2, 100.0)
+
+
+def tables_without_rule(flown: list[Flown], rival: list[Flown]) -> list[list[str]]:
+    shown = tables({("weak_aileron", "realistic"): {"pid": rival, "tube": flown}})
+    return [
+        [cell.strip() for cell in table.splitlines()[4].strip("|").split("|")][2:]
+        for table in shown
     ]
+
+
+def test_a_row_has_the_worst_flight_beside_the_median() -> None:
+    flown = [QUIET, QUIET._replace(error_deg=2.0), QUIET._replace(off_heading=True, error_deg=61.4)]
+    kept, sent, found = tables_without_rule(flown, flown)
+    assert kept == ["0, 1, 2.0, 61.4"] * 2
+    assert sent == ["100"] * 2
+    assert found == ["0, 3, 0.200, 0.200"]  # a PID finds nothing
+
+
+def test_what_pid_does_better_is_bold() -> None:
+    flown = [QUIET._replace(error_deg=error) for error in (2.0, 3.0, 31.0)]
+    rival = [QUIET._replace(error_deg=error, messages=3000.0) for error in (2.0, 2.8, 18.0)]
+    kept, sent, _ = tables_without_rule(flown, rival)
+    assert kept == ["0, 0, 2.8, 18.0", "0, 0, 3.0, **31.0**"]
+    assert sent == ["3000", "100"]
+
+
+def test_a_flight_that_was_lost_counts_as_worst_however_short() -> None:
+    lost = fly("proposed", "realistic", FAMILIES["soon_after_start"](random.Random(2)))
+    assert lost.overturned
+    assert lost.off_heading
+    assert (lost.error_deg, lost.messages) == (math.inf, math.inf)
+    kept, sent, _ = tables_without_rule([lost], [QUIET])
+    assert kept == ["0, 0, 1.0, 1.0", "**1**, **1**, **lost**, **lost**"]
+    assert sent == ["100", "**lost**"]

@@ -300,3 +300,80 @@ def test_a_uav_that_a_variant_lacks_is_no_failure(tmp_path: Path) -> None:
     findings = written(tmp_path, {"alone": GOOD, "two": GOOD}, figures=columns)
     assert np.isfinite(findings.counted["alone"].cost("iae_roll")).all()
     assert np.isinf(findings.counted["alone"].cost("uav2.iae_roll")).all()
+
+
+# laws
+
+
+def laws_of(folder: Path, outcomes: dict[str, list[str]], iae: list[float], **variants: Any) -> str:
+    """The section on laws of a report; `iae` is of the flights in the order of their rows."""
+    columns = {f"uav{k}.iae_filtered_roll": iae for k in UAVS}
+    kinds = {name: {"controller": {"kind": name}} for name in outcomes} | variants
+    return laws_in(report_of(written(folder, outcomes, figures=columns, variants=kinds)))
+
+
+def laws_in(report: str) -> str:
+    return report.partition("## Laws on the same flights\n")[2].partition("\n## ")[0]
+
+
+def iae_row(section: str) -> list[str]:
+    [line] = re.findall(r"^\| IAE of roll .*$", section, re.MULTILINE)
+    return [cell.strip() for cell in line.strip("|").split("|")][1:]
+
+
+def test_what_a_simpler_law_does_better_is_bold(tmp_path: Path) -> None:
+    section = laws_of(tmp_path, {"tube": GOOD, "pid": GOOD}, [3.0, 2.0] * DRAWS)
+    assert iae_row(section) == ["2.00, 2.00", "**3.00**, **3.00**"]  # the simplest law first
+    assert "`pid` | `tube`" in section
+    assert "No simpler law" not in section
+    assert "<strong>3.00</strong>" in (tmp_path / "report.html").read_text()
+
+
+def test_a_law_that_was_lost_early_is_not_the_better_one(tmp_path: Path) -> None:
+    lost = ["ground"] * 40 + GOOD[40:]
+    section = laws_of(tmp_path, {"tube": lost, "pid": GOOD}, [0.1, 2.0] * DRAWS)
+    assert iae_row(section) == ["2.00, 2.00", "**lost**, **lost**"]
+    assert "| flights that failed | 0 | **40** |" in section
+    section = laws_of(tmp_path / "other", {"tube": GOOD, "pid": lost}, [2.0, 0.1] * DRAWS)
+    assert iae_row(section) == ["lost, lost", "2.00, 2.00"]
+
+
+def test_only_variants_that_fly_the_same_are_compared(tmp_path: Path) -> None:
+    noisy = {"controller": {"kind": "tube"}, "sensors": {"gyro_deg_s": {"noise_rms": 0.3}}}
+    slow = {"controller": {"kind": "surviving", "reference_bandwidth_rad_s": 1.0}}
+    names = {"pid": GOOD, "tube": GOOD, "noisy": GOOD, "slow": GOOD}
+    section = laws_of(tmp_path, names, [2.0, 3.0, 9.0, 9.0] * DRAWS, noisy=noisy, slow=slow)
+    assert iae_row(section) == ["2.00, 2.00", "**3.00**, **3.00**"]
+    assert "No simpler law flew the same as noisy, slow; to add one" in section
+
+
+def test_only_draws_that_all_laws_have_flown_are_compared(tmp_path: Path) -> None:
+    """The simpler law has not flown the hard draws yet."""
+    iae = [value for k in range(DRAWS) for value in ((2.0, 2.0) if k < 30 else (2.0, 50.0))]
+    outcomes = {"pid": GOOD, "tube": GOOD}
+    found = written(
+        tmp_path,
+        outcomes,
+        flown=[row for row in range(2 * DRAWS) if row % 2 or row < 60],
+        figures={f"uav{k}.iae_filtered_roll": iae for k in UAVS},
+        variants={name: {"controller": {"kind": name}} for name in outcomes},
+    )
+    section = laws_in(report_of(found))
+    assert "of 30 draws" in section
+    assert iae_row(section) == ["2.00, 2.00", "2.00, 2.00"]
+
+
+def test_a_campaign_without_a_simpler_law_says_how_to_add_one(tmp_path: Path) -> None:
+    section = laws_of(tmp_path, {"surviving": GOOD}, [2.0] * DRAWS)
+    assert "No simpler law flew the same as surviving" in section
+    assert "kind: pid" in section
+    assert laws_of(tmp_path / "pid", {"pid": GOOD}, [2.0] * DRAWS) == ""
+
+
+def test_laws_that_are_drawn_fly_different_draws(tmp_path: Path) -> None:
+    """Whether a law, or what else was drawn, made the difference is not known."""
+    choice = {"kind": "choice", "values": ["pid", "tube"]}
+    factors = {name: {"key": "controller.kind", "draw": choice} for name in ("mass", "idle")}
+    outcomes = {"a": GOOD, "b": GOOD}
+    report = report_of(written(tmp_path, outcomes, design="grid", factors=factors))
+    assert "Laws on the same flights" not in report

@@ -1,6 +1,7 @@
 """The tables and the plot of a sweep."""
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -77,3 +78,40 @@ def test_neighbour_messages_have_columns_where_a_trigger_is_swept(
     assert "| 49 | 0.00 % |" in periodic
     assert "| 49 |" not in triggered
     assert len(terminal_table(points, 3).columns) == 2 + 1 + 4 + 1
+
+
+def test_points_that_a_simpler_law_flies_better_are_bold(short: Path, tmp_path: Path) -> None:
+    settings = ["controller.kind=surviving,pid", "seed=1,2"]
+    points = swept([short], settings, tmp_path / "out")
+    figures = {"surviving": (9.0, 0.99), "pid": (2.0, 0.98)}
+    changed = []
+    for point in points:
+        roll, saving = figures[point.values["controller.kind"]]
+        if point.values["seed"] == "2":
+            roll = 5.0  # of both, with other noise: no matter what seed 1 came to
+        own = {"uav3.iae_roll": roll, "uav3.saving": saving}
+        changed.append(replace(point, figures={**point.figures, **own}))
+    path = tmp_path / "table.md"
+    write_markdown(changed, 3, path)
+    text = path.read_text()
+    rows = [line for line in text.splitlines() if line.startswith("| surviving")]
+    assert ["**9.00**" in row for row in rows] == [True, False]
+    assert not any("**99.00 %**" in row for row in rows)  # of a saving more is better
+    assert not {"**2.00**", "**5.00**"} & set(text.split())
+    assert text.count("**Bold**") == 1
+    assert "bold: " in str(terminal_table(changed, 3).caption)
+
+
+def test_a_lost_point_is_bold_and_never_the_better_one(short: Path, tmp_path: Path) -> None:
+    points = swept([short], ["controller.kind=surviving,pid"], tmp_path / "out")
+    for loser, marked in (("surviving", True), ("pid", False)):
+        changed = [
+            replace(one, outcome="ground", reason="it hit the ground")
+            if one.values["controller.kind"] == loser
+            else one
+            for one in points
+        ]
+        path = tmp_path / f"{loser}.md"
+        write_markdown(changed, 3, path)
+        assert ("**ground**" in path.read_text()) == marked
+        assert "**-**" not in path.read_text()

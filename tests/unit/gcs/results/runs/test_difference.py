@@ -76,6 +76,7 @@ def test_figures_diagnosis_and_keys_that_differ_are_shown(pair: tuple[Path, Path
         "old": None,
         "new": 0.04,
         "change": None,
+        "beaten_by": None,
     }
     assert data["uavs"][1]["diagnosis"] == {"old": [], "new": own["diagnosis"]}
     assert data["scenario"].keys() == {"trigger.b2_deg", "faults[0].uav"}
@@ -137,3 +138,61 @@ def test_what_was_set_comes_first_and_defaults_of_one_law_are_counted(
 
 def test_a_folder_that_is_not_there_is_said_to_be_so(pair: tuple[Path, Path]) -> None:
     assert refused("old", "nosuch") == "nosuch does not exist"
+
+
+def with_errors(run: Path, roll: float, saving: float, **changes: object) -> None:
+    """Give the summary of a flight other figures of UAV 1."""
+    tree = json.loads((run / "summary.json").read_text())
+    tree["uavs"][0]["max_error"]["roll"] = roll
+    tree["uavs"][0]["saving"] = saving
+    (run / "summary.json").write_text(json.dumps({**tree, **changes}))
+
+
+def beaten_by(figure: str) -> str | None:
+    found: str | None = json.loads(compared("--json"))["uavs"][0]["figures"][figure]["beaten_by"]
+    return found
+
+
+def test_what_a_simpler_law_does_better_is_said(pair: tuple[Path, Path]) -> None:
+    old, new = pair
+    with_law(old, "tube")
+    with_law(new, "pid")
+    with_errors(old, 3.0, 0.98)
+    with_errors(new, 2.0, 0.99)
+    assert json.loads(compared("--json"))["same_flight"] is True
+    assert (beaten_by("max_error_roll"), beaten_by("saving")) == ("pid", "pid")
+    assert "bold: a simpler law" in compared()
+    with_errors(new, 3.0, 0.97)  # saves less
+    assert (beaten_by("max_error_roll"), beaten_by("saving")) == (None, None)
+    assert "bold" not in compared()
+
+
+def test_a_law_that_was_lost_is_no_better_for_it(pair: tuple[Path, Path]) -> None:
+    old, new = pair
+    with_law(old, "tube")
+    with_law(new, "pid")
+    with_errors(old, 3.0, 0.98)
+    with_errors(new, 0.1, 0.98, completed=False, loss="UAV 1 was lost")
+    assert beaten_by("max_error_roll") is None
+    with_errors(new, 5.0, 0.98, completed=True, loss=None)
+    with_errors(old, 0.1, 0.98, completed=False, loss="UAV 1 was lost")
+    assert beaten_by("max_error_roll") == "pid"
+    mark = read(old / FLIGHT)
+    (old / FLIGHT).write_text(yaml_of({**mark, "ended": "interrupted"}))
+    assert beaten_by("max_error_roll") is None  # by Ctrl-C: nobody knows how it would have ended
+
+
+def test_flights_of_different_scenarios_are_not_judged(pair: tuple[Path, Path]) -> None:
+    old, new = pair
+    with_law(old, "tube")
+    with_law(new, "pid")
+    with_errors(old, 3.0, 0.98)
+    with_errors(new, 2.0, 0.98)
+    (new / SCENARIO).write_text(yaml_of({**read(new / SCENARIO), "seed": 2}))
+    assert json.loads(compared("--json"))["same_flight"] is False
+    assert beaten_by("max_error_roll") is None
+    assert "bold" not in compared()
+    assert "nothing is marked" in compared()
+    (new / SCENARIO).unlink()
+    assert json.loads(compared("--json"))["same_flight"] is None
+    assert beaten_by("max_error_roll") is None
