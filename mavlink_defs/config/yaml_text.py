@@ -56,14 +56,26 @@ def yaml_problem(exc: Exception) -> tuple[str, str]:
     return "", f"not YAML: {' '.join(str(exc).split())}"
 
 
-class _Loader(Composer, yaml.CSafeLoader):
+if yaml.__with_libyaml__:
+
+    class _Composing(Composer, yaml.CSafeLoader):
+        """Composes what libyaml reads."""
+
+        def __init__(self, text: str) -> None:
+            yaml.CSafeLoader.__init__(self, text)
+            Composer.__init__(self)
+
+else:  # where PyYAML has no wheel for a new Python, and no libyaml was there when pip built it
+    _Composing = yaml.SafeLoader  # type: ignore[misc,assignment] # reads the same, in more time
+
+
+class _Loader(_Composing):
     """Plain scalars as in YAML 1.2's core schema (1e-3 is a number); keys occur once."""
 
     yaml_implicit_resolvers = {}  # noqa: RUF012 - PyYAML's way; it is copied, not shared
 
     def __init__(self, text: str, name: str) -> None:
-        yaml.CSafeLoader.__init__(self, text)
-        Composer.__init__(self)
+        super().__init__(text)
         self._name = name
         self._values = 0  # composed so far, each as often as aliases repeat it
         self._sizes: dict[yaml.Node, int] = {}

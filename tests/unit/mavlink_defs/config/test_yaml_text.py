@@ -1,5 +1,9 @@
 """YAML of any depth and meaning is read or refused, and what is written reads back."""
 
+import json
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,6 +15,17 @@ from mavlink_defs.config.user_files import MAX_FILE
 from mavlink_defs.config.yaml_text import parse_yaml, yaml_of, yaml_problem
 
 REFUSED = (yaml.YAMLError, RecursionError, ValueError)
+ROOT = Path(__file__).parents[4]
+WITHOUT_LIBYAML = """
+import json, sys
+sys.modules["yaml._yaml"] = None
+from mavlink_defs.config.yaml_text import parse_yaml, yaml_problem
+for text in json.load(sys.stdin):
+    try:
+        print(repr(parse_yaml(text)))
+    except Exception as refused:
+        print(repr(yaml_problem(refused)[0]))
+"""
 TEXTS = st.text(st.characters(codec="utf-8"))
 KEYS = TEXTS | st.integers()
 LEAVES = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, width=64) | TEXTS
@@ -63,19 +78,36 @@ def test_an_alias_inside_of_what_it_means_is_refused(text: str) -> None:
         parse_yaml(text)
 
 
-@pytest.mark.parametrize(
-    ("text", "place"),
-    [
-        ("a: 1\nb: 2\na: 3\n", ":3:1"),
-        ("{a: 1, a: 2}", ":1:8"),
-        ("é: 1\nü: {é: 1, é: 2}\n", ":2:11"),
-        ("a: 1\n\tb: 2\n", ":2:1"),
-        ("a: 1: 2\n", ":1:5"),
-        ("a: *b\n", ":1:4"),
-        ("a:\n  b: !!python/name:os 1\n", ":2:6"),
-    ],
-)
+WRONG = [
+    ("a: 1\nb: 2\na: 3\n", ":3:1"),
+    ("{a: 1, a: 2}", ":1:8"),
+    ("é: 1\nü: {é: 1, é: 2}\n", ":2:11"),
+    ("a: 1\n\tb: 2\n", ":2:1"),
+    ("a: 1: 2\n", ":1:5"),
+    ("a: *b\n", ":1:4"),
+    ("a:\n  b: !!python/name:os 1\n", ":2:6"),
+]
+
+
+@pytest.mark.parametrize(("text", "place"), WRONG)
 def test_what_is_no_yaml_names_line_and_column(text: str, place: str) -> None:
     with pytest.raises(REFUSED) as caught:
         parse_yaml(text, "file")
     assert yaml_problem(caught.value)[0] == place
+
+
+def test_without_libyaml_the_same_is_read_and_refused() -> None:
+    """A new Python for which PyYAML has no wheel: pip builds one, without libyaml."""
+    folders = (ROOT / "scenarios" / "paper", ROOT / "scenarios" / "faults", ROOT / "aircraft")
+    texts = [path.read_text() for folder in folders for path in sorted(folder.glob("*.yaml"))]
+    assert len(texts) > 30
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT_LIBYAML],
+        input=json.dumps([*texts, *(text for text, _ in WRONG)]),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    expected = [*map(parse_yaml, texts), *(place for _, place in WRONG)]
+    assert done.stdout.splitlines() == [*map(repr, expected)]
