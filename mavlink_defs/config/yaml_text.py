@@ -66,7 +66,7 @@ if yaml.__with_libyaml__:
             Composer.__init__(self)
 
 else:  # where PyYAML has no wheel for a new Python, and no libyaml was there when pip built it
-    _Composing = yaml.SafeLoader  # type: ignore[misc,assignment] # reads the same, in more time
+    _Composing = yaml.SafeLoader  # type: ignore[misc, assignment]  # reads the same, in more time
 
 
 class _Loader(_Composing):
