@@ -47,6 +47,7 @@ class DialectHook(BuildHookInterface):
         """Return what an isolated build needs beside this hook: all that flies, to compile it."""
         if not asks_for_machine_code():
             return []
+        check_headers()
         project = tomllib.loads((Path(self.root) / "pyproject.toml").read_text())["project"]
         further = [LINKER] if sys.platform == "linux" else []
         compiler = project["optional-dependencies"]["compile"]
@@ -56,6 +57,20 @@ class DialectHook(BuildHookInterface):
 def asks_for_machine_code() -> bool:
     """Return whether the wheel is to carry machine code."""
     return os.environ.get(ASKED, "") not in {"", "0"}
+
+
+def check_headers() -> None:
+    """Check that C can be compiled for this Python, before all is compiled that is linked with it.
+
+    Raises:
+        SystemExit: Its headers are missing.
+    """
+    folder = sysconfig.get_path("include")
+    if not Path(folder, "Python.h").is_file():
+        sys.exit(
+            f"machine code needs the C headers of Python, and {folder} has no Python.h: install"
+            " them, such as by `apt install python3-dev`"
+        )
 
 
 def write_metadata(root: Path, folder: Path) -> None:
