@@ -26,7 +26,7 @@ from typing import Any, NamedTuple, TypeAlias
 from ftc_lab.design.airframe import airframe_of
 from ftc_lab.design.rules import Conditions
 from ftc_lab.design.scenario import design_of, plain, sections_of
-from ftc_lab.reports.laws import Row, Value, law_markdown
+from ftc_lab.reports.laws import LawRow, Value, law_markdown
 from gcs.console.errors import BadInput
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.figures import UavSummary
@@ -178,7 +178,7 @@ def tables(
     )
     for title, cell, shown in parts:
         rows = [
-            Row(labels, {law: cell(by_law[law]) if by_law[law] else REFUSED for law in shown})
+            LawRow(labels, {law: cell(by_law[law]) if by_law[law] else REFUSED for law in shown})
             for labels, by_law in flown.items()
         ]
         if shown:

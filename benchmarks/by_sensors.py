@@ -21,7 +21,7 @@ import numpy as np
 
 from ftc_autopilot.control.laws import KINDS
 from ftc_autopilot.estimation.state import TESTED
-from ftc_lab.reports.laws import Row, Value, law_markdown
+from ftc_lab.reports.laws import LawRow, Value, law_markdown
 from ftc_lab.reports.markdown import table
 from gcs.fleet.in_process import InProcessFlight, begin, fly_in_process, fly_on
 from gcs.results.figures import FlightSummary
@@ -150,7 +150,7 @@ def laws_with_faults(flown: Mapping[str, Mapping[str, Sequence[Faulted]]]) -> st
             for law, flights in by_law.items()
         }
         cells = {law: [Value.of(float(x), 2) for x in both] for law, both in worst.items()}
-        rows.append(Row([name], cells))
+        rows.append(LawRow([name], cells))
     return law_markdown(["fault"], rows, {law: law for law in rows[0].cells})
 
 
@@ -223,7 +223,7 @@ def main() -> None:
     columns = {law: law for law in options.laws}
     costs = {law: without_faults(law, options.seeds) for law in columns}
     rows = [
-        Row([name], {law: by_name[name] for law, by_name in costs.items()})
+        LawRow([name], {law: by_name[name] for law, by_name in costs.items()})
         for name in costs[options.laws[0]]
     ]
     print(law_markdown(["by the true state, by sensors, times"], rows, columns))

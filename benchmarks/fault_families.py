@@ -24,7 +24,7 @@ import numpy as np
 
 from ftc_autopilot.common.phases import LOST
 from ftc_autopilot.control.laws import KINDS
-from ftc_lab.reports.laws import Row, Value, law_markdown
+from ftc_lab.reports.laws import LawRow, Value, law_markdown
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.rivals import SIMPLEST_FIRST
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
@@ -237,7 +237,7 @@ def tables(flown: Mapping[tuple[str, str], Mapping[str, Sequence[Flown]]]) -> It
     )
     for title, cell, shown in parts:
         rows = [
-            Row(where, {law: cell(by_law[law]) for law in shown if law in by_law})
+            LawRow(where, {law: cell(by_law[law]) for law in shown if law in by_law})
             for where, by_law in flown.items()
         ]
         if shown:

@@ -11,7 +11,7 @@ from ftc_lab.campaigns.conditions import happened
 from ftc_lab.campaigns.findings import Findings
 from ftc_lab.campaigns.flights import variant_trees
 from ftc_lab.campaigns.samples import Sample, figures_of
-from ftc_lab.reports.laws import Row, Value
+from ftc_lab.reports.laws import LawRow, Value
 from gcs.results.quantities import IAE_UNITS, QUANTITIES, UNITS
 from gcs.results.rivals import ADD_SIMPLER, flight_of, law_of, simplicity
 from gcs.results.runs.details import leaves
@@ -40,7 +40,7 @@ class SameFlights(NamedTuple):
 
     laws: Mapping[str, str]
     draws: int
-    rows: Sequence[Row]
+    rows: Sequence[LawRow]
 
 
 def same_flights(findings: Findings) -> list[SameFlights]:
@@ -89,17 +89,17 @@ def _compared(findings: Findings, laws: Mapping[str, str]) -> SameFlights:
     return SameFlights(laws, len(common), list(_rows(own)) if len(common) else [])
 
 
-def _rows(flights: Mapping[str, Sample]) -> Iterator[Row]:
+def _rows(flights: Mapping[str, Sample]) -> Iterator[LawRow]:
     for event, title in _EVENTS.items():
         counts = {name: int(happened(event, own.outcome).sum()) for name, own in flights.items()}
-        yield Row([title], {name: [Value(str(n), float(n))] for name, n in counts.items()})
+        yield LawRow([title], {name: [Value(str(n), float(n))] for name, n in counts.items()})
     known = figures_of(next(iter(flights.values())).source.schema)
     for name, title in _FIGURES.items():
         if not any(one.rpartition(".")[2] == name for one in known):
             continue  # a campaign of an earlier version
         digits = 0 if name == "messages" else 2
         costs = {variant: own.cost(name) for variant, own in flights.items()}
-        yield Row(
+        yield LawRow(
             [f"{title}: median, most"],
             {
                 variant: [Value.of(float(of(each)), digits) for of in (np.median, np.max)]

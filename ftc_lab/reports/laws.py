@@ -31,7 +31,7 @@ class Value(NamedTuple):
         return cls(text, cost)
 
 
-class Row(NamedTuple):
+class LawRow(NamedTuple):
     """A row: flights that all laws flew.
 
     Attributes:
@@ -43,7 +43,7 @@ class Row(NamedTuple):
     cells: Mapping[str, Sequence[Value]]
 
 
-def law_markdown(head: Sequence[str], rows: Sequence[Row], columns: Mapping[str, str]) -> str:
+def law_markdown(head: Sequence[str], rows: Sequence[LawRow], columns: Mapping[str, str]) -> str:
     """Return a Markdown table, with its legend where something is bold.
 
     Args:
@@ -60,7 +60,7 @@ def law_markdown(head: Sequence[str], rows: Sequence[Row], columns: Mapping[str,
     return table([*head, *columns], cells, columns) + legend
 
 
-def law_terminal(head: Sequence[str], rows: Sequence[Row], columns: Mapping[str, str]) -> Table:
+def law_terminal(head: Sequence[str], rows: Sequence[LawRow], columns: Mapping[str, str]) -> Table:
     """Return the same for the terminal."""
     shown = table_of(*map(texts, head), *map(numbers, columns), box=box.SIMPLE_HEAD)
     marked = False
@@ -75,7 +75,7 @@ def law_terminal(head: Sequence[str], rows: Sequence[Row], columns: Mapping[str,
     return shown
 
 
-def _marked(row: Row, columns: Mapping[str, str]) -> Iterator[list[tuple[str, bool]]]:
+def _marked(row: LawRow, columns: Mapping[str, str]) -> Iterator[list[tuple[str, bool]]]:
     """Yield the texts of each cell, and whether a simpler law is better."""
     for name, law in columns.items():
         values = row.cells.get(name, ())
@@ -85,7 +85,7 @@ def _marked(row: Row, columns: Mapping[str, str]) -> Iterator[list[tuple[str, bo
         ]
 
 
-def _rivals(row: Row, columns: Mapping[str, str], place: int) -> Iterator[tuple[str, float]]:
+def _rivals(row: LawRow, columns: Mapping[str, str], place: int) -> Iterator[tuple[str, float]]:
     for name, law in columns.items():
         values = row.cells.get(name, ())
         if place < len(values):

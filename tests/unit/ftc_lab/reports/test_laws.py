@@ -6,18 +6,18 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from ftc_lab.reports.laws import Row, Value, law_markdown, law_terminal
+from ftc_lab.reports.laws import LawRow, Value, law_markdown, law_terminal
 from ftc_lab.reports.markdown import html_of
 
 LAWS = {"a": "pid", "b": "surviving", "c": "tube"}
 
 
-def row(**costs: float | tuple[float, ...]) -> Row:
+def row(**costs: float | tuple[float, ...]) -> LawRow:
     cells = {
         name: [Value.of(one) for one in (cost if isinstance(cost, tuple) else (cost,))]
         for name, cost in costs.items()
     }
-    return Row(["weak"], cells)
+    return LawRow(["weak"], cells)
 
 
 def bold_on_terminal(table: Table) -> list[str]:
