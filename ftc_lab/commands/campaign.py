@@ -121,7 +121,7 @@ def _report(folder: Path, console: Terminal) -> None:
     for group in same_flights(found):
         output.print(law_terminal([f"of {group.draws} draws"], group.rows, group.laws))
     if add_simpler := hint(found):
-        output.print(add_simpler, soft_wrap=True)
+        output.print(add_simpler)
     with working(console, "writing the report"):
         page = write_report(folder)
     output.print(f"results in {folder}; open {page}", soft_wrap=True)
