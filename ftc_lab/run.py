@@ -12,6 +12,7 @@ from typing import Any
 
 from ftc_lab.campaigns.again import keep_flights
 from ftc_lab.campaigns.engine import fly_missing
+from ftc_lab.campaigns.findings import findings_of
 from ftc_lab.campaigns.model import Campaign
 from ftc_lab.campaigns.plan import Plan, load_plan, plan
 from ftc_lab.campaigns.until import begin_campaign
@@ -96,4 +97,4 @@ def run_campaign(
         fly_missing(planned, folder, scheduler, jobs, on_flown, enough)
     for _ in keep_flights(folder, planned.flights):
         pass
-    return write_report(folder)
+    return write_report(findings_of(folder))

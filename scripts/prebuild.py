@@ -75,7 +75,7 @@ def main(folder: Path) -> None:
 def python_calls() -> set[str]:
     """Return our compiled functions, as of `name_of`, that plain code names, which may call them.
 
-    What is compiled apart is none of them: compiled code calls it.
+    What is compiled apart is none of them, as compiled code calls it, nor what runs `in_python`.
     """
     trees = {
         ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): ast.parse(
@@ -109,9 +109,18 @@ def _named(module: str, tree: ast.Module, compiled: set[str]) -> set[str]:
         elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
             of = places.get(node.value.id, "").replace(":", ".")
             named.add(f"{of}:{node.attr}")
-        if not (isinstance(node, ast.FunctionDef) and _decorators(node) & DECORATORS):
+        if not _is_left_out(node):
             waiting += ast.iter_child_nodes(node)
     return named & compiled
+
+
+def _is_left_out(node: ast.AST) -> bool:
+    """Return whether a node is compiled itself, or takes compiled functions as plain Python."""
+    if isinstance(node, ast.FunctionDef):
+        return bool(_decorators(node) & DECORATORS)
+    if not isinstance(node, ast.Call):
+        return False
+    return isinstance(node.func, ast.Name) and node.func.id == "in_python"
 
 
 def _decorators(function: ast.FunctionDef) -> set[str]:

@@ -123,7 +123,7 @@ def _report(folder: Path, console: Terminal) -> None:
     if add_simpler := hint(found):
         output.print(add_simpler)
     with working(console, "writing the report"):
-        page = write_report(folder)
+        page = write_report(found)
     output.print(f"results in {folder}; open {page}", soft_wrap=True)
     failed = [own.take(np.flatnonzero(own.outcome == "failed")) for own in samples.values()]
     if count := sum(map(len, failed)):

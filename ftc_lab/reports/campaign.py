@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ftc_lab.campaigns.conditions import parse_condition
-from ftc_lab.campaigns.findings import FIGURES, Findings, findings_of
+from ftc_lab.campaigns.findings import FIGURES, Findings
 from ftc_lab.campaigns.importance import Importance
 from ftc_lab.campaigns.statistics import flights_needed, proportion, quantile, tolerance_bound
 from ftc_lab.campaigns.stopping import anytime_proportion, judge
@@ -42,18 +42,16 @@ _WORST = 10
 _FACTORS = 8
 
 
-def write_report(folder: Path) -> Path:
+def write_report(findings: Findings) -> Path:
     """Write the report of a campaign into its folder, of the flights that have ended so far.
 
     Returns:
         The path of report.html, which needs no other file.
 
     Raises:
-        BadInput: The folder is not a campaign's, or cannot be read.
         OSError: A file cannot be written; it is named.
     """
-    findings = findings_of(folder)
-    figures = {}
+    folder, figures = findings.folder, {}
     drawings = {
         "distributions": distributions,
         "importance": importance,

@@ -123,7 +123,7 @@ def reported(folder: Path, largest: dict[str, float]) -> Findings:
     lost = (kinds != "loss") & (np.abs(draws["fault.any.severity"]) > 0.2)
     outcomes = ["attitude_lost" if each else "completed" for each in lost]
     write_campaign(folder, request, draws, results_table(draws, {"a": outcomes}))
-    write_report(folder)
+    write_report(findings_of(folder))
     return findings_of(folder)
 
 

@@ -52,7 +52,7 @@ def test_a_finished_campaign_goes_on_with_more_draws(tmp_path: Path, design: str
     assert mark_of(tmp_path).campaign.draws == 16
     findings = findings_of(tmp_path)
     assert findings.anytime  # whoever adds draws may have seen the results
-    write_report(tmp_path)
+    write_report(findings_of(tmp_path))
     assert "had 4, then 8 draws before more were added" in (tmp_path / "report.md").read_text()
 
 

@@ -47,7 +47,7 @@ def rows_of(report: str, heading: str) -> list[list[str]]:
 
 
 def report_of(findings: Findings) -> str:
-    write_report(findings.folder)
+    write_report(findings)
     return (findings.folder / "report.md").read_text()
 
 
