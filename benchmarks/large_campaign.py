@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from ftc_lab.campaigns.draws import draw_table
+from ftc_lab.campaigns.findings import findings_of
 from ftc_lab.campaigns.flights import fly_rows
 from ftc_lab.campaigns.mark import write_mark
 from ftc_lab.campaigns.model import load_campaign
@@ -36,7 +37,7 @@ def main() -> None:
         rows = store(folder, rows)
         size = sum(path.stat().st_size for path in folder.rglob("*.parquet")) / 1e6
         print(f"{rows} rows, {size:.0f} MB of Parquet")
-        for what, read in (("two columns", _two_columns), ("report", write_report)):
+        for what, read in (("two columns", _two_columns), ("report", _report)):
             wall_s, cpu_s, megabytes = measured(read, folder)
             print(f"{what}: {wall_s:.1f} s ({cpu_s:.1f} s of processor time), ", end="")
             print(f"at most {megabytes:.0f} MB")
@@ -79,6 +80,10 @@ def _measured(read: Callable[[Path], object], folder: Path) -> tuple[float, floa
     read(folder)
     wall_s, cpu_s = time.perf_counter() - begin, time.process_time() - cpu_begin
     return wall_s, cpu_s, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+
+
+def _report(folder: Path) -> None:
+    write_report(findings_of(folder))
 
 
 def _two_columns(folder: Path) -> object:
