@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ftc_lab.reports.markdown import bold, table
-from gcs.console.terminal import numbers, table_of, texts
+from gcs.console.terminal import marked, numbers, table_of, texts
 from gcs.results.rivals import LEGEND, beaten_by
 
 LOST = "lost"
@@ -63,15 +63,15 @@ def law_markdown(head: Sequence[str], rows: Sequence[LawRow], columns: Mapping[s
 def law_terminal(head: Sequence[str], rows: Sequence[LawRow], columns: Mapping[str, str]) -> Table:
     """Return the same for the terminal."""
     shown = table_of(*map(texts, head), *map(numbers, columns), box=box.SIMPLE_HEAD)
-    marked = False
+    has_marks = False
     for row in rows:
         cells = [
-            Text(", ").join(Text(text, "bold" * beaten) for text, beaten in cell)
+            Text(", ").join(marked(text, beaten) for text, beaten in cell)
             for cell in _marked(row, columns)
         ]
-        marked = marked or any(cell.spans for cell in cells)
+        has_marks = has_marks or any("*" in cell.plain for cell in cells)
         shown.add_row(*row.labels, *cells)
-    shown.caption = f"bold: {LEGEND}" if marked else None
+    shown.caption = f"*: {LEGEND}" if has_marks else None
     return shown
 
 

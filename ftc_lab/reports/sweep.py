@@ -12,11 +12,10 @@ from typing import Any
 
 from rich import box
 from rich.table import Table
-from rich.text import Text
 
 from ftc_lab.campaigns.points import FILE, Point, dimensions_of, position, uav_of
 from ftc_lab.reports.markdown import bold, save_markdown, table
-from gcs.console.terminal import numbers, table_of, texts
+from gcs.console.terminal import marked, numbers, table_of, texts
 from gcs.results.figures import UAV_FIGURES, shown_figure
 from gcs.results.quantities import IAE_UNITS, QUANTITIES
 from gcs.results.rivals import LEGEND, beaten_by, cost_of, flight_of, law_of
@@ -88,7 +87,7 @@ def terminal_table(points: Sequence[Point], uav_id: int | None) -> Table:
     if not left > 0 and not any(point.reason or _lost(point, uav_id) for point in points):
         caption = ""
     if any(worse[point.row] for point in points[:_TERMINAL_ROWS]):
-        caption = f"{caption}; bold: {LEGEND}".removeprefix("; ")
+        caption = f"{caption}; *: {LEGEND}".removeprefix("; ")
     names = [name for name, _ in dimensions_of(points)]
     short = [name.rpartition(".")[2] for name in names]
     headings = short if len(set(short)) == len(short) else names
@@ -110,13 +109,13 @@ def terminal_table(points: Sequence[Point], uav_id: int | None) -> Table:
         done = point.outcome == "completed"
         cells = [saving if done else point.outcome, *iae]
         names_of_cells = ("saving" if done else "outcome", *_MARKED[2:])
-        marked = (
-            Text(text, "bold" * (name in worse[point.row]))
+        shown_cells = (
+            marked(text, name in worse[point.row])
             for text, name in zip(cells, names_of_cells, strict=False)
         )
         style = "red" if not done or _lost(point, uav_id) else None
         messages = _neighbour_figures(point, uav_id)[:1] if triggered else []
-        shown.add_row(*where, *marked, *messages, style=style)
+        shown.add_row(*where, *shown_cells, *messages, style=style)
     return shown
 
 

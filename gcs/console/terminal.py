@@ -112,6 +112,11 @@ def table_of(*columns: Column, **options: Any) -> Table:
     return _Uncut(*columns, **options)
 
 
+def marked(text: str, is_marked: bool) -> Text:
+    """Return a text as it is, or in bold and with an asterisk, which a pipe shows as well."""
+    return Text(f"{text}*", "bold") if is_marked and text else Text(text)
+
+
 def names_and_texts(rows: Iterable[tuple[str, RenderableType]], width: int) -> Table:
     """Return names in a column of a width [characters], each with its text beside it, folded."""
     table = Table(show_header=False, box=None, expand=True, pad_edge=False)

@@ -14,7 +14,7 @@ from rich.text import Text
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.triggers import TRIGGERS
 from gcs.console.errors import BadInput
-from gcs.console.terminal import numbers, table_of, texts
+from gcs.console.terminal import marked, numbers, table_of, texts
 from gcs.results.figures import UAV_FIGURES, Figure, FlightSummary, UavSummary
 from gcs.results.flight_mark import FLIGHT, INTERRUPTED, is_under_way, read_mark
 from gcs.results.quantities import QUANTITIES
@@ -188,8 +188,8 @@ def _figures(old: EndedFlight, new: EndedFlight) -> Table:
                 beaten = _beaten(old, new, by_name[name], system)
                 for place, by in enumerate(beaten):
                     if by is not None:
-                        table.caption = f"bold: {LEGEND}"
-                        values[place] = Text(str(values[place]), "bold")
+                        table.caption = f"*: {LEGEND}"
+                        values[place] = marked(str(values[place]), is_marked=True)
                 table.add_row(label, title, *values)
                 label = ""
         table.add_section()

@@ -34,7 +34,7 @@ def test_what_a_simpler_law_beats_is_bold_everywhere() -> None:
     assert text.count("**Bold**") == 1
     page = html_of(f"# A title\n\n{text}", Path())
     assert page.count("<strong>") == 3 + 1
-    assert bold_on_terminal(law_terminal(["family"], rows, LAWS)) == ["13.0", "6.0", "12.0"]
+    assert bold_on_terminal(law_terminal(["family"], rows, LAWS)) == ["13.0*", "6.0*", "12.0*"]
 
 
 def test_nothing_bold_needs_no_legend() -> None:

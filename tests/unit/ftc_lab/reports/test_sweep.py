@@ -99,7 +99,7 @@ def test_points_that_a_simpler_law_flies_better_are_bold(short: Path, tmp_path: 
     assert not any("**99.00 %**" in row for row in rows)  # of a saving more is better
     assert not {"**2.00**", "**5.00**"} & set(text.split())
     assert text.count("**Bold**") == 1
-    assert "bold: " in str(terminal_table(changed, 3).caption)
+    assert "*: " in str(terminal_table(changed, 3).caption)
 
 
 def test_a_lost_point_is_bold_and_never_the_better_one(short: Path, tmp_path: Path) -> None:
