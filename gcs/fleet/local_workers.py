@@ -108,6 +108,7 @@ def _serve(connection: Any, work: Callable[[Any, str], Any], name: str) -> None:
     threading.Thread(target=_end_with_parent, daemon=True).start()
     # the end of the process that started this one, or, of a forked one, its handler of SIGTERM
     with contextlib.suppress(EOFError, KeyboardInterrupt):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
         while True:
             task = connection.recv()
             try:
@@ -125,11 +126,13 @@ def _end_with_parent() -> None:
 
 @contextlib.contextmanager
 def _signals_blocked() -> Iterator[None]:
-    """Block Ctrl-C in processes that start here.
+    """Block Ctrl-C in processes that start here, and until they serve what ends them, too.
 
-    A terminal sends it to all processes; the workers end when the command ends them.
+    A terminal sends it to all processes; the workers end when the command ends them. One that is
+    ended before it has begun would, forked, go on as the command that was interrupted.
     """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
+    blocked = {signal.SIGINT, signal.SIGHUP, signal.SIGTERM}
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, blocked)
     try:
         yield
     finally:

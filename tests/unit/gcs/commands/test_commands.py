@@ -198,7 +198,7 @@ def exposed_scenario(folder: Path) -> str:
 
 
 def test_a_fleet_that_others_can_reach_wants_a_key(tmp_path: Path) -> None:
-    text = complaint("up", exposed_scenario(tmp_path))
+    text = complaint("up", exposed_scenario(tmp_path), "--free-ports")
     assert "links.host is 0.0.0.0" in text
     assert "links.signing_key" in text
 
