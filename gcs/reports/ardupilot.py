@@ -1,6 +1,7 @@
 """The results of a flight by ArduPilot as tables for the terminal."""
 
 from collections.abc import Iterator
+from dataclasses import astuple
 
 from rich.table import Table
 
@@ -12,7 +13,7 @@ from gcs.scenario.model import Scenario
 
 
 def ardupilot_tables(summary: ArduPilotSummary, scenario: Scenario) -> list[Table | str]:
-    """Return what `gcs ardupilot` prints at the end: transmissions, frames, a line of totals."""
+    """Return what `gcs ardupilot` prints at the end: transmissions, frames, motion, totals."""
     flight = summary.flight
     names = {uav.id: f"{uav.id} {uav.name}" for uav in scenario.uavs}
     pace = f"{flight.real_time_factor:.1f}× real time, " if flight.real_time_factor else ""
@@ -24,6 +25,7 @@ def ardupilot_tables(summary: ArduPilotSummary, scenario: Scenario) -> list[Tabl
     return [
         transmissions_table(flight, names),
         _frames(summary, names),
+        _motion(summary, names),
         *_remarks(summary),
         *least_separation(flight),
         *lowest_altitude(flight),
@@ -41,6 +43,17 @@ def _frames(summary: ArduPilotSummary, names: dict[int, str]) -> Table:
             *(one.repeated, one.missing, one.restarts, sum(one.dropped.values())),
         )
         table.add_row(names[one.uav], *map(str, figures))
+    return table
+
+
+def _motion(summary: ArduPilotSummary, names: dict[int, str]) -> Table:
+    columns = ("roll\n[deg]", "pitch\n[deg]", "altitude\n[m]", "airspeed\n[m/s]")
+    title = "Motion in the flight, least and greatest"
+    table = table_of(texts("UAV"), *map(numbers, columns), title=title)
+    for one in summary.frames:
+        bands = astuple(one.motion) if one.motion else ()
+        figures = (f"{least:.1f} to {greatest:.1f}" for least, greatest in bands)
+        table.add_row(names[one.uav], *figures)
     return table
 
 

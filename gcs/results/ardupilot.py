@@ -4,11 +4,56 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
+
+import numpy as np
 
 from gcs.results.figures import FlightSummary
+from gcs.results.recording import Steps
 from mavlink_defs.capture.saving import saving
 from mavlink_defs.config.output_files import write_text
+
+Band: TypeAlias = tuple[float, float]
+"""Least and greatest value."""
+
+
+@dataclass(frozen=True)
+class MotionBands:
+    """Between what values the true motion of one UAV was: whether it flew, or tumbled.
+
+    Attributes:
+        roll_deg: [deg].
+        pitch_deg: [deg].
+        altitude_m: Above the origin [m].
+        airspeed_m_s: [m/s].
+    """
+
+    roll_deg: Band
+    pitch_deg: Band
+    altitude_m: Band
+    airspeed_m_s: Band
+
+
+class MotionExtremes:
+    """Least and greatest values of the motion of n UAVs, while it is flown."""
+
+    def __init__(self, n: int) -> None:
+        self._least = np.full((n, 4), np.inf)
+        self._greatest = np.full((n, 4), -np.inf)
+
+    def add(self, steps: Steps) -> None:
+        """Take the next steps."""
+        roll, pitch = np.rad2deg(np.moveaxis(steps.states[:, :, 6:8], 2, 0))
+        roll = (roll + 180.0) % 360.0 - 180.0
+        values = np.stack((roll, pitch, -steps.states[:, :, 2], steps.signals["V"]), axis=2)
+        np.minimum(self._least, np.nanmin(values, axis=0), out=self._least)
+        np.maximum(self._greatest, np.nanmax(values, axis=0), out=self._greatest)
+
+    def bands(self, i: int) -> MotionBands | None:
+        """Return the bands of the i-th UAV; None before the first step."""
+        if not np.isfinite(self._least[i]).all():
+            return None
+        return MotionBands(*zip(self._least[i].tolist(), self._greatest[i].tolist(), strict=True))
 
 
 @dataclass(frozen=True)
@@ -25,6 +70,7 @@ class FrameSummary:
         missing: Frames that never came, gaps of its count.
         restarts: How often it was started again, each time with a new flight.
         dropped: Datagrams that were not followed, by reason.
+        motion: Of the flight; None if it never began.
     """
 
     uav: int
@@ -36,6 +82,7 @@ class FrameSummary:
     missing: int
     restarts: int
     dropped: Mapping[str, int]
+    motion: MotionBands | None
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ import os
 import platform
 import subprocess
 import sys
+import sysconfig
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator
@@ -141,7 +142,8 @@ def _our_flags() -> Iterator[None]:
 @contextlib.contextmanager
 def _c_compiler(scratch: Path, content: str) -> Iterator[None]:
     """Let setuptools find the C compiler, and link the text of the content into what it links."""
-    compile_c, compile_cxx = (_command(language) for language in ("cc", "c++"))
+    headers = _headers_beside(scratch)
+    compile_c, compile_cxx = (_command(language, headers) for language in ("cc", "c++"))
     source, linked = scratch / "content.c", scratch / "content.o"
     source.write_text(f"const char {CONTENT}[] = {json.dumps(content)};\n", encoding="ascii")
     names = {"ZIG_GLOBAL_CACHE_DIR": str(scratch), "ZIG_LOCAL_CACHE_DIR": str(scratch)}
@@ -163,8 +165,23 @@ def links_old_library() -> bool:
     return sys.platform == "linux" and find_spec("ziglang") is not None
 
 
-def _command(language: str) -> str:
+def _headers_beside(scratch: Path) -> Path:
+    """Return a folder that has what the Python of Debian and Ubuntu includes from /usr/include.
+
+    Their pyconfig.h includes <x86_64-linux-gnu/python3.13/pyconfig.h>. A compiler for another C
+    library must not search /usr/include itself.
+    """
+    headers = scratch / "headers"
+    headers.mkdir()
+    folder = str(sysconfig.get_config_var("MULTIARCH") or "")
+    if folder and (there := Path("/usr/include", folder)).is_dir():
+        (headers / folder).symlink_to(there)
+    return headers
+
+
+def _command(language: str, headers: Path) -> str:
     if not links_old_library():
         return language
     target = f"{platform.machine()}-linux-gnu.{GLIBC}"
-    return f"{sys.executable} -m ziglang {language} -target {target} -fno-sanitize=undefined"
+    options = f"-target {target} -fno-sanitize=undefined -I{headers}"
+    return f"{sys.executable} -m ziglang {language} {options}"

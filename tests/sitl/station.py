@@ -66,10 +66,14 @@ class Up:
 
 @contextlib.contextmanager
 def up(folder: Path, *arguments: str | Path, tree: dict[str, Any] | None = None) -> Iterator[Up]:
-    """`gcs up` of a scenario (or scenario 1); whatever is left of it in the end is killed."""
+    """`gcs up` of a scenario (or scenario 1); whatever is left of it in the end is killed.
+
+    If no argument says how fast, it flies slowly: others need the processor, and may be late.
+    """
     folder.mkdir(exist_ok=True)
     scenario = write_scenario(folder, tree)
-    options = ("--out", folder / "run", "--json", "--free-ports")
+    slowly = () if {"--speed", "--lockstep"} & {*arguments} else ("--speed", "0.3")
+    options = ("--out", folder / "run", "--json", "--free-ports", *slowly)
     popen = start("gcs", "up", scenario, *options, *arguments)
     try:
         assert popen.stdout is not None
@@ -84,11 +88,11 @@ def up(folder: Path, *arguments: str | Path, tree: dict[str, Any] | None = None)
 
 @contextlib.contextmanager
 def flying_fleet(folder: Path) -> Iterator[Up]:
-    """Scenario 1, flying slowly, as a busy machine may be late.
+    """Scenario 1 in flight.
 
     In the end its `gcs up` is killed, and nothing is left.
     """
-    with up(folder, "--start", "--speed", "0.3") as fleet:
+    with up(folder, "--start") as fleet:
         yield fleet
         assert len(processes_of(fleet.folder)) == 5
         assert fleet.stop(signal.SIGKILL)[0] == -signal.SIGKILL

@@ -94,6 +94,14 @@ def test_a_flight_from_the_first_frame_to_the_end(tmp_path: Path, channels: int)
 def check_counts(summary: Answer, folder: Path) -> None:
     """The events are the changes of the recorded commands, and the saving is against 1 kHz."""
     recorded = table_of(folder / "trajectory.arrows")
+    motion = summary["ardupilot"][0]["motion"]
+    for name, values in (
+        ("roll_deg", np.degrees(recorded["roll"])),
+        ("pitch_deg", np.degrees(recorded["pitch"])),
+        ("altitude_m", -recorded["down"]),
+        ("airspeed_m_s", recorded["V"]),
+    ):
+        assert motion[name] == pytest.approx([min(values), max(values)], rel=1e-6), name
     (uav,) = summary["uavs"]
     for name, channel in uav["channels"].items():
         changes = np.count_nonzero(np.diff(recorded[f"held_{name}"]))

@@ -79,6 +79,7 @@ def test_the_image_gets_all_that_the_wheel_is_built_from() -> None:
     wheel = pyproject["tool"]["hatch"]["build"]["targets"]["wheel"]
     project = pyproject["project"]
     needed = {"pyproject.toml", "requirements.txt", "scenarios", "aircraft", project["readme"]}
+    needed.add("scripts/prebuild.py")
     needed |= {*wheel["packages"], wheel["hooks"]["custom"]["path"], *project["license-files"]}
     assert sent == needed
     assert all((ROOT / path).exists() for path in sent)

@@ -29,7 +29,7 @@ pytestmark = pytest.mark.sitl
 def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
     """Scenario 1, waiting to be armed, without its fault; slowly, as a busy machine may be late."""
     folder, tree = tmp_path_factory.mktemp("fleet"), scenario_tree(faults=[])
-    with up(folder, "--speed", "0.3", tree=tree) as fleet:
+    with up(folder, tree=tree) as fleet:
         yield fleet
 
 

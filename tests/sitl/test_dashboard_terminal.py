@@ -79,7 +79,7 @@ def tmux(folder: Path, *command: str | Path) -> Iterator[Tmux]:
 
 @pytest.fixture
 def fleet(tmp_path: Path) -> Iterator[Up]:
-    with up(tmp_path / "fleet", "--speed", "0.3", tree=scenario_tree(faults=[])) as fleet:
+    with up(tmp_path / "fleet", tree=scenario_tree(faults=[])) as fleet:
         yield fleet
 
 

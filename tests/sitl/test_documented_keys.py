@@ -65,7 +65,7 @@ def test_the_steps_of_the_documentation_do_what_they_say(
     tree["profile"][1]["airspeed_m_s"] = 44.0
     (working_folder / "own.yaml").write_text(yaml.safe_dump({"profile": tree["profile"]}))
     monkeypatch.chdir(working_folder)
-    with up(tmp_path, "--speed", "0.3", tree=scenario_tree(faults=[])) as fleet:
+    with up(tmp_path, tree=scenario_tree(faults=[])) as fleet:
         drive(work())
 
 

@@ -70,7 +70,7 @@ def test_a_flood_at_the_hub_keeps_no_other_station_from_commanding(tmp_path: Pat
 
 
 def test_a_lost_run_folder_costs_the_recording_and_no_aircraft(tmp_path: Path) -> None:
-    with up(tmp_path, "--start", "--speed", "0.3") as fleet:
+    with up(tmp_path, "--start") as fleet:
         is_recorded(fleet)
         assert any(m.get_type() == "HEARTBEAT" for _, m in read_tlog(fleet.folder / "flight.tlog"))
         second = process_of(fleet.folder, "uav2")
@@ -85,7 +85,7 @@ def test_a_lost_run_folder_costs_the_recording_and_no_aircraft(tmp_path: Path) -
 
 
 def test_a_full_disk_costs_the_recording_and_no_aircraft(tmp_path: Path) -> None:
-    with up(tmp_path, "--start", "--speed", "0.3") as fleet:
+    with up(tmp_path, "--start") as fleet:
         is_recorded(fleet)
         for process in (fleet.popen.pid, *processes_of(fleet.folder)):
             resource.prlimit(process, resource.RLIMIT_FSIZE, (0, 0))

@@ -122,7 +122,7 @@ def test_a_starved_autopilot_is_late_by_no_more_than_it_lacked_and_says_so(tmp_p
     tree = scenario_tree(**CALM)
     for uav in tree["uavs"]:
         uav["initial"]["altitude_m"] = HIGH_M
-    with up(tmp_path / "up", "--start", tree=tree) as fleet:
+    with up(tmp_path / "up", "--start", "--speed", "1", tree=tree) as fleet:
         pid = process_of(fleet.folder, f"uav{STARVED}")
         assert asyncio.run(starve(fleet.hub, pid, listener)) == 0
     heard = listener.heard

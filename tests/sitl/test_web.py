@@ -26,7 +26,7 @@ VIEW = "web --view"
 @pytest.fixture(scope="module")
 def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
     folder = tmp_path_factory.mktemp("fleet")
-    with up(folder, "--speed", "0.3", tree=scenario_tree(faults=[])) as fleet:
+    with up(folder, tree=scenario_tree(faults=[])) as fleet:
         yield fleet
 
 

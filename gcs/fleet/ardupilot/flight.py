@@ -40,6 +40,7 @@ from sitl_plant.vec3 import norm, sub, vec3
 _CHUNK_STEPS = 2000
 _ALL = (1 << N_CHANNELS) - 1
 _NEAR = 0.01  # relative difference of a step from what was asked for that is not worth a word
+_SETTLED_S = 2.0  # its first frames come before it has read its parameters [s of its time]
 
 
 class ArduPilotFlight:
@@ -78,7 +79,7 @@ class ArduPilotFlight:
         self.restarts = 0
         self._due = [0] * n  # tick at which each last frame is to be answered
         self._answers = [b""] * n
-        self._asked: dict[int, int] = {}  # frame rate about which a word was said, by UAV
+        self._asked: dict[tuple[int, int], float] = {}  # tick of the first frame, by UAV and rate
         self._steps = Steps.room(_CHUNK_STEPS, n)
         self._steps.signals[:] = no_signals(1)[0]
         self._payloads = np.zeros(n, ACTUATORS)
@@ -205,8 +206,9 @@ class ArduPilotFlight:
         longest = (MAX_STEP_US - 1) // step_us
         steps = min(max(round(1e6 / (rate_hz * step_us)), 1), longest)
         off = abs(steps * step_us * rate_hz / 1e6 - 1.0)
-        if off > _NEAR and self._asked.get(i) != rate_hz:
-            self._asked[i] = rate_hz
+        since = self._asked.setdefault((i, rate_hz), self._tick)
+        if off > _NEAR and (self._tick - since) * step_us > _SETTLED_S * 1e6:
+            self._asked[i, rate_hz] = math.inf
             self._notify(
                 f"the ArduPilot of UAV {self._ids[i]} asks for steps of {1e6 / rate_hz:.0f} us "
                 f"(SIM_RATE_HZ {rate_hz}) and gets {steps * step_us} us, whole control periods of "

@@ -13,7 +13,13 @@ from gcs.fleet.ardupilot.flight import ArduPilotFlight
 from gcs.fleet.ardupilot.sockets import Served, serve
 from gcs.fleet.preparation import How, Prepared, check_simulators
 from gcs.fleet.remarks import exposures
-from gcs.results.ardupilot import ArduPilotSummary, FrameSummary, ardupilot_summary
+from gcs.results.ardupilot import (
+    ArduPilotSummary,
+    FrameSummary,
+    MotionBands,
+    MotionExtremes,
+    ardupilot_summary,
+)
 from gcs.results.choices import Record
 from gcs.results.flight_mark import FLIGHT, FlightMark
 from gcs.results.recorder import FlightRecorder
@@ -145,6 +151,7 @@ class ArduPilotFlown:
         self._record, self._addresses, self._tell = prepared.how.record, addresses, tell
         self.recorder = FlightRecorder(self.scenario, folder, self._record)
         self.recorder.load_code()
+        self._motion = MotionExtremes(len(self.scenario.uavs))
         flight = ArduPilotFlight(self.scenario, self._add, tell, self._begin_again)
         flight.load_code()
         self.served = Served(flight)
@@ -184,7 +191,9 @@ class ArduPilotFlown:
     def finish(self) -> tuple[ArduPilotSummary, Ending]:
         """Complete the recording, with its summary."""
         ending = self.served.flight.ending(self.served.wall_s)
-        frames = list(map(_frames, self.scenario.uavs, self._addresses, self.served.flight.peers))
+        uavs, peers = self.scenario.uavs, self.served.flight.peers
+        bands = map(self._motion.bands, range(len(uavs)))
+        frames = list(map(_frames, uavs, self._addresses, peers, bands))
         summary = ardupilot_summary(self.recorder.finish(ending), frames)
         summary.save(self.folder)
         return summary, ending
@@ -195,6 +204,7 @@ class ArduPilotFlown:
 
     def _add(self, steps: Steps) -> None:
         self.recorder.add(steps)
+        self._motion.add(steps)
 
     def _begin_again(self) -> None:
         """Keep what was flown so far in a folder of its own, and begin another recording."""
@@ -211,9 +221,12 @@ class ArduPilotFlown:
                     path.rename(kept / path.name)
             self._tell(f"what was flown before is in {kept}")
         self.recorder = FlightRecorder(self.scenario, self.folder, self._record)
+        self._motion = MotionExtremes(len(self.scenario.uavs))
 
 
-def _frames(uav: ScenarioUav, address: UdpAddress, peer: Peer) -> FrameSummary:
+def _frames(
+    uav: ScenarioUav, address: UdpAddress, peer: Peer, motion: MotionBands | None
+) -> FrameSummary:
     return FrameSummary(
         uav=uav.id,
         port=address.port,
@@ -224,4 +237,5 @@ def _frames(uav: ScenarioUav, address: UdpAddress, peer: Peer) -> FrameSummary:
         missing=peer.missing,
         restarts=peer.restarts,
         dropped=dict(peer.dropped),
+        motion=motion,
     )

@@ -69,7 +69,7 @@ def station(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Station]:
     """Scenario 1 by sensors, in flight."""
     folder = tmp_path_factory.mktemp("instruments")
     tree = scenario_tree(duration_s=300.0, faults=[], navigation="estimated")
-    with standing(scenario_of(folder / "scenario.yaml", tree), folder) as scenario:
+    with standing(scenario_of(folder / "scenario.yaml", tree), folder, speed=0.5) as scenario:
         station = Station(scenario.links.gcs_port)
         try:
             station.renew("HEARTBEAT", "GPS_RAW_INT", "GLOBAL_POSITION_INT")

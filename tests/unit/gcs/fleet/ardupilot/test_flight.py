@@ -65,11 +65,21 @@ def test_a_frame_is_flown_once_and_answered_each_time():
 def test_the_physics_advances_by_whole_periods_near_the_frame_rate(rate_hz, steps, is_said):
     """ArduPilot's clock would not follow 100 ms at once."""
     rig = Rig(scenario())
-    for n in range(3):
-        answered = rig.send(n, rate_hz=rate_hz)
+    for n in range(2 + 2000 // steps):
+        assert not [text for text in rig.said if "SIM_RATE_HZ" in text], "it may still be starting"
+        answered = rig.send(n, IDLE, rate_hz=rate_hz)
         assert answered[0]["timestamp"] == pytest.approx(steps * (n + 1) / 1e3)
+    for again in range(1, 3):
+        rig.send(n + again, IDLE, rate_hz=rate_hz)
     said = [text for text in rig.said if "SIM_RATE_HZ" in text]
     assert len(said) == is_said
+
+
+def test_a_rate_before_its_parameters_are_read_is_not_worth_a_word():
+    rig = Rig(scenario())
+    for n, rate_hz in enumerate([1200] * 100 + [1000] * 2500):
+        rig.send(n, IDLE, rate_hz=rate_hz)
+    assert not [text for text in rig.said if "SIM_RATE_HZ" in text]
 
 
 def test_the_plant_waits_for_all_and_each_has_its_own_rate():
