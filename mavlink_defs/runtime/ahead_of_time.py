@@ -142,7 +142,7 @@ def _our_flags() -> Iterator[None]:
 @contextlib.contextmanager
 def _c_compiler(scratch: Path, content: str) -> Iterator[None]:
     """Let setuptools find the C compiler, and link the text of the content into what it links."""
-    headers = _headers_beside(scratch)
+    headers = headers_beside(scratch)
     compile_c, compile_cxx = (_command(language, headers) for language in ("cc", "c++"))
     source, linked = scratch / "content.c", scratch / "content.o"
     source.write_text(f"const char {CONTENT}[] = {json.dumps(content)};\n", encoding="ascii")
@@ -165,7 +165,7 @@ def links_old_library() -> bool:
     return sys.platform == "linux" and find_spec("ziglang") is not None
 
 
-def _headers_beside(scratch: Path) -> Path:
+def headers_beside(scratch: Path) -> Path:
     """Return a folder that has what the Python of Debian and Ubuntu includes from /usr/include.
 
     Their pyconfig.h includes <x86_64-linux-gnu/python3.13/pyconfig.h>. A compiler for another C

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mavlink_defs.runtime.ahead_of_time import headers_beside
 from mavlink_defs.runtime.prebuilt import kinds_of
 
 pytestmark = pytest.mark.slow
@@ -159,3 +160,17 @@ def test_kinds_say_what_compiled_code_takes_for_granted() -> None:
     kinds = [kinds_of((value,)) for value in values]
     assert len(set(kinds)) == len(kinds)
     assert kinds_of((1, 1.0)) == kinds_of((np.int64(2), np.float64(3.0)))
+
+
+def test_headers_of_a_platform_are_found_without_those_of_its_c_library(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As of Debian's Python, whose pyconfig.h includes <x86_64-linux-gnu/python3.13/pyconfig.h>."""
+    for folder, found in (("linux", ["linux"]), ("no-such-platform", []), (None, [])):
+        monkeypatch.setattr("sysconfig.get_config_var", {"MULTIARCH": folder}.get)
+        scratch = tmp_path / str(folder)
+        scratch.mkdir()
+        headers = headers_beside(scratch)
+        assert [path.name for path in headers.iterdir()] == found
+        for name in found:
+            assert (headers / name / "types.h").is_file()
