@@ -14,7 +14,7 @@ WORKERS ?= $(shell echo $$((2 * $$(getconf _NPROCESSORS_ONLN))))
 PLAIN := tests/plain_python.txt
 COMPILED := $(addprefix --ignore=,$(shell cat $(PLAIN)))
 
-# whole tutorials, every aircraft, rare machines: two fifths of the time of all tests
+# whole tutorials, every aircraft, rare machines: half of the time of all tests
 NIGHTLY := tests/nightly.txt
 
 .PHONY: fly packages check test nightly coverage explore mutants docs bench fuzz soak lock clean
