@@ -1,0 +1,35 @@
+"""Clocks of logs: where they jump, and how far one is from another."""
+
+import numpy as np
+
+_BACK_S = 1.0
+"""A clock that goes back by less is of messages that were stored out of order [s]."""
+_AHEAD_S = 3600.0
+"""One that jumps ahead by more was set, as by the first GNSS fix, or is of another flight [s]."""
+
+
+def longest_stretch(time_s: np.ndarray) -> tuple[slice, str]:
+    """Return where a clock runs without a jump for the longest time.
+
+    Args:
+        time_s: Times as they were stored, finite, shape (n,), at least one [s].
+
+    Returns:
+        The place of that stretch, and a remark for people; "" if there is no jump.
+    """
+    step = np.diff(time_s)
+    jumps = np.flatnonzero((step < -_BACK_S) | (step > _AHEAD_S)) + 1
+    if not len(jumps):
+        return slice(0, len(time_s)), ""
+    edges = [0, *jumps.tolist(), len(time_s)]
+    spans = [time_s[b - 1] - time_s[a] for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    longest = int(np.argmax(spans))
+    chosen = slice(edges[longest], edges[longest + 1])
+    first = int(jumps[0])
+    more = f", and {len(jumps) - 1} times more" if len(jumps) > 1 else ""
+    left_out = len(time_s) - (chosen.stop - chosen.start)
+    return chosen, (
+        f"the clock jumps by {step[first - 1]:+.6g} s after {time_s[first - 1] - time_s[0]:.6g} s"
+        f"{more}: only the longest stretch, of {spans[longest]:.6g} s, is read, {left_out} of "
+        f"{len(time_s)} rows are left out"
+    )

@@ -1,0 +1,214 @@
+"""Tables of numbers, CSV, Parquet and MAT, by a column map or with our own names."""
+
+import bz2
+import gzip
+import io
+import lzma
+from collections.abc import Callable, Iterator, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
+
+from gcs.console.errors import BadInput
+from gcs.console.extras import check_packages
+from gcs.results.logs.clocks import longest_stretch
+from gcs.results.logs.column_map import ColumnMap, MappedColumn, TimeColumn, bundled_maps, read_map
+from gcs.results.logs.names import UNITS, factor
+from gcs.results.logs.table import FlightTable, LogChannel, by_name, channel
+from mavlink_defs.config.user_files import open_file
+from mavlink_defs.visible import visible
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+_PACKED: Mapping[str, Callable[[BinaryIO], Any]] = {
+    ".xz": lzma.open,
+    ".gz": gzip.open,
+    ".bz2": bz2.open,
+}
+_SEPARATORS = ",;\t"
+_SHOWN = 12  # columns that a message names
+
+_Columns = Mapping[str, np.ndarray]
+
+
+def read_columns(path: Path, kind: str, uav: int | None, map_file: Path | None) -> FlightTable:
+    """Read a table of numbers.
+
+    Args:
+        path: The file.
+        kind: "csv", "parquet" or "mat".
+        uav: System id, of a table with a column `uav`; None: the first one.
+        map_file: A column map; None: the table has our names, or a bundled map fits.
+
+    Raises:
+        BadInput: It cannot be read, or no map fits.
+        ConfigError: The column map is none.
+    """
+    read = {"csv": _of_csv, "parquet": _of_parquet, "mat": _of_mat}[kind]
+    columns = read(path)
+    if not any(map(len, columns.values())):
+        raise BadInput(f"{path} has no rows")
+    chosen = _map_of(path, columns, map_file)
+    columns, remarks = _of_one(path, columns, uav)
+    time_s, clock = _times(path, columns, chosen.time)
+    absent = [one.column for one in chosen.channels.values() if one.column not in columns]
+    if absent:
+        remarks.append(f"it has no column {', '.join(map(repr, absent))}")
+    rows = np.flatnonzero(np.isfinite(time_s))
+    stretch, jump = longest_stretch(time_s[rows])
+    rows = rows[stretch]
+    remarks += [jump] if jump else []
+    begin = 0.0 if clock == "simulated" else float(time_s[rows[0]])
+    channels = by_name(
+        _channel(name, one, time_s[rows] - begin, columns[one.column][rows], clock)
+        for name, one in chosen.channels.items()
+        if len(columns.get(one.column, ())) == len(time_s)
+    )
+    if not channels:
+        raise BadInput(f"{path} has no numbers in its columns")
+    return FlightTable(
+        title=f"{visible(path.name)}, {chosen.title}" if chosen.title else visible(path.name),
+        kind=kind,
+        channels=channels,
+        started=datetime.fromtimestamp(begin, UTC) if clock == "UTC" else None,
+        remarks=tuple(remarks),
+    )
+
+
+def _channel(
+    name: str, of: MappedColumn, time_s: np.ndarray, values: np.ndarray, clock: str
+) -> LogChannel | None:
+    scale = of.sign * of.scale * (factor(of.unit or UNITS[name], UNITS[name]) or 1.0)
+    return channel(name, time_s, scale * values + of.offset, of.column, clock)
+
+
+def _map_of(path: Path, columns: _Columns, map_file: Path | None) -> ColumnMap:
+    """Return the map that is named, or the first that fits."""
+    shown = ", ".join(list(columns)[:_SHOWN]) + (", ..." if len(columns) > _SHOWN else "")
+    if map_file is not None:
+        found = read_map(map_file)
+        if absent := found.missing(columns):
+            raise BadInput(
+                f"{path} has no column {', '.join(map(repr, absent))}, which {map_file} names",
+                f"it has {shown}",
+            )
+        return found
+    own = {name: MappedColumn(column=name) for name in columns if name in UNITS}
+    if "time_s" in columns and own:
+        return ColumnMap(time=TimeColumn(column="time_s"), channels=own)
+    fitting = next((one for one in bundled_maps() if one.fits(columns)), None)
+    if fitting is None:
+        raise BadInput(
+            f"{path}: nobody says what its columns are: it has {shown}",
+            "write a column map and name it with --columns; docs/how-to/read-logs.md has one",
+        )
+    return fitting
+
+
+def _of_one(path: Path, columns: _Columns, uav: int | None) -> tuple[_Columns, list[str]]:
+    """Return the rows of one UAV, of a table that has several."""
+    if "uav" not in columns:
+        return columns, []
+    ids = [int(one) for one in np.unique(columns["uav"]) if np.isfinite(one)]
+    if uav is not None and uav not in ids:
+        raise BadInput(f"--uav is {uav}, expected one of {', '.join(map(str, ids))}, as in {path}")
+    chosen = ids[0] if uav is None else uav
+    rows = columns["uav"] == chosen
+    others = ", ".join(str(one) for one in ids if one != chosen)
+    remarks = [f"of UAV {chosen}; it has {others}, too (--uav)"] if others else []
+    return {name: values[rows] for name, values in columns.items()}, remarks
+
+
+def _times(path: Path, columns: _Columns, of: TimeColumn) -> tuple[np.ndarray, str]:
+    """Return times [s] and their clock; NaN in rows without one."""
+    raw = columns[of.column]
+    if raw.dtype.kind == "M":
+        time_s = raw.astype("datetime64[ns]").astype(np.int64) / 1e9
+        time_s[np.isnat(raw)] = np.nan
+        return time_s, "UTC"
+    time_s = raw * (factor(of.unit, "s") or 1.0)
+    if np.isfinite(time_s).sum() < max(2, len(time_s) // 2):
+        text = f"{path}: its column {of.column!r} is no time"
+        raise BadInput(f"{text}, expected dates or numbers in {of.unit}")
+    return time_s, "simulated" if "uav" in columns else "log"
+
+
+# files
+
+
+def _of_csv(path: Path) -> _Columns:
+    """Return the columns of a CSV file, packed or not, of which the first of each name counts."""
+    import pyarrow as pa
+    from pyarrow import csv
+
+    try:
+        with open_file(path) as file:
+            packed = _PACKED.get(path.suffix.lower())
+            data = file.read() if packed is None else packed(file).read()
+    except OSError as problem:
+        raise BadInput(f"cannot read {path}: {problem.strerror or problem}") from None
+    except (EOFError, lzma.LZMAError) as problem:
+        raise BadInput(f"{path} is cut off, or not packed as its name says: {problem}") from None
+    head = data[: data.find(b"\n")].decode("utf-8", "replace")
+    separator = max(_SEPARATORS, key=head.count)
+    try:
+        table = csv.read_csv(io.BytesIO(data), parse_options=csv.ParseOptions(delimiter=separator))
+    except pa.ArrowInvalid as problem:
+        raise BadInput(f"{path} is no table of numbers: {_first_line(problem)}") from None
+    return _of_table(table)
+
+
+def _of_parquet(path: Path) -> _Columns:
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    try:
+        with open_file(path) as file:
+            return _of_table(parquet.read_table(file))
+    except OSError as problem:
+        raise BadInput(f"cannot read {path}: {problem.strerror or problem}") from None
+    except pa.ArrowInvalid as problem:
+        raise BadInput(f"{path} is no Parquet file: {_first_line(problem)}") from None
+
+
+def _of_table(table: "pa.Table") -> _Columns:
+    """Return the columns of numbers and dates."""
+    found: dict[str, np.ndarray] = {}
+    for field, column in zip(table.schema, table.columns, strict=True):
+        values = column.to_numpy()
+        if values.dtype.kind in "fiubM" and field.name not in found:
+            found[field.name] = values if values.dtype.kind == "M" else values.astype(float)
+    return found
+
+
+def _of_mat(path: Path) -> _Columns:
+    """Return the vectors of a MAT file; those of structures as ``structure.field``."""
+    check_packages(("scipy",), f"{path.name}, a MAT file,", "lab")
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
+
+    try:
+        with open_file(path) as file:
+            tree = loadmat(file, squeeze_me=True, struct_as_record=False)
+    except OSError as problem:
+        raise BadInput(f"cannot read {path}: {problem.strerror or problem}") from None
+    except NotImplementedError:
+        raise BadInput(f"{path} is of MATLAB 7.3", "save it with -v7 in MATLAB") from None
+    except (MatReadError, ValueError, TypeError, EOFError) as problem:
+        raise BadInput(f"{path} is no MAT file, or is cut off: {problem}") from None
+    return dict(_vectors("", {k: v for k, v in tree.items() if not k.startswith("__")}))
+
+
+def _vectors(place: str, tree: Mapping[str, Any]) -> Iterator[tuple[str, np.ndarray]]:
+    for name, value in tree.items():
+        if fields := getattr(value, "_fieldnames", None):
+            yield from _vectors(f"{place}{name}.", {one: getattr(value, one) for one in fields})
+        elif isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype.kind in "fiub":
+            yield f"{place}{name}", value.astype(float)
+
+
+def _first_line(problem: Exception) -> str:
+    return visible(str(problem).partition("\n")[0])

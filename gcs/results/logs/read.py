@@ -1,0 +1,83 @@
+"""Reading a log, of whatever kind, into the table of a flight."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from gcs.console.errors import BadInput
+from gcs.results.logs.judgement import shortcomings
+from gcs.results.logs.table import FlightTable
+from gcs.results.store import TRAJECTORY
+
+KINDS = {
+    ".tlog": "tlog",
+    ".bin": "bin",
+    ".ulg": "ulg",
+    ".csv": "csv",
+    ".parquet": "parquet",
+    ".mat": "mat",
+    ".arrows": "recording",
+}
+"""Kinds of logs by how their files' names end."""
+_PACKED = {".xz", ".gz", ".bz2"}
+
+
+def kind_of(path: Path) -> str | None:
+    """Return the kind of a log by its name, or that of a run folder; None if it is no log."""
+    if path.is_dir():
+        return "recording" if (path / TRAJECTORY).exists() else None
+    suffixes = [one.lower() for one in path.suffixes]
+    if len(suffixes) > 1 and suffixes[-1] in _PACKED:
+        return "csv" if suffixes[-2] == ".csv" else None
+    return KINDS.get(suffixes[-1]) if suffixes else None
+
+
+def read_flight(path: Path, uav: int | None = None, columns: Path | None = None) -> FlightTable:
+    """Read a log.
+
+    Args:
+        path: The file, or a run folder.
+        uav: System id, where a log has several; None: the one with most to say.
+        columns: A column map, of tables of numbers; None: they have our names, or a bundled map
+            fits.
+
+    Returns:
+        The flight; its remarks say what is missing in it as well.
+
+    Raises:
+        BadInput: It cannot be read, or there is nothing in it.
+        ConfigError: The column map is none.
+    """
+    kind = kind_of(path)
+    if columns is not None and kind not in {"csv", "parquet", "mat"}:
+        raise BadInput(f"--columns is of tables: csv, parquet and mat, and {path} is none")
+    flight = _read(path, kind, uav, columns)
+    return replace(flight, remarks=(*flight.remarks, *shortcomings(flight)))
+
+
+def _read(path: Path, kind: str | None, uav: int | None, columns: Path | None) -> FlightTable:
+    match kind:
+        case "recording":
+            from gcs.results.logs.recorded import read_recorded
+
+            return read_recorded(path, uav)
+        case "tlog":
+            from gcs.results.logs.telemetry import read_telemetry
+
+            return read_telemetry(path, uav)
+        case "bin":
+            from gcs.results.logs.dataflash import read_dataflash
+
+            return read_dataflash(path)
+        case "ulg":
+            from gcs.results.logs.ulog import read_ulog
+
+            return read_ulog(path)
+        case None:
+            if not path.exists():
+                raise BadInput(f"cannot read {path}: no such file")
+            expected = ", ".join((*KINDS, *(f".csv{one}" for one in sorted(_PACKED))))
+            raise BadInput(f"{path} is no log by its name, expected {expected} or a run folder")
+        case _:
+            from gcs.results.logs.columns import read_columns
+
+            return read_columns(path, kind, uav, columns)

@@ -1,0 +1,54 @@
+"""Our own recordings as the table of a flight."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from gcs.console.errors import BadInput
+from gcs.results.logs.table import FlightTable, by_name, channel
+from gcs.results.store import TRAJECTORY, read_table
+from mavlink_defs.visible import visible
+
+
+def read_recorded(path: Path, uav: int | None) -> FlightTable:
+    """Read one UAV of a recording, light or full.
+
+    Args:
+        path: A run folder, or its `trajectory.arrows`.
+        uav: System id; None: the first one.
+
+    Raises:
+        BadInput: There is no recording, or no such UAV in it.
+    """
+    file = path / TRAJECTORY if path.is_dir() else path
+    table = read_table(file)
+    if not len(table):
+        raise BadInput(f"{file} has no rows")
+    uavs = table.column("uav").to_numpy()
+    ids = np.unique(uavs).tolist()
+    if uav is not None and uav not in ids:
+        raise BadInput(f"--uav is {uav}, expected one of {', '.join(map(str, ids))}, as in {file}")
+    chosen = ids[0] if uav is None else uav
+    rows = uavs == chosen
+    time_s = table.column("time_s").to_numpy()[rows]
+    channels = by_name(
+        channel(
+            name,
+            time_s,
+            table.column(name).to_numpy(zero_copy_only=False)[rows],
+            f"{TRAJECTORY}, {name}",
+            "simulated",
+        )
+        for name in table.column_names
+        if name not in {"time_s", "uav"}
+    )
+    names = json.loads(table.schema.metadata.get(b"names", b"{}"))
+    others = ", ".join(str(one) for one in ids if one != chosen)
+    called = f" ({names[str(chosen)]})" if names.get(str(chosen)) else ""
+    return FlightTable(
+        title=visible(f"{path.name}, UAV {chosen}{called}"),
+        kind="recording",
+        channels=channels,
+        remarks=(f"of UAV {chosen}; it has {others}, too (--uav)",) if others else (),
+    )
