@@ -1,5 +1,7 @@
 """Clocks of logs: where they jump, and how far one is from another."""
 
+from itertools import pairwise
+
 import numpy as np
 
 _BACK_S = 1.0
@@ -22,7 +24,7 @@ def longest_stretch(time_s: np.ndarray) -> tuple[slice, str]:
     if not len(jumps):
         return slice(0, len(time_s)), ""
     edges = [0, *jumps.tolist(), len(time_s)]
-    spans = [time_s[b - 1] - time_s[a] for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    spans = [time_s[b - 1] - time_s[a] for a, b in pairwise(edges)]
     longest = int(np.argmax(spans))
     chosen = slice(edges[longest], edges[longest + 1])
     first = int(jumps[0])

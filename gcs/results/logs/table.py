@@ -27,6 +27,7 @@ class LogChannel:
         source: What the log calls it.
         clock: Whose time it has: "boot", "UTC", "simulated" or "log"; "heard" is the time of
             reception, later than the others by what the link took.
+        by_event: Whether a value is stored when it changes only, and holds until the next.
     """
 
     name: str
@@ -35,6 +36,7 @@ class LogChannel:
     values: np.ndarray
     source: str = ""
     clock: str = "log"
+    by_event: bool = False
 
     @cached_property
     def step_s(self) -> float:
@@ -63,7 +65,8 @@ class LogChannel:
 
     @property
     def _is_gap(self) -> np.ndarray:
-        return np.asarray(np.diff(self.time_s) > max(_GAP_STEPS * self.step_s, _GAP_S))
+        long = np.diff(self.time_s) > max(_GAP_STEPS * self.step_s, _GAP_S)
+        return np.asarray(long & (not self.by_event))
 
     def at(self, time_s: np.ndarray) -> np.ndarray:
         """Return the values at other times.
@@ -77,7 +80,7 @@ class LogChannel:
             The same shape; NaN before the first value, after the last, and inside gaps.
         """
         last = np.searchsorted(self.time_s, time_s, side="right") - 1
-        known = (last >= 0) & (time_s <= self.time_s[-1])
+        known = (last >= 0) & ((time_s <= self.time_s[-1]) | self.by_event)
         last = np.clip(last, 0, None)
         following = np.minimum(last + 1, len(self.time_s) - 1)
         known &= ~(np.append(self._is_gap, False)[last] & (time_s > self.time_s[last]))
