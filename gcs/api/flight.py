@@ -4,7 +4,7 @@ import functools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, NoReturn, Self
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from gcs.results.figures import FLIGHT_FIGURES, UAV_FIGURES, FlightSummary
 from gcs.results.quantities import percent
 from gcs.results.recording import Ending, Recording
 from gcs.results.run_folder import SCENARIO, read_summary
-from gcs.results.store import EVENTS, TRAJECTORY, is_complete, read_table
+from gcs.results.store import EVENTS, TRAJECTORY, is_complete, read_table, stream_of
 from gcs.scenario.model import Scenario, read_scenario
 
 if TYPE_CHECKING:
@@ -273,8 +273,8 @@ class Flight:
     def __repr__(self) -> str:
         try:
             summary = self.summary
-        except BadInput:
-            return f"<flight in {self.folder}, which broke off>"
+        except BadInput as problem:
+            return f"<flight in {self.folder}, which broke off>" if self.folder else f"<{problem}>"
         outcome = "completed" if summary.loss is None else summary.loss
         return (
             f"<flight of {summary.scenario!r}: {summary.duration_s:g} s, {outcome}, "
@@ -300,7 +300,10 @@ class Flight:
 
     @property
     def _names(self) -> Mapping[int, str]:
-        return {uav.id: uav.name for uav in self.scenario.uavs}
+        try:
+            return {uav.id: uav.name for uav in self.scenario.uavs}
+        except BadInput:  # a log has none
+            return {}
 
     @property
     def _attributes(self) -> dict[str, Any]:
@@ -327,15 +330,19 @@ def open_run(folder: Path | str) -> Flight:
     """Open the run folder of a flight that was flown by `gcs fly`, or by `fly` with `out`.
 
     Its parts are read when they are asked for; a recording that was torn, up to its last complete
-    batch.
+    batch. A log of any autopilot, as `gcs log` reads it, is opened as well: it has a trajectory, at
+    the rate of its fastest channel, and remarks; no events, figures or scenario.
 
     Args:
-        folder: The folder.
+        folder: The folder, or the log.
 
     Raises:
-        BadInput: It is no run folder.
+        BadInput: It is no run folder and no log.
     """
     folder = Path(folder)
+    if folder.is_file():
+        with python_errors():
+            return _of_log(folder)
     trajectory, events = folder / TRAJECTORY, folder / EVENTS
     with python_errors():
         if not (trajectory.exists() or (folder / "summary.json").exists()):
@@ -352,3 +359,15 @@ def open_run(folder: Path | str) -> Flight:
             folder,
         )
     )
+
+
+def _of_log(path: Path) -> Flight:
+    """Return the flight in a log."""
+    from gcs.results.logs.as_recording import recording_of
+    from gcs.results.logs.read import read_flight
+
+    def absent() -> NoReturn:
+        raise BadInput(f"{path} is a log: it has no figures and no scenario")
+
+    flight = read_flight(path)
+    return Flight(Source(absent, absent, stream_of(recording_of(flight)), None), flight.remarks)

@@ -1,14 +1,16 @@
-"""``gcs export``: the recording of a flight in other programs' formats."""
+"""``gcs export``: a flight, ours or of a log, in other programs' formats."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from gcs.console.errors import FlightLost
+from gcs.commands.options import LogColumnsOption, LogUavOption
+from gcs.console.errors import BadInput, FlightLost
 from gcs.console.outputs import all_or_none, make_folder
 from gcs.console.terminal import console_of
 from gcs.results.choices import Format
+from gcs.results.logs.read import kind_of
 
 EPILOG = """
 Examples:
@@ -16,10 +18,14 @@ Examples:
 - gcs export runs/first --to csv
 - gcs export runs/first --to kml --out /tmp
 - gcs export runs/first --to ulg && ulog_info runs/first/uav3.ulg
+- gcs export 00000042.BIN --to csv --out /tmp
 
 npz (NumPy), csv and parquet: trajectory and events, as in the recording. kml: tracks, home and the
 path of a mission for Google Earth. mcap: states, places and events for Foxglove and PlotJuggler.
 ulg: a ULog file for each UAV, with PX4's topics, for PlotJuggler, Flight Review and pyulog.
+
+A log, as `gcs log` reads it, becomes one file beside it: csv and parquet with a row for each step
+of its fastest channel, npz with every channel at its own times, kml.
 
 Exit status: 0 written, 1 the recording is torn and was written up to there, or a file cannot be
 written, 2 bad input.
@@ -27,16 +33,25 @@ written, 2 bad input.
 
 
 def export(
-    run: Annotated[Path, typer.Argument(help="Run folder of gcs fly.", metavar="RUN")],
+    run: Annotated[Path, typer.Argument(help="Run folder of gcs fly, or a log.", metavar="RUN")],
     to: Annotated[Format, typer.Option(help="Format of the files.")],
     out: Annotated[
-        Path | None, typer.Option(help="Folder for the files; RUN by default.", metavar="FOLDER")
+        Path | None,
+        typer.Option(help="Folder for the files; RUN, or the log's, by default.", metavar="FOLDER"),
     ] = None,
+    uav: LogUavOption = None,
+    columns: LogColumnsOption = None,
 ) -> None:
-    """Convert the recording of a flight for other programs."""
+    """Convert the recording of a flight, or a log, for other programs.
+
+    --uav and --columns are of logs.
+    """
     from gcs.results.export import convert
     from gcs.results.store import EVENTS, TRAJECTORY, is_complete
 
+    if run.is_file() and kind_of(run) != "recording":
+        _export_log(run, to, out or run.parent, uav, columns)
+        return
     folder = out or run
     if out is not None:
         make_folder(out)
@@ -50,3 +65,20 @@ def export(
             f"{' and '.join(torn)} of {run} {'are' if len(torn) > 1 else 'is'} torn: what was "
             "recorded before is written"
         )
+
+
+def _export_log(
+    file: Path, to: Format, folder: Path, uav: int | None, columns: Path | None
+) -> None:
+    from gcs.results.export import convert_log
+    from gcs.results.logs.read import read_flight
+
+    flight = read_flight(file, uav, columns)
+    stem = file.name.partition(".")[0]
+    if (folder / f"{stem}.{to}").resolve() == file.resolve():
+        raise BadInput(f"{file} would be written over itself", "choose another folder with --out")
+    make_folder(folder)
+    for path in convert_log(flight, to, folder, stem):
+        console_of(stderr=False).print(path, soft_wrap=True)
+    for remark in flight.remarks:
+        console_of().print(f"remark: {remark}", soft_wrap=True)

@@ -4,6 +4,7 @@ import dataclasses
 import functools
 import inspect
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
 import typer
@@ -96,3 +97,13 @@ def options_of(fields: type) -> list[inspect.Parameter]:
         inspect.Parameter(field.name, keyword, default=field.default, annotation=field.type)
         for field in dataclasses.fields(fields)
     ]
+
+
+LogColumnsOption = Annotated[
+    Path | None,
+    typer.Option(help="Column map (YAML) of a csv, parquet or mat file.", metavar="FILE"),
+]
+LogUavOption = Annotated[
+    int | None,
+    typer.Option(min=1, metavar="ID", help="System id, where a log has several vehicles."),
+]

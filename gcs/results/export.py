@@ -10,7 +10,7 @@ from contextlib import closing
 from datetime import UTC, datetime, timedelta
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -23,7 +23,7 @@ from gcs.results.channels import EVENT, LOCATION, ChannelKind, encoded, nanoseco
 from gcs.results.choices import Format
 from gcs.results.columns import COLUMNS, ESTIMATES
 from gcs.results.recording import Recording, event_table
-from gcs.results.store import EVENTS, TRAJECTORY, batches
+from gcs.results.store import EVENTS, TRAJECTORY, batches, stream_of
 from gcs.results.ulog_export import to_ulg
 from mavlink_defs.config.output_files import complete_file, naming, save_arrays
 from mavlink_defs.constants import ACTUATORS
@@ -31,6 +31,9 @@ from mavlink_defs.constants import ACTUATORS
 if TYPE_CHECKING:
     import pyarrow as pa
 
+    from gcs.results.logs.table import FlightTable
+
+_Recorded: TypeAlias = "Path | pa.Buffer"
 _TRACK_POINTS = 20_000  # of one UAV: what Google Earth draws without delay
 
 
@@ -54,7 +57,7 @@ def convert(run: Path, to: Format, folder: Path) -> list[Path]:
     if to is Format.NPZ:
         return _to_npz(run, folder)
     if to is Format.KML:
-        return [_to_kml(run, folder / "track.kml")]
+        return [_to_kml(run / TRAJECTORY, folder / "track.kml")]
     if to is Format.MCAP:
         return [_to_mcap(run, folder / "flight.mcap")]
     if to is Format.ULG:
@@ -63,6 +66,39 @@ def convert(run: Path, to: Format, folder: Path) -> list[Path]:
     return [
         write(run / name, folder / f"{Path(name).stem}.{to.value}") for name in (TRAJECTORY, EVENTS)
     ]
+
+
+def convert_log(flight: "FlightTable", to: Format, folder: Path, stem: str) -> list[Path]:
+    """Convert a log: a row for each step of its fastest channel, but npz has each channel as it is.
+
+    Args:
+        flight: What was read of it.
+        to: The format.
+        folder: For the file, exists.
+        stem: Name of the file.
+
+    Returns:
+        The file written.
+
+    Raises:
+        BadInput: It cannot be had in this format.
+        OSError: The file cannot be written; it is named.
+    """
+    from gcs.results.logs.as_recording import origin_of, recording_of
+
+    path = folder / f"{stem}.{to.value}"
+    if to in {Format.MCAP, Format.ULG}:
+        text = f"--to {to} is of our own recordings, and {flight.title} is a log of others"
+        raise BadInput(text, "csv, parquet, npz and kml are of all")
+    if to is Format.KML and origin_of(flight) is None:
+        raise BadInput(f"{flight.title} does not say where it was: it has no latitude")
+    if to is Format.NPZ:
+        arrays = {one.name: one.values for one in flight.channels.values()}
+        times = {f"{one.name}.time_s": one.time_s for one in flight.channels.values()}
+        save_arrays(path, arrays | times)
+        return [path]
+    write = {Format.CSV: _to_csv, Format.PARQUET: _to_parquet, Format.KML: _to_kml}[to]
+    return [write(stream_of(recording_of(flight)), path)]
 
 
 def save_arrays_of(recording: Recording, folder: Path) -> list[Path]:
@@ -124,7 +160,7 @@ def _table_of(batches: Iterable["pa.RecordBatch"]) -> dict[str, np.ndarray]:
     return {name: np.concatenate([part[name] for part in parts]) for name in names}
 
 
-def _to_csv(source: Path, path: Path) -> Path:
+def _to_csv(source: _Recorded, path: Path) -> Path:
     """Write a table as CSV, in the units of the recording."""
     from pyarrow import csv
 
@@ -141,7 +177,7 @@ def _to_csv(source: Path, path: Path) -> Path:
     return _written(source, path, plain, csv.CSVWriter)
 
 
-def _to_parquet(source: Path, path: Path) -> Path:
+def _to_parquet(source: _Recorded, path: Path) -> Path:
     """Write a table as Parquet, with the metadata of the recording."""
     from pyarrow import parquet
 
@@ -152,7 +188,7 @@ def _to_parquet(source: Path, path: Path) -> Path:
 
 
 def _written(
-    source: Path,
+    source: _Recorded,
     path: Path,
     change: Callable[["pa.RecordBatch"], "pa.RecordBatch"],
     writer_of: Callable[[Any, "pa.Schema"], Any],
@@ -167,7 +203,7 @@ def _written(
     return path
 
 
-def _batches(source: Path) -> Generator["pa.RecordBatch"]:
+def _batches(source: _Recorded) -> Generator["pa.RecordBatch"]:
     """Yield the batches of a recording; BadInput if it has none."""
     empty = True
     for batch in batches(source):
@@ -201,13 +237,13 @@ class _Places:
         return place.latitude / 1e7, place.longitude / 1e7, place.altitude / 1e3
 
 
-def _to_kml(run: Path, path: Path) -> Path:
+def _to_kml(source: _Recorded, path: Path) -> Path:
     """Write the tracks of all UAVs, whose time counts from 1970-01-01, and their paths and home."""
-    total = sum(len(batch) for batch in _batches(run / TRAJECTORY))
+    total = sum(len(batch) for batch in _batches(source))
     tracks: dict[int, tuple[list[str], list[str]]] = {}
     places: _Places | None = None
     row = 0
-    for batch in _batches(run / TRAJECTORY):
+    for batch in _batches(source):
         if places is None:
             places = _Places(batch.schema)
             every = -(-total // (len(places.names) * _TRACK_POINTS))

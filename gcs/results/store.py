@@ -189,6 +189,16 @@ class EventStream(_Stream):
         return arrays
 
 
+def stream_of(table: "pa.Table") -> "pa.Buffer":
+    """Return a whole table as the stream that a recording is, in memory."""
+    import pyarrow as pa
+
+    stream = pa.BufferOutputStream()
+    with pa.ipc.new_stream(stream, table.schema) as writer:
+        writer.write_table(table, _BATCH_ROWS)
+    return stream.getvalue()
+
+
 EVENTS, TRAJECTORY = "events.arrows", "trajectory.arrows"
 _END = b"\xff\xff\xff\xff\x00\x00\x00\x00"
 """Ends a stream whose writer closed it."""

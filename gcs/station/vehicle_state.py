@@ -253,8 +253,9 @@ class VehicleState(LatestMessages):
         nothing = (math.nan,) * 4
         events = self.latest.get(dialect.MAVLINK_MSG_ID_FTC_EVENTS)
         actual = tuple(a + b for a, b in zip(message.reference, message.error, strict=True))
-        if math.isnan(actual[0]) and self.airspeed_m_s is not None:  # disarmed: no reference
-            actual = (self.airspeed_m_s, *(self.attitude_deg or nothing[:3]))
+        if math.isnan(actual[0]):  # disarmed, or a log of others: no reference
+            airspeed = math.nan if self.airspeed_m_s is None else self.airspeed_m_s
+            actual = (airspeed, *(self.attitude_deg or actual[1:]))
         self.history.add(
             (
                 message.time_boot_ms / 1e3,

@@ -196,7 +196,7 @@ class _Messages:
         check_packages(TOOLS_PACKAGES, f"{path.name}, a log of ArduPilot,", "tools")
         from pymavlink.DFReader import DFReader_binary
 
-        class Indexed(DFReader_binary):  # type: ignore[misc] - pymavlink has no types
+        class Indexed(DFReader_binary):  # type: ignore[misc]  # it has no types
             def init_clock(self) -> None:
                 """Leave it: it would read every message, one by one."""
 

@@ -85,7 +85,7 @@ def read_systems(path: Path) -> tuple[dict[int, HeardSystem], list[str]]:
     wrong: Counter[str] = Counter()
     remarks = []
     try:
-        for time_us, frame in read_frames(path):
+        for time_us, frame in read_frames(path, complain=True):
             times.append(time_us)
             if frame[0] == V2_MAGIC:
                 begin, size, system = HEADER_SIZE, frame[1], frame[5]
@@ -109,7 +109,7 @@ def read_systems(path: Path) -> tuple[dict[int, HeardSystem], list[str]]:
     except TlogError as problem:
         if not found:
             raise BadInput(str(problem), "telemetry logs are .tlog of a ground station") from None
-        remarks.append(f"the log ends after {len(times)} frames: {problem}")
+        remarks.append(f"only its first {len(times)} frames are read: {problem}")
     if not found:
         raise BadInput(f"{path}: no MAVLink frame in it")
     remarks += [f"{number} of {len(times)} frames are {what}" for what, number in wrong.items()]
@@ -122,7 +122,7 @@ def layout_of(name: str) -> np.dtype:
     """Return the payload of a kind as the wire has it."""
     kind = _KINDS[name]
     codes = kind.native_format.decode().lstrip("<")
-    fields = []
+    fields: list[tuple[str, str] | tuple[str, str, tuple[int]]] = []
     for field, length, code in zip(kind.ordered_fieldnames, kind.lengths, codes, strict=True):
         if code == "c":
             fields.append((field, f"S{length}"))

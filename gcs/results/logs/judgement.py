@@ -35,5 +35,7 @@ def shortcomings(flight: FlightTable) -> Iterator[str]:
         which = ", ".join(group)
         if rate and rate < _SLOW_HZ:
             yield f"{which} at {rate:.2g} Hz: motions faster than {2.0 / rate:.2g} s are not in it"
+        elif not renewed:
+            yield f"{which} never change: the log has them, and no flight"
         elif renewed < _MANY_REPEATS * rate:
             yield f"{which} are in {rate:.3g} rows a second, and new {renewed:.2g} times a second"

@@ -7,6 +7,7 @@ from gcs.console.errors import BadInput
 from gcs.results.logs.judgement import shortcomings
 from gcs.results.logs.table import FlightTable
 from gcs.results.store import TRAJECTORY
+from mavlink_defs.config.user_files import open_file
 
 KINDS = {
     ".tlog": "tlog",
@@ -21,14 +22,29 @@ KINDS = {
 _PACKED = {".xz", ".gz", ".bz2"}
 
 
+_BEGINNINGS = {b"\xa3\x95": "bin", b"ULog": "ulg", b"MATLAB": "mat", b"PAR1": "parquet"}
+"""How files begin whose names do not say what they are."""
+
+
 def kind_of(path: Path) -> str | None:
-    """Return the kind of a log by its name, or that of a run folder; None if it is no log."""
+    """Return the kind of a log, by its name or its beginning, or that of a run folder.
+
+    None if it is no log. A file that begins as none of them is taken for a telemetry log, whose
+    beginning is a time.
+    """
     if path.is_dir():
         return "recording" if (path / TRAJECTORY).exists() else None
     suffixes = [one.lower() for one in path.suffixes]
-    if len(suffixes) > 1 and suffixes[-1] in _PACKED:
-        return "csv" if suffixes[-2] == ".csv" else None
-    return KINDS.get(suffixes[-1]) if suffixes else None
+    if suffixes and suffixes[-1] in _PACKED:
+        return "csv" if suffixes[-2:-1] == [".csv"] else None
+    if suffixes and suffixes[-1] in KINDS:
+        return KINDS[suffixes[-1]]
+    try:
+        with open_file(path) as file:
+            head = file.read(8)
+    except OSError:
+        return "tlog"  # whose reader says what is wrong
+    return next((kind for begin, kind in _BEGINNINGS.items() if head.startswith(begin)), "tlog")
 
 
 def read_flight(path: Path, uav: int | None = None, columns: Path | None = None) -> FlightTable:
@@ -73,10 +89,9 @@ def _read(path: Path, kind: str | None, uav: int | None, columns: Path | None) -
 
             return read_ulog(path)
         case None:
-            if not path.exists():
-                raise BadInput(f"cannot read {path}: no such file")
+            what = "a folder without a recording" if path.is_dir() else "no log by its name"
             expected = ", ".join((*KINDS, *(f".csv{one}" for one in sorted(_PACKED))))
-            raise BadInput(f"{path} is no log by its name, expected {expected} or a run folder")
+            raise BadInput(f"{path} is {what}, expected {expected} or a run folder")
         case _:
             from gcs.results.logs.columns import read_columns
 

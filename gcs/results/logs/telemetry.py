@@ -160,7 +160,7 @@ def _mode_name(number: int, heartbeat: Mapping[str, int]) -> str:
         if heartbeat["autopilot"] == PX4:
             return str(mavutil.interpret_px4_mode(heartbeat["base_mode"], number))
         known = mavutil.mode_mapping_bynumber(heartbeat["type"]) or {}
-        return known.get(number, f"mode {number}")
+        return str(known.get(number, f"mode {number}"))
     return MODE_NAMES.get(number, f"mode {number}")
 
 
