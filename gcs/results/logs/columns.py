@@ -53,7 +53,7 @@ def read_columns(path: Path, kind: str, uav: int | None, map_file: Path | None) 
         raise BadInput(f"{path} has no rows")
     chosen = _map_of(path, columns, map_file)
     columns, remarks = _of_one(path, columns, uav)
-    time_s, clock = _times(path, columns, chosen.time)
+    time_s, clock, since_s = _times(path, columns, chosen.time)
     absent = [one.column for one in chosen.channels.values() if one.column not in columns]
     if absent:
         remarks.append(f"it has no column {', '.join(map(repr, absent))}")
@@ -73,7 +73,7 @@ def read_columns(path: Path, kind: str, uav: int | None, map_file: Path | None) 
         title=f"{visible(path.name)}, {chosen.title}" if chosen.title else visible(path.name),
         kind=kind,
         channels=channels,
-        started=datetime.fromtimestamp(begin, UTC) if clock == "UTC" else None,
+        started=datetime.fromtimestamp(since_s + begin, UTC) if clock == "UTC" else None,
         remarks=tuple(remarks),
     )
 
@@ -92,7 +92,7 @@ def _map_of(path: Path, columns: _Columns, map_file: Path | None) -> ColumnMap:
         found = read_map(map_file)
         if absent := found.missing(columns):
             raise BadInput(
-                f"{path} has no column {', '.join(map(repr, absent))}, which {map_file} names",
+                f"{path} has no column of numbers {', '.join(map(repr, absent))}: {map_file} names it",
                 f"it has {shown}",
             )
         return found
@@ -122,18 +122,19 @@ def _of_one(path: Path, columns: _Columns, uav: int | None) -> tuple[_Columns, l
     return {name: values[rows] for name, values in columns.items()}, remarks
 
 
-def _times(path: Path, columns: _Columns, of: TimeColumn) -> tuple[np.ndarray, str]:
-    """Return times [s] and their clock; NaN in rows without one."""
+def _times(path: Path, columns: _Columns, of: TimeColumn) -> tuple[np.ndarray, str, float]:
+    """Return times [s], NaN in rows without one, their clock, and when 0 was, since 1970 [s]."""
     raw = columns[of.column]
     if raw.dtype.kind == "M":
-        time_s = raw.astype("datetime64[ns]").astype(np.int64) / 1e9
-        time_s[np.isnat(raw)] = np.nan
-        return time_s, "UTC"
+        since = raw.astype("datetime64[ns]")
+        first = since[~np.isnat(since)].min()
+        time_s = (since - first) / np.timedelta64(1, "s")
+        return time_s, "UTC", float(first.astype(np.int64) / 1e9)
     time_s = raw * (factor(of.unit, "s") or 1.0)
     if np.isfinite(time_s).sum() < max(2, len(time_s) // 2):
         text = f"{path}: its column {of.column!r} is no time"
         raise BadInput(f"{text}, expected dates or numbers in {of.unit}")
-    return time_s, "simulated" if "uav" in columns else "log"
+    return time_s, "simulated" if "uav" in columns else "log", 0.0
 
 
 # files

@@ -177,8 +177,8 @@ def _started(gps: Values, begin_s: float) -> datetime | None:
 class _Messages:
     """The messages of a log by their kind."""
 
-    def __init__(self, reader: Any) -> None:
-        self._data = np.frombuffer(reader.data_map, np.uint8)
+    def __init__(self, reader: Any, data: np.ndarray) -> None:
+        self._data = data
         self._formats = {one.name: one for one in reader.formats.values()}
         self._offsets = reader.offsets
 
@@ -197,6 +197,8 @@ class _Messages:
         from pymavlink.DFReader import DFReader_binary
 
         class Indexed(DFReader_binary):  # type: ignore[misc]  # it has no types
+            init_arrays_fast = DFReader_binary.init_arrays  # compiled, its complaints go anywhere
+
             def init_clock(self) -> None:
                 """Leave it: it would read every message, one by one."""
 
@@ -209,7 +211,8 @@ class _Messages:
             raise BadInput(text) from None
         bad = said.getvalue().count("bad header")
         remarks = [f"{bad} bytes between its messages are none"] if bad else []
-        return cls(reader), remarks
+        reader.close()
+        return cls(reader, np.fromfile(path, np.uint8)), remarks
 
     def time_s(self, name: str) -> np.ndarray:
         """Return the times of all messages of a kind [s], shape (n,)."""

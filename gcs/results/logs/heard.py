@@ -123,11 +123,11 @@ def layout_of(name: str) -> np.dtype:
     kind = _KINDS[name]
     codes = kind.native_format.decode().lstrip("<")
     fields: list[tuple[str, str] | tuple[str, str, tuple[int]]] = []
-    for field, length, code in zip(kind.ordered_fieldnames, kind.lengths, codes, strict=True):
+    for field, length, code in zip(kind.ordered_fieldnames, kind.array_lengths, codes, strict=True):
         if code == "c":
-            fields.append((field, f"S{length}"))
+            fields.append((field, f"S{max(length, 1)}"))
         else:
-            fields.append((field, f"<{code}", (length,)) if length > 1 else (field, f"<{code}"))
+            fields.append((field, f"<{code}", (length,)) if length else (field, f"<{code}"))
     return np.dtype(fields)
 
 

@@ -1,14 +1,14 @@
 """A flight as a table whose columns have times of their own."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from functools import cached_property
 
 import numpy as np
 
 from gcs.console.errors import BadInput
-from gcs.results.logs.names import AIRSPEEDS, UNITS, is_held, turn_of
+from gcs.results.logs.names import AIRSPEEDS, GNSS_PLACE, PLACE, UNITS, is_held, turn_of
 from mavlink_defs.visible import visible
 
 _GAP_STEPS, _GAP_S = 5.0, 0.5
@@ -244,10 +244,27 @@ def channel(
 
 
 def by_name(channels: Iterable[LogChannel | None]) -> dict[str, LogChannel]:
-    """Return channels by name: the first of those with one name, in the order of their names."""
+    """Return channels by name: the first of those with one name, in the order of their names.
+
+    A place at 0° north, 0° east is none: so says a receiver that has no fix yet.
+    """
     found: dict[str, LogChannel] = {}
     for one in channels:
         if one is not None:
             found.setdefault(one.name, one)
+    for names in (PLACE, GNSS_PLACE):
+        found |= _with_fix([found[name] for name in names if name in found])
     order = {name: place for place, name in enumerate(UNITS)}
     return dict(sorted(found.items(), key=lambda item: order.get(item[0], len(order))))
+
+
+def _with_fix(place: list[LogChannel]) -> dict[str, LogChannel]:
+    """Return latitude, longitude and altitude without the values before a fix."""
+    if len({len(one.values) for one in place}) != 1 or len(place) < 2:
+        return {}
+    fixed = (place[0].values != 0.0) | (place[1].values != 0.0)
+    if fixed.all() or not fixed.any():
+        return {}
+    return {
+        one.name: replace(one, time_s=one.time_s[fixed], values=one.values[fixed]) for one in place
+    }

@@ -98,6 +98,7 @@ _OUR_TOPICS: tuple[tuple[str, Fields], ...] = (
     ),
 )
 """The same in our own exports: airspeed as it was measured, and outputs in units of their own."""
+_MAGIC = b"ULog\x01\x12\x35"
 _OTHER_TOPICS = ("vehicle_status", "ftc_event")
 _LEAST_PULSE = 200.0  # what is less is no pulse [µs]
 _MODES = {
@@ -172,19 +173,21 @@ def read_ulog(path: Path) -> FlightTable:
 
 
 def _open(path: Path) -> Any:
-    try:
-        with open_file(path) as file:
-            head = file.read(7)
-    except OSError as problem:
-        raise BadInput(f"cannot read {path}: {problem.strerror}") from None
-    if head != b"ULog\x01\x12\x35":
-        what = "is empty" if not head else "is no ULog file: it does not begin as one"
-        raise BadInput(f"{path} {what}")
-    pyulog = load_package("pyulog", f"{path.name}, a ULog file,", "logs")
     wanted = sorted({name for name, _ in _TOPICS} | set(_OTHER_TOPICS))
     try:
-        with contextlib.redirect_stdout(None):
-            return pyulog.ULog(str(path), wanted)
+        with open_file(path) as file:
+            if file.read(len(_MAGIC)) != _MAGIC:
+                file.seek(0, 2)
+                what = "is no ULog file: it does not begin as one" if file.tell() else "is empty"
+                raise BadInput(f"{path} {what}")
+            file.seek(0)
+            pyulog = load_package("pyulog", f"{path.name}, a ULog file,", "logs")
+            with contextlib.redirect_stdout(None):
+                return pyulog.ULog(file, wanted)
+    except OSError as problem:
+        raise BadInput(f"cannot read {path}: {problem.strerror}") from None
+    except BadInput:
+        raise
     except Exception as problem:  # of a file that is broken: ULogException, struct.error, ...
         text = f"{path} is a broken ULog file: {type(problem).__name__}: {problem}"
         raise BadInput(text) from None

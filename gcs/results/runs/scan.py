@@ -8,6 +8,7 @@ from pathlib import Path
 from gcs.results.flight_mark import FLIGHT
 from gcs.results.runs.run import Kind
 from gcs.results.store import EVENTS, TRAJECTORY
+from mavlink_defs.config.problems import counted
 
 NOTE = "note.txt"
 """The user's note on a run, in its folder."""
@@ -17,6 +18,7 @@ _REPRODUCE = {"data", "figures"}
 _FLIGHT = {FLIGHT, SUMMARY, TRAJECTORY, EVENTS, "trajectory.npz", "flight.tlog", "processes"}
 _STAMPED = {FLIGHT, SUMMARY, _CAMPAIGN, _BASELINE, NOTE, "draws.parquet", "results", "until.json"}
 _STAMPED |= {"report.md", EVENTS}
+_LOGS = (".tlog", ".bin", ".ulg", ".mat")
 _DEEPEST = 5
 """Folders in folders that are searched."""
 
@@ -83,10 +85,20 @@ def _scan(path: Path, name: str, depth: int) -> Iterator[Found | Foreign]:
         return
     folders = [entry for entry in entries if not entry.name.startswith(".") and entry.is_dir()]
     if not folders or depth == 0:
-        yield Foreign(name, "no run: it has no results of gcs" if entries else "empty")
+        yield Foreign(name, _reason(entries))
         return
     for entry in folders:
         yield from _scan(Path(entry.path), f"{name}/{entry.name}", depth - 1)
+
+
+def _reason(entries: list[os.DirEntry[str]]) -> str:
+    """Return why a folder is no run."""
+    logs = [entry.name for entry in entries if entry.name.lower().endswith(_LOGS)]
+    if logs:
+        return (
+            f"no run: {counted(len(logs), 'log')}, such as {logs[0]}; gcs log lists what is in one"
+        )
+    return "no run: it has no results of gcs" if entries else "empty"
 
 
 def _entries(path: Path) -> list[os.DirEntry[str]]:
