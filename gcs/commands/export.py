@@ -49,7 +49,7 @@ def export(
     from gcs.results.export import convert
     from gcs.results.store import EVENTS, TRAJECTORY, is_complete
 
-    if run.is_file() and kind_of(run) != "recording":
+    if run.is_file() and kind_of(run) not in {"recording", None}:
         _export_log(run, to, out or run.parent, uav, columns)
         return
     folder = out or run

@@ -94,7 +94,7 @@ def _playback(file: Path, uav: int | None, columns: Path | None) -> "Playback":
     from gcs.tui.flight_frames import frames_of
     from gcs.tui.playback import Playback
 
-    if kind_of(file) == "tlog" and uav is None:
+    if kind_of(file) in {"tlog", None} and uav is None:
         playback = Playback(visible(file.name), _frames(file), time.monotonic)
         if playback.clock.is_simulated or not _is_of_one(file):
             return playback

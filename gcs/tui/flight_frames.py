@@ -40,10 +40,10 @@ def _states(flight: FlightTable) -> Iterator[Timed]:
     """Yield attitude, place, airspeed, references and commands, at ten times a second."""
     time_s = flight.grid(_RATE_HZ)
 
-    def rows(*wanted: str) -> np.ndarray:
+    def rows(*asked: str) -> np.ndarray:
         known = {**flight.channels, **positions}
         nothing = np.full(len(time_s), np.nan)
-        columns = [known[one].at(time_s) if one in known else nothing for one in wanted]
+        columns = [known[one].at(time_s) if one in known else nothing for one in asked]
         return np.stack(columns, axis=1)
 
     positions = positions_of(flight, origin_of(flight))

@@ -91,10 +91,9 @@ def _map_of(path: Path, columns: _Columns, map_file: Path | None) -> ColumnMap:
     if map_file is not None:
         found = read_map(map_file)
         if absent := found.missing(columns):
-            raise BadInput(
-                f"{path} has no column of numbers {', '.join(map(repr, absent))}: {map_file} names it",
-                f"it has {shown}",
-            )
+            named = ", ".join(map(repr, absent))
+            text = f"{path} has no column of numbers {named}, which {map_file} names"
+            raise BadInput(text, f"it has {shown}")
         return found
     own = {name: MappedColumn(column=name) for name in columns if name in UNITS}
     if "time_s" in columns and own:

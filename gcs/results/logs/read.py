@@ -29,8 +29,7 @@ _BEGINNINGS = {b"\xa3\x95": "bin", b"ULog": "ulg", b"MATLAB": "mat", b"PAR1": "p
 def kind_of(path: Path) -> str | None:
     """Return the kind of a log, by its name or its beginning, or that of a run folder.
 
-    None if it is no log. A file that begins as none of them is taken for a telemetry log, whose
-    beginning is a time.
+    None if neither says so; it may be a telemetry log, whose beginning is a time.
     """
     if path.is_dir():
         return "recording" if (path / TRAJECTORY).exists() else None
@@ -43,8 +42,8 @@ def kind_of(path: Path) -> str | None:
         with open_file(path) as file:
             head = file.read(8)
     except OSError:
-        return "tlog"  # whose reader says what is wrong
-    return next((kind for begin, kind in _BEGINNINGS.items() if head.startswith(begin)), "tlog")
+        return None
+    return next((kind for begin, kind in _BEGINNINGS.items() if head.startswith(begin)), None)
 
 
 def read_flight(path: Path, uav: int | None = None, columns: Path | None = None) -> FlightTable:
@@ -76,7 +75,7 @@ def _read(path: Path, kind: str | None, uav: int | None, columns: Path | None) -
             from gcs.results.logs.recorded import read_recorded
 
             return read_recorded(path, uav)
-        case "tlog":
+        case "tlog" | None if not path.is_dir():
             from gcs.results.logs.telemetry import read_telemetry
 
             return read_telemetry(path, uav)
@@ -89,9 +88,9 @@ def _read(path: Path, kind: str | None, uav: int | None, columns: Path | None) -
 
             return read_ulog(path)
         case None:
-            what = "a folder without a recording" if path.is_dir() else "no log by its name"
             expected = ", ".join((*KINDS, *(f".csv{one}" for one in sorted(_PACKED))))
-            raise BadInput(f"{path} is {what}, expected {expected} or a run folder")
+            text = f"{path} is a folder without a recording"
+            raise BadInput(f"{text}, expected a run folder or a log: {expected}")
         case _:
             from gcs.results.logs.columns import read_columns
 

@@ -13,6 +13,8 @@ from mavlink_defs.visible import visible
 
 _GAP_STEPS, _GAP_S = 5.0, 0.5
 """A gap is longer than so many of a channel's usual steps, and than this [s]."""
+_SAME_S = 1e-6
+"""Times that are closer are one: logs have microseconds [s]."""
 
 
 @dataclass(frozen=True)
@@ -79,17 +81,16 @@ class LogChannel:
         Returns:
             The same shape; NaN before the first value, after the last, and inside gaps.
         """
-        last = np.searchsorted(self.time_s, time_s, side="right") - 1
-        known = (last >= 0) & ((time_s <= self.time_s[-1]) | self.by_event)
+        last = np.searchsorted(self.time_s, time_s + _SAME_S, side="right") - 1
+        known = (last >= 0) & ((time_s <= self.time_s[-1] + _SAME_S) | self.by_event)
         last = np.clip(last, 0, None)
         following = np.minimum(last + 1, len(self.time_s) - 1)
-        known &= ~(np.append(self._is_gap, False)[last] & (time_s > self.time_s[last]))
+        known &= ~(np.append(self._is_gap, False)[last] & (time_s > self.time_s[last] + _SAME_S))
         found = self.values[last]
         if not is_held(self.name):
             step = self.time_s[following] - self.time_s[last]
-            share = np.divide(
-                time_s - self.time_s[last], step, out=np.zeros(np.shape(time_s)), where=step > 0.0
-            )
+            since = np.maximum(time_s - self.time_s[last], 0.0)
+            share = np.divide(since, step, out=np.zeros(np.shape(time_s)), where=step > 0.0)
             change = self.values[following] - found
             if (turn := turn_of(self.name)) is not None:
                 change = wrapped(change, turn)
@@ -200,7 +201,8 @@ class FlightTable:
         if rate <= 0.0 or end <= begin:
             listed = ", ".join(one.name for one in chosen[:5])
             raise BadInput(f"{self.title}: {listed} have no time in common")
-        return np.asarray(begin + np.arange(int((end - begin) * rate + 1e-6) + 1) / rate)
+        step = max(round(1.0 / rate / _SAME_S), 1) * _SAME_S
+        return np.asarray(begin + np.arange(int((end - begin + _SAME_S) / step) + 1) * step)
 
     def on(self, time_s: np.ndarray, names: Iterable[str]) -> dict[str, np.ndarray]:
         """Return channels at common times, as `LogChannel.at`; BadInput if one is not there."""

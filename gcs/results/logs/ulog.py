@@ -173,7 +173,7 @@ def read_ulog(path: Path) -> FlightTable:
 
 
 def _open(path: Path) -> Any:
-    wanted = sorted({name for name, _ in _TOPICS} | set(_OTHER_TOPICS))
+    asked = sorted({name for name, _ in _TOPICS} | set(_OTHER_TOPICS))
     try:
         with open_file(path) as file:
             if file.read(len(_MAGIC)) != _MAGIC:
@@ -183,7 +183,7 @@ def _open(path: Path) -> Any:
             file.seek(0)
             pyulog = load_package("pyulog", f"{path.name}, a ULog file,", "logs")
             with contextlib.redirect_stdout(None):
-                return pyulog.ULog(file, wanted)
+                return pyulog.ULog(file, asked)
     except OSError as problem:
         raise BadInput(f"cannot read {path}: {problem.strerror}") from None
     except BadInput:

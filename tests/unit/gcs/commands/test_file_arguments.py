@@ -15,7 +15,9 @@ from gcs.console.errors import BadInput
 from mavlink_defs.config.problems import ConfigError
 
 NOWHERE = ("--connect", "udpout:127.0.0.1:1", "--timeout", "0.1")
-PAPER = str(Path(__file__).parents[4] / "scenarios" / "paper" / "scenario1.yaml")
+ROOT = Path(__file__).parents[4]
+PAPER = str(ROOT / "scenarios" / "paper" / "scenario1.yaml")
+TABLE = str(ROOT / "tests" / "data" / "nesc_tumbling_brick.csv")
 READ = {
     ("fly", "scenario"): ["fly", "@"],
     ("fly", "campaign"): ["fly", "--campaign", "@", "--row", "0"],
@@ -33,6 +35,8 @@ READ = {
     ("up", "scenario"): ["up", "@", "--free-ports"],
     ("config", "scenario"): ["config", "@", "--out", "none"],
     ("log", "file"): ["log", "@"],
+    ("log", "columns"): ["log", TABLE, "--columns", "@"],
+    ("export", "columns"): ["export", TABLE, "--to", "csv", "--columns", "@"],
     ("wire", "file"): ["wire", "@"],
     ("profile upload", "file"): ["profile", "upload", "@", *NOWHERE],
     ("profile check", "file"): ["profile", "check", "@", *NOWHERE],
