@@ -60,7 +60,7 @@ OWN: Mapping[str, GcsCommand] = {
         profile=("profile", "Upload, download and check reference profiles."),
         param=("param", "List, read, set, save, load and compare parameters."),
         record=("record", "Record every frame that vehicles send, until Ctrl-C."),
-        log=("log", "Replay a telemetry log in the dashboard."),
+        log=("log", "Replay a log of any autopilot, or list what is in it."),
         web=("web", "Serve the dashboard to browsers until Ctrl-C."),
     ),
     **_panel("Study", export=("export", "Convert the recording of a flight for other programs.")),

@@ -57,9 +57,9 @@ def log(
     columns: LogColumnsOption = None,
     theme: ThemeOption = "dark",
 ) -> None:
-    """Replay a log of any autopilot in the dashboard, or list what is in it.
+    """Replay a log of any autopilot, or list what is in it.
 
-    The replay has seek and speed. Logs of `gcs fly` and `gcs record` are replayed by simulated
+    The replay is in the dashboard, with seek and speed. Logs of `gcs fly` and `gcs record` are replayed by simulated
     time, with all their vehicles. The list has channels with units, rates and gaps, modes, texts,
     and what the log cannot say. A log of others shows no triggers, events or faults: it has none.
     """

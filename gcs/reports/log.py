@@ -69,31 +69,25 @@ def _headline(flight: FlightTable) -> Text:
 def _channels(flight: FlightTable) -> Table:
     table = table_of(
         texts("channel"),
-        texts("unit"),
-        numbers("values"),
         numbers("per second"),
         numbers("new per second"),
         numbers("from [s]"),
         numbers("to [s]"),
-        numbers("gaps"),
-        numbers("longest [s]"),
+        texts("gaps"),
         texts("clock"),
         texts("in the log"),
         box=box.SIMPLE_HEAD,
         padding=(0, 1, 0, 0),
     )
     for one in flight.channels.values():
-        longest = max((end - begin for begin, end in one.gaps), default=None)
+        longest = max((end - begin for begin, end in one.gaps), default=0.0)
         table.add_row(
-            one.name,
-            one.unit,
-            str(len(one.values)),
+            f"{one.name} [{one.unit}]" if one.unit else one.name,
             "by event" if one.by_event else f"{one.rate_hz:.3g}",
             f"{one.renewed_hz:.3g}",
             f"{one.time_s[0]:.2f}",
             f"{one.time_s[-1]:.2f}",
-            str(len(one.gaps)),
-            "" if longest is None else f"{longest:.2f}",
+            f"{len(one.gaps)}, of {longest:.3g} s at most" if one.gaps else "",
             one.clock,
             one.source,
         )

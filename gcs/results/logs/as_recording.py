@@ -19,7 +19,7 @@ _UAV = 1
 def recording_of(flight: FlightTable) -> "pa.Table":
     """Return a log as the table of a trajectory, at the rate of its fastest channel.
 
-    Its columns are those of `trajectory.arrows` that the log has, and its other channels; NaN where
+    It has the columns of `trajectory.arrows` that the log has, and its other channels; NaN where
     a channel has nothing. North, east and down are of the place where it has no others.
     """
     import pyarrow as pa

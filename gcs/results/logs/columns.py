@@ -185,7 +185,7 @@ def _of_table(table: "pa.Table") -> _Columns:
 
 
 def _of_mat(path: Path) -> _Columns:
-    """Return the vectors of a MAT file; those of structures as ``structure.field``."""
+    """Return the vectors of a MAT file; one in a structure is ``structure.field``."""
     check_packages(("scipy",), f"{path.name}, a MAT file,", "lab")
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError

@@ -1,7 +1,7 @@
 """Logs of ArduPilot (DataFlash, `.bin`).
 
 pymavlink finds the messages and their formats; their fields are read by NumPy, all of one kind at
-a time. Messages and units are those of ArduPilot 4.6, https://ardupilot.org/plane/docs/logmessages.html.
+a time. Messages and units are as in ArduPilot 4.6, https://ardupilot.org/plane/docs/logmessages.html.
 """
 
 import contextlib

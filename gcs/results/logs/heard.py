@@ -132,7 +132,7 @@ def layout_of(name: str) -> np.dtype:
 
 
 def _unwrapped(stamps: np.ndarray) -> np.ndarray:
-    """Return times that count on where those of 32 bits begin again."""
+    """Return times that count on where 32 bits begin again."""
     if stamps.dtype.itemsize > 4:
         return stamps.astype(float)
     wide = stamps.astype(np.int64)

@@ -11,12 +11,12 @@ _MANY_REPEATS = 0.5
 
 
 def shortcomings(flight: FlightTable) -> Iterator[str]:
-    """Yield what cannot be told from a flight and why, a line each."""
+    """Yield what a flight does not show and why, a line each."""
     if flight.duration_s < 2.0:
         yield f"it lasts {flight.duration_s:.3g} s: too short to say anything of the aircraft"
     missing = [
         (names.ATTITUDE, "no attitude", "where forces and winds point to is unknown"),
-        (names.RATES, "no rates", "moments, and with them faults of surfaces, cannot be told"),
+        (names.RATES, "no rates", "moments, and with them faults of surfaces, do not show"),
         (names.FORCE, "no accelerations", "forces can only be had from the change of velocity"),
     ]
     for group, what, so in missing:

@@ -1,6 +1,6 @@
 """What the channels of a flight are called, their units, and how they go on between samples.
 
-Names and units are those of our recordings where these have such a quantity. Body axes are forward,
+Names and units are as in our recordings where these have such a quantity. Body axes are forward,
 right, down, the others north, east, down.
 """
 

@@ -27,7 +27,7 @@ _BEGINNINGS = {b"\xa3\x95": "bin", b"ULog": "ulg", b"MATLAB": "mat", b"PAR1": "p
 
 
 def kind_of(path: Path) -> str | None:
-    """Return the kind of a log, by its name or its beginning, or that of a run folder.
+    """Return the kind of a log, by its name or its beginning; a run folder is one, too.
 
     None if neither says so; it may be a telemetry log, whose beginning is a time.
     """

@@ -1,6 +1,6 @@
 """Logs of PX4 (ULog), and what `gcs export --to ulg` writes.
 
-Topics and fields are those of PX4 1.12 to 1.16, https://github.com/PX4/PX4-Autopilot/tree/main/msg.
+Topics and fields are as in PX4 1.12 to 1.16, https://github.com/PX4/PX4-Autopilot/tree/main/msg.
 """
 
 import contextlib

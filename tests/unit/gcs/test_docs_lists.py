@@ -27,6 +27,8 @@ from ftc_lab.campaigns.model import Campaign
 from ftc_lab.campaigns.store import OUTCOMES
 from gcs.commands.cli import _EXIT_DEFECT, whole_command
 from gcs.console.errors import GcsError
+from gcs.results.columns import COLUMNS, ESTIMATES
+from gcs.results.logs.names import MOTORS, OUTPUTS, SERVOS, UNITS
 from gcs.scenario.model import load_scenario
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS, MODE_NAMES
@@ -131,6 +133,7 @@ def lists() -> dict[str, Listed]:
             ),
             r"[A-Z_]+ \(\d+\)",
         ),
+        "log-channels": Listed(log_channels(), others=frozenset(UNITS)),
         "modes": Listed(
             numbered((name, number) for number, name in MODE_NAMES.items()), r"\w+ \(\d+\)"
         ),
@@ -146,6 +149,13 @@ def lists() -> dict[str, Listed]:
         "triggers": Listed(list(TRIGGERS)),
         "vehicle-commands": Listed(commands_of_a_vehicle(), r"MAV_CMD_\w+"),
     }
+
+
+def log_channels() -> list[str]:
+    """What logs have besides the columns of our recordings; of numbered ones the first and last."""
+    own = {column.name for column in (*COLUMNS, *ESTIMATES)}
+    between = {name for many in (OUTPUTS, SERVOS, MOTORS) for name in many[1:-1]}
+    return [name for name in UNITS if name not in own | between]
 
 
 def column(text: str, number: int) -> str:

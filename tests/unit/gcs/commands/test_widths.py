@@ -18,6 +18,7 @@ from mavlink_defs import dialect
 from mavlink_defs.config.yaml_text import yaml_of
 from mavlink_defs.framing.frames import FramePacker
 
+DATA = Path(__file__).parents[3] / "data"
 MASS = {"uncertainty.mass": {"draw": {"kind": "uniform", "low": 0.9, "high": 1.1}}}
 CAMPAIGN = {"name": "camp", "scenario": "base.yaml", "design": "random", "draws": 2}
 
@@ -64,6 +65,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         options = f"--set controller.kind={law} --in-process --no-figures --out"
         arguments = ["fly", str(folder / "base.yaml"), *options.split()]
         assert CliRunner().invoke(app, [*arguments, str(folder / "flights" / name)]).exit_code == 0
+    (folder / "flight.tlog").write_bytes((DATA / "others" / "mavlink1.tlog").read_bytes())
     packer = FramePacker(7, 1)
     commanded = [
         packer.pack(dialect.MAVLink_hil_actuator_controls_message(k, [0.1 * k] * 16, 0, 0))
