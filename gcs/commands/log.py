@@ -59,9 +59,10 @@ def log(
 ) -> None:
     """Replay a log of any autopilot, or list what is in it.
 
-    The replay is in the dashboard, with seek and speed. Logs of `gcs fly` and `gcs record` are replayed by simulated
-    time, with all their vehicles. The list has channels with units, rates and gaps, modes, texts,
-    and what the log cannot say. A log of others shows no triggers, events or faults: it has none.
+    The replay is in the dashboard, with seek and speed. Logs of `gcs fly` and `gcs record` are
+    replayed by simulated time, with all their vehicles. The list has channels with units, rates and
+    gaps, modes, texts, and what the log cannot say. A log of others shows no triggers, events or
+    faults: it has none.
     """
     if list_ or as_json or (at is None and not has_terminal()):
         _list(file, uav, columns, as_json)

@@ -135,7 +135,8 @@ def test_without_a_terminal_there_is_help() -> None:
     done = run("gcs")
     assert done.returncode == 0
     assert "dashboard" in done.stdout
-    done = run("gcs", "log", TLOG)
+    assert "ATTITUDE.roll" in run("gcs", "log", TLOG).stdout  # listed
+    done = run("gcs", "log", TLOG, "--at", "20")
     assert done.returncode == 2
     assert "error: the dashboard needs a terminal" in done.stderr
     done = run("gcs", "--theme", "light", "status")

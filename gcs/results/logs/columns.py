@@ -17,6 +17,7 @@ from gcs.results.logs.clocks import longest_stretch
 from gcs.results.logs.column_map import ColumnMap, MappedColumn, TimeColumn, bundled_maps, read_map
 from gcs.results.logs.names import UNITS, factor
 from gcs.results.logs.table import FlightTable, LogChannel, by_name, channel
+from mavlink_defs.config.problems import counted
 from mavlink_defs.config.user_files import open_file
 from mavlink_defs.visible import visible
 
@@ -29,6 +30,7 @@ _PACKED: Mapping[str, Callable[[BinaryIO], Any]] = {
     ".bz2": bz2.open,
 }
 _SEPARATORS = ",;\t"
+_LEAST_NUMBERS = 0.5  # of a column; else it is one of texts
 _SHOWN = 12  # columns that a message names
 
 _Columns = Mapping[str, np.ndarray]
@@ -47,12 +49,15 @@ def read_columns(path: Path, kind: str, uav: int | None, map_file: Path | None) 
         BadInput: It cannot be read, or no map fits.
         ConfigError: The column map is none.
     """
-    read = {"csv": _of_csv, "parquet": _of_parquet, "mat": _of_mat}[kind]
-    columns = read(path)
+    remarks: list[str] = []
+    if kind == "csv":
+        columns = _of_csv(path, remarks)
+    else:
+        columns = _of_parquet(path) if kind == "parquet" else _of_mat(path)
     if not any(map(len, columns.values())):
         raise BadInput(f"{path} has no rows")
     chosen = _map_of(path, columns, map_file)
-    columns, remarks = _of_one(path, columns, uav)
+    columns = _of_one(path, columns, uav, remarks)
     time_s, clock, since_s = _times(path, columns, chosen.time)
     absent = [one.column for one in chosen.channels.values() if one.column not in columns]
     if absent:
@@ -107,18 +112,18 @@ def _map_of(path: Path, columns: _Columns, map_file: Path | None) -> ColumnMap:
     return fitting
 
 
-def _of_one(path: Path, columns: _Columns, uav: int | None) -> tuple[_Columns, list[str]]:
+def _of_one(path: Path, columns: _Columns, uav: int | None, remarks: list[str]) -> _Columns:
     """Return the rows of one UAV, of a table that has several."""
     if "uav" not in columns:
-        return columns, []
+        return columns
     ids = [int(one) for one in np.unique(columns["uav"]) if np.isfinite(one)]
     if uav is not None and uav not in ids:
         raise BadInput(f"--uav is {uav}, expected one of {', '.join(map(str, ids))}, as in {path}")
     chosen = ids[0] if uav is None else uav
     rows = columns["uav"] == chosen
     others = ", ".join(str(one) for one in ids if one != chosen)
-    remarks = [f"of UAV {chosen}; it has {others}, too (--uav)"] if others else []
-    return {name: values[rows] for name, values in columns.items()}, remarks
+    remarks += [f"of UAV {chosen}; it has {others}, too (--uav)"] if others else []
+    return {name: values[rows] for name, values in columns.items()}
 
 
 def _times(path: Path, columns: _Columns, of: TimeColumn) -> tuple[np.ndarray, str, float]:
@@ -139,7 +144,7 @@ def _times(path: Path, columns: _Columns, of: TimeColumn) -> tuple[np.ndarray, s
 # files
 
 
-def _of_csv(path: Path) -> _Columns:
+def _of_csv(path: Path, remarks: list[str]) -> _Columns:
     """Return the columns of a CSV file, packed or not, of which the first of each name counts."""
     import pyarrow as pa
     from pyarrow import csv
@@ -152,12 +157,22 @@ def _of_csv(path: Path) -> _Columns:
         raise BadInput(f"cannot read {path}: {problem.strerror or problem}") from None
     except (EOFError, lzma.LZMAError) as problem:
         raise BadInput(f"{path} is cut off, or not packed as its name says: {problem}") from None
-    head = data[: data.find(b"\n")].decode("utf-8", "replace")
+    data = data.decode("utf-8-sig", "replace").encode()  # a broken byte costs its cell only
+    head = data[: data.find(b"\n")].decode()
     separator = max(_SEPARATORS, key=head.count)
+    wrong: list[int] = []
+
+    def skip(row: csv.InvalidRow) -> str:
+        wrong.append(row.actual_columns)
+        return "skip"
+
+    options = csv.ParseOptions(delimiter=separator, invalid_row_handler=skip)
     try:
-        table = csv.read_csv(io.BytesIO(data), parse_options=csv.ParseOptions(delimiter=separator))
+        table = csv.read_csv(io.BytesIO(data), parse_options=options)
     except pa.ArrowInvalid as problem:
         raise BadInput(f"{path} is no table of numbers: {_first_line(problem)}") from None
+    if wrong:
+        remarks.append(f"{counted(len(wrong), 'row')} with more or fewer columns left out")
     return _of_table(table)
 
 
@@ -175,20 +190,30 @@ def _of_parquet(path: Path) -> _Columns:
 
 
 def _of_table(table: "pa.Table") -> _Columns:
-    """Return the columns of numbers and dates."""
+    """Return the columns of numbers and dates, with NaN where they have something else."""
     found: dict[str, np.ndarray] = {}
     for field, column in zip(table.schema, table.columns, strict=True):
         values = column.to_numpy()
+        if values.dtype.kind == "O":
+            values = np.array([_number(one) for one in values.tolist()])
+            if np.isfinite(values).sum() <= _LEAST_NUMBERS * len(values):
+                continue
         if values.dtype.kind in "fiubM" and field.name not in found:
             found[field.name] = values if values.dtype.kind == "M" else values.astype(float)
     return found
+
+
+def _number(text: object) -> float:
+    try:
+        return float(str(text))
+    except ValueError:
+        return float("nan")
 
 
 def _of_mat(path: Path) -> _Columns:
     """Return the vectors of a MAT file; one in a structure is ``structure.field``."""
     check_packages(("scipy",), f"{path.name}, a MAT file,", "lab")
     from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
 
     try:
         with open_file(path) as file:
@@ -197,7 +222,7 @@ def _of_mat(path: Path) -> _Columns:
         raise BadInput(f"cannot read {path}: {problem.strerror or problem}") from None
     except NotImplementedError:
         raise BadInput(f"{path} is of MATLAB 7.3", "save it with -v7 in MATLAB") from None
-    except (MatReadError, ValueError, TypeError, EOFError) as problem:
+    except Exception as problem:  # of a file that is broken: MatReadError, IndexError, ...
         raise BadInput(f"{path} is no MAT file, or is cut off: {problem}") from None
     return dict(_vectors("", {k: v for k, v in tree.items() if not k.startswith("__")}))
 

@@ -101,7 +101,7 @@ def read_dataflash(path: Path) -> FlightTable:
         modes=_modes(time_s["MODE"] - span[0], messages.values("MODE"), texts),
         texts=tuple(sorted(texts, key=lambda one: one.time_s)),
         parameters={name: float(value) for name, value in zip(*parameters, strict=True)},
-        started=_started(messages.values("GPS"), span[0]),
+        started=_started(time_s["GPS"] - span[0], messages.values("GPS")),
         remarks=tuple(remarks),
     )
 
@@ -161,16 +161,17 @@ def _modes(
     )
 
 
-def _started(gps: Values, begin_s: float) -> datetime | None:
+def _started(time_s: np.ndarray, gps: Values) -> datetime | None:
     """Return when the flight's time was 0, by the first message with GPS time."""
     week, ms = gps.get("GWk", np.empty(0)), gps.get("GMS", np.empty(0))
     known = np.flatnonzero(week > 0)
-    if not len(known):
+    if not len(known) or len(time_s) != len(ms):
         return None
     first = known[0]
-    since_boot = gps["TimeUS"][first] / 1e6 - begin_s
     return _GPS_EPOCH + timedelta(
-        weeks=float(week[first]), milliseconds=float(ms[first]), seconds=-_LEAP_S - since_boot
+        weeks=float(week[first]),
+        milliseconds=float(ms[first]),
+        seconds=-_LEAP_S - float(time_s[first]),
     )
 
 

@@ -128,7 +128,11 @@ def read_ulog(path: Path) -> FlightTable:
     log = _open(path)
     ours = log.msg_info_dict.get("sys_name") == "ftc-sitl"
     topics = _OUR_TOPICS if ours else _TOPICS
-    data = {one.name: one.data for one in reversed(log.data_list) if one.multi_id == 0}
+    data = {
+        one.name: one.data
+        for one in reversed(log.data_list)
+        if one.multi_id == 0 and "timestamp" in one.data
+    }
     begin, end, remarks = _span(path, data, {name for name, _ in topics})
     shift = 0.0 if ours else begin
     rows = {
@@ -166,7 +170,11 @@ def read_ulog(path: Path) -> FlightTable:
             LogText(one.timestamp / 1e6 - shift, one.log_level - ord("0"), visible(one.message))
             for one in log.logged_messages
         ),
-        parameters={name: float(value) for name, value in log.initial_parameters.items()},
+        parameters={
+            name: float(value)
+            for name, value in log.initial_parameters.items()
+            if isinstance(value, int | float)
+        },
         started=_started(data, shift),
         remarks=tuple(remarks),
     )
