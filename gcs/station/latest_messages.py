@@ -122,5 +122,7 @@ class LatestMessages:
 
 
 def mode_name(heartbeat: Any) -> str:
-    """Return the mode in a HEARTBEAT, such as "AUTO"; the number of an unknown mode."""
+    """Return the mode in a HEARTBEAT, such as "AUTO"; the number of an unknown mode; "-": none."""
+    if not heartbeat.base_mode & dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
+        return "-"
     return MODE_NAMES.get(heartbeat.custom_mode, str(heartbeat.custom_mode))

@@ -16,7 +16,6 @@ from mavlink_defs.framing.frames import FramePacker
 _RATE_HZ = 10.0
 _HEARTBEAT_S = 1.0
 _TEXT = 50  # most bytes of a text in a message
-_UNKNOWN_MODE = 2**16  # of none of ours
 
 Timed = tuple[float, dialect.MAVLink_message]
 
@@ -97,17 +96,18 @@ def _heartbeats(flight: FlightTable) -> Iterator[Timed]:
     for at in np.arange(flight.begin_s, flight.end_s, _HEARTBEAT_S).tolist():
         while place + 1 < len(changes) and changes[place + 1][0] <= at:
             place += 1
-        yield (
-            at - 1e-3,  # the first message of a vehicle
-            dialect.MAVLink_heartbeat_message(
-                dialect.MAV_TYPE_FIXED_WING,
-                dialect.MAV_AUTOPILOT_GENERIC,
-                dialect.MAV_MODE_FLAG_SAFETY_ARMED | dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
-                numbers.get(changes[place][1], _UNKNOWN_MODE),
-                dialect.MAV_STATE_ACTIVE,
-                3,
-            ),
+        number = numbers.get(changes[place][1])  # None: of a mode that we do not have
+        flags = dialect.MAV_MODE_FLAG_SAFETY_ARMED
+        flags |= 0 if number is None else dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        message = dialect.MAVLink_heartbeat_message(
+            dialect.MAV_TYPE_FIXED_WING,
+            dialect.MAV_AUTOPILOT_GENERIC,
+            flags,
+            number or 0,
+            dialect.MAV_STATE_ACTIVE,
+            3,
         )
+        yield at - 1e-3, message  # the first message of a vehicle
 
 
 def _texts(flight: FlightTable) -> Iterator[Timed]:

@@ -95,11 +95,11 @@ def read_systems(path: Path) -> tuple[dict[int, HeardSystem], list[str]]:
             kind = dialect.mavlink_map.get(number)
             end = begin + size
             if kind is None:
-                wrong["of messages that are not in common.xml"] += 1
+                wrong["are of messages that common.xml does not have"] += 1
                 continue
             checksum = mcrf4xx(frame[1:end] + bytes((kind.crc_extra,)))
             if checksum.to_bytes(CRC_SIZE, "little") != frame[end : end + CRC_SIZE]:
-                wrong["with a wrong checksum"] += 1
+                wrong["have a wrong checksum"] += 1
                 continue
             places, payloads = found[system].setdefault(kind.msgname, MessageKind([], []))
             places.append(len(times) - 1)
@@ -112,7 +112,7 @@ def read_systems(path: Path) -> tuple[dict[int, HeardSystem], list[str]]:
         remarks.append(f"only its first {len(times)} frames are read: {problem}")
     if not found:
         raise BadInput(f"{path}: no MAVLink frame in it")
-    remarks += [f"{number} of {len(times)} frames are {what}" for what, number in wrong.items()]
+    remarks += [f"{number} of {len(times)} frames {what}" for what, number in wrong.items()]
     time_s = np.array(times) / 1e6
     return {system: HeardSystem(time_s, kinds) for system, kinds in found.items()}, remarks
 

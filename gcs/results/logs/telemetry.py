@@ -94,10 +94,12 @@ class _Clock:
     Attributes:
         name: Of the clock.
         heard_at_0: Time of reception at 0 [s].
+        has_jumped: Whether what was heard before and after is of another time.
     """
 
     def __init__(self, name: str, heard_s: np.ndarray, own_s: np.ndarray, begin_s: float) -> None:
         self.name = name
+        self.has_jumped = False
         self._heard, self._own, self._begin = heard_s, own_s, begin_s
         self.heard_at_0 = float(heard_s[0] - own_s[0] + begin_s)
 
@@ -116,9 +118,11 @@ class _Clock:
         stretch, jump = longest_stretch(own[order])
         remarks += [jump] if jump else []
         rows = order[stretch]
-        own = np.maximum.accumulate(own[rows])
-        begin = 0.0 if name == "simulated" else float(own[0])
-        return cls(name, heard.time_s[places[rows]], own, begin)
+        own = own[rows]
+        begin = 0.0 if name == "simulated" else float(own.min())
+        found = cls(name, heard.time_s[places[rows]], np.maximum.accumulate(own), begin)
+        found.has_jumped = bool(jump)
+        return found
 
     def times(self, heard: HeardSystem, name: str) -> tuple[np.ndarray, str]:
         """Return the times of all messages of a kind [s], and their clock; NaN where it is not."""
@@ -132,13 +136,15 @@ class _Clock:
             own = own + np.nanmedian(placed + self._begin - own)
         return np.where(np.isfinite(placed), own - self._begin, np.nan), self.name
 
-    def placed(self, heard_s: np.ndarray, ends: float | None = np.nan) -> np.ndarray:
-        """Return the flight's time when something was heard [s].
+    def placed(self, heard_s: np.ndarray) -> np.ndarray:
+        """Return the flight's time when something was heard [s]; NaN before and after."""
+        return self._placed(heard_s, np.nan)
 
-        Args:
-            heard_s: Time of reception, shape (n,) [s].
-            ends: What it is before and after; None: the flight's first and last time.
-        """
+    def placed_in(self, heard_s: np.ndarray) -> np.ndarray:
+        """Return the same of what has no other time: before and after at the flight's ends."""
+        return self._placed(heard_s, np.nan if self.has_jumped else None)
+
+    def _placed(self, heard_s: np.ndarray, ends: float | None) -> np.ndarray:
         order = np.argsort(self._heard, kind="stable")
         own = self._own[order] - self._begin
         return np.asarray(np.interp(heard_s, self._heard[order], own, ends, ends))
@@ -148,9 +154,12 @@ def _modes(heard: HeardSystem, clock: _Clock) -> Iterator[tuple[float, str]]:
     if "HEARTBEAT" not in heard.kinds:
         return
     numbers = heard.values("HEARTBEAT")["custom_mode"]
-    time_s = clock.placed(heard.heard_s("HEARTBEAT"), None)
-    for k in np.flatnonzero(np.append(True, np.diff(numbers.astype(int)) != 0)).tolist():
-        yield float(time_s[k]), _mode_name(int(numbers[k]), heard.heartbeat)
+    time_s = clock.placed_in(heard.heard_s("HEARTBEAT"))
+    at, numbers = time_s[np.isfinite(time_s)], numbers[np.isfinite(time_s)].astype(int)
+    last = np.append(np.diff(at) > 0.0, True)[: len(at)]  # of several at one time
+    at, numbers = at[last], numbers[last]
+    for k in np.flatnonzero(np.append(True, np.diff(numbers) != 0)[: len(at)]).tolist():
+        yield float(at[k]), _mode_name(int(numbers[k]), heard.heartbeat)
 
 
 def _mode_name(number: int, heartbeat: Mapping[str, int]) -> str:
@@ -167,10 +176,12 @@ def _mode_name(number: int, heartbeat: Mapping[str, int]) -> str:
 def _texts(heard: HeardSystem, clock: _Clock) -> Iterator[LogText]:
     if "STATUSTEXT" not in heard.kinds:
         return
-    time_s = clock.placed(heard.heard_s("STATUSTEXT"), None)
+    time_s = clock.placed_in(heard.heard_s("STATUSTEXT"))
     values, assembler = heard.values("STATUSTEXT"), TextAssembler()
     columns = (values[name].tolist() for name in ("severity", "text", "id", "chunk_seq"))
     for at, severity, text, number, chunk in zip(time_s.tolist(), *columns, strict=True):
+        if np.isnan(at):
+            continue
         message = dialect.MAVLink_statustext_message(severity, text, number, chunk)
         for one in assembler.receive(message, at):
             yield LogText(at, one.severity, one.text)

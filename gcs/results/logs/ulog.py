@@ -167,7 +167,9 @@ def read_ulog(path: Path) -> FlightTable:
         channels=channels,
         modes=() if status is None else tuple(_modes(_time_s(status) - shift, status)),
         texts=tuple(
-            LogText(one.timestamp / 1e6 - shift, one.log_level - ord("0"), visible(one.message))
+            LogText(
+                one.timestamp / 1e6 - shift, one.log_level - ord("0"), visible(one.message.strip())
+            )
             for one in log.logged_messages
         ),
         parameters={
@@ -226,10 +228,9 @@ def _prepared(name: str, values: Values, ours: bool) -> Values:
     if name == "vehicle_attitude_setpoint":
         return with_angles(values, "q_d[0] q_d[1] q_d[2] q_d[3]")
     if name == "actuator_outputs" and not ours:
-        return {
-            field: np.where(column >= _LEAST_PULSE, column, np.nan)
-            for field, column in values.items()
-        }
+        number = int(values["noutputs"].max(initial=0)) if "noutputs" in values else 16
+        pulses = {field: values[field] for field in (f"output[{k}]" for k in range(number))}
+        return {one: np.where(p >= _LEAST_PULSE, p, np.nan) for one, p in pulses.items()}
     if name in {"vehicle_gps_position", "sensor_gps"} and "fix_type" in values:
         has_fix = values["fix_type"] >= 2
         return {field: np.where(has_fix, column, np.nan) for field, column in values.items()}

@@ -101,6 +101,7 @@ def test_the_replay_shows_what_the_log_has(flight: FlightTable) -> None:
     assert vehicle.held[1] == np.sign(np.sin(19.9))
     assert "Engine failure" in [one.text for one in vehicle.texts]
     assert "mode FBWA" in [one.text for one in vehicle.texts]
+    assert vehicle.mode == "-"  # FBWA is none of ours
     assert not vehicle.tells_private  # no triggers
     rows = vehicle.history.rows()
     assert len(rows) == pytest.approx(200, abs=2)

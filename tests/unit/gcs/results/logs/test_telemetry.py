@@ -132,7 +132,10 @@ def test_mavlink_1_is_read_as_well() -> None:
 
 def test_a_vehicle_that_was_restarted_is_told(tmp_path: Path) -> None:
     first, second = plane(50.0, 3.0), plane(2.0, 8.0, late=20.0)
+    first.append((1.0, dialect.MAVLink_statustext_message(4, b"of the first")))
     flight = read_flight(written(tmp_path / "a.tlog", (1, first + second)))
+    assert flight.texts == ()
+    assert flight.modes == ((0.0, "AUTO"), (pytest.approx(5.0), "FBWA"))
     assert flight.duration_s == pytest.approx(7.9, abs=0.05)
     assert flight["indicated_airspeed"].values[0] == 20.0
     assert any("the clock jumps by -50" in one for one in flight.remarks)
@@ -153,7 +156,7 @@ def test_damaged_and_unknown_frames_are_counted(tmp_path: Path) -> None:
     path.write_bytes(data)
     flight = read_flight(path)
     assert len(flight["roll"].values) == 99
-    assert any("1 of " in one and "wrong checksum" in one for one in flight.remarks)
+    assert any("1 of " in one and "have a wrong checksum" in one for one in flight.remarks)
 
 
 def test_texts_in_pieces_are_whole(tmp_path: Path) -> None:

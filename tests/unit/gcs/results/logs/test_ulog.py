@@ -68,7 +68,7 @@ FIELDS = {
     ],
     "airspeed_validated": [("true_airspeed_m_s", "float", 1)],
     "airspeed": [("true_airspeed_m_s", "float", 1)],
-    "actuator_outputs": [("output", "float", 16)],
+    "actuator_outputs": [("noutputs", "uint32_t", 1), ("output", "float", 16)],
     "vehicle_status": [("nav_state", "uint8_t", 1)],
 }
 
@@ -89,6 +89,8 @@ def px4_log(path: Path, times_us: np.ndarray, keep: float = 1.0) -> Path:
     made["airspeed"]["true_airspeed_m_s"] = 99.0
     made["actuator_outputs"]["output"] = 0.0
     made["actuator_outputs"]["output"][:, 1] = 1600.0
+    made["actuator_outputs"]["output"][:, 4] = 900.0
+    made["actuator_outputs"]["noutputs"] = 4
     made["vehicle_status"]["nav_state"] = np.where(np.arange(len(times_us)) < 10, 0, 5)
     file = io.BytesIO()
     writer = UlogWriter(file, int(times_us[0]), {"sys_name": "PX4"}, {"A": 1}, topics.values())
@@ -114,7 +116,8 @@ def test_channels_of_px4_have_our_names_and_units(tmp_path: Path) -> None:
     assert flight["gnss_v_north"].values[0] == 12.0
     assert flight["gnss_latitude"].time_s[0] == pytest.approx(0.1)
     assert flight["output_2"].values[0] == 1600.0
-    assert "output_1" not in flight
+    assert "output_1" not in flight  # no pulse
+    assert "output_5" not in flight  # no output
     assert flight.duration_s == pytest.approx(3.98)
     assert flight["roll"].rate_hz == pytest.approx(50.0)
     assert flight.modes == ((0.0, "MANUAL"), (pytest.approx(0.2), "AUTO_RTL"))
