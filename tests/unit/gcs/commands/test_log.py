@@ -98,6 +98,7 @@ def test_the_replay_shows_what_the_log_has(flight: FlightTable) -> None:
     assert vehicle.position_m == pytest.approx(
         (100.0 * np.sin(3.98), 100.0 * (1 - np.cos(3.98)), -19.9), abs=0.5
     )
+    assert vehicle.held is not None
     assert vehicle.held[1] == np.sign(np.sin(19.9))
     assert "Engine failure" in [one.text for one in vehicle.texts]
     assert "mode FBWA" in [one.text for one in vehicle.texts]
@@ -116,6 +117,7 @@ def test_a_log_with_differences_only_shows_these(flight: FlightTable) -> None:
     }
     player = replayed(frames_of(FlightTable("x", "csv", by_name(named.values()))))
     [vehicle] = player.fleet.vehicles.values()
+    assert vehicle.error is not None
     assert vehicle.error[:2] == pytest.approx((1.99, np.degrees(1.99)), abs=0.01)
     assert vehicle.attitude_deg is None
 

@@ -92,7 +92,8 @@ def test_channels_have_our_names_units_and_signs(tmp_path: Path) -> None:
     assert last["gnss_latitude"] == pytest.approx(-35.0)
     assert last["gnss_v_east"] == pytest.approx(20.0)
     assert flight.modes[0] == (0.0, "AUTO")
-    assert flight.modes[1] == (pytest.approx(5.0), "FBWA")
+    assert flight.modes[1][0] == pytest.approx(5.0)
+    assert flight.modes[1][1] == "FBWA"
     assert flight.started is not None
     assert flight.started.timestamp() == pytest.approx(BEGIN_S)
 
@@ -160,7 +161,7 @@ def test_damaged_and_unknown_frames_are_counted(tmp_path: Path) -> None:
 
 
 def test_texts_in_pieces_are_whole(tmp_path: Path) -> None:
-    said = [
+    said: list[Timed] = [
         (2.0, dialect.MAVLink_statustext_message(4, b"x" * 50, 7, 0)),
         (2.1, dialect.MAVLink_statustext_message(4, b"yz", 7, 1)),
         (3.0, dialect.MAVLink_statustext_message(6, b"ready")),
