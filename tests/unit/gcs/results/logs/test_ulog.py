@@ -28,6 +28,7 @@ def run(scenario1: Scenario, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("run")
     fault = {"uav": 2, "actuator": "rudder", "effectiveness": 0.5, "start_s": 0.2}
     tree = scenario1.model_dump() | {"duration_s": 2.5, "faults": [fault]}
+    tree["sensors"]["airspeed_m_s"]["noise_rms"] = 0.3  # measured is not true
     scenario = scenario_of("x", tree)
     with marked(folder, scenario, FlightMark.of("fly", "x", scenario)):
         recorder = FlightRecorder(scenario, folder, Record.LIGHT)
