@@ -29,7 +29,7 @@ def frames_of(flight: FlightTable, system: int = 1) -> list[tuple[int, bytes]]:
     """
     packer = FramePacker(system, dialect.MAV_COMP_ID_AUTOPILOT1)
     timed = sorted(
-        [*_states(flight), *_heartbeats(flight), *_texts(flight)], key=lambda one: one[0]
+        [*_heartbeats(flight), *_states(flight), *_texts(flight)], key=lambda one: one[0]
     )
     epoch_s = 0.0 if flight.started is None else flight.started.timestamp()
     return [(round((epoch_s + at) * 1e6), packer.pack(message)) for at, message in timed]
@@ -107,7 +107,7 @@ def _heartbeats(flight: FlightTable) -> Iterator[Timed]:
             dialect.MAV_STATE_ACTIVE,
             3,
         )
-        yield at - 1e-3, message  # the first message of a vehicle
+        yield at, message  # before all others of its time: a vehicle is found by it
 
 
 def _texts(flight: FlightTable) -> Iterator[Timed]:
