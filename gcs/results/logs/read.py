@@ -1,5 +1,6 @@
 """Reading a log, of whatever kind, into the table of a flight."""
 
+import contextlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,27 +24,25 @@ _PACKED = {".xz", ".gz", ".bz2"}
 
 
 _BEGINNINGS = {b"\xa3\x95": "bin", b"ULog": "ulg", b"MATLAB": "mat", b"PAR1": "parquet"}
-"""How files begin whose names do not say what they are."""
+"""How files of some kinds begin, whatever they are called."""
 
 
 def kind_of(path: Path) -> str | None:
-    """Return the kind of a log, by its name or its beginning; a run folder is one, too.
+    """Return the kind of a log, by its beginning or its name; a run folder is one, too.
 
     None if neither says so; it may be a telemetry log, whose beginning is a time.
     """
     if path.is_dir():
         return "recording" if (path / TRAJECTORY).exists() else None
+    with contextlib.suppress(OSError), open_file(path) as file:
+        head = file.read(8)
+        for begin, kind in _BEGINNINGS.items():
+            if head.startswith(begin):
+                return kind
     suffixes = [one.lower() for one in path.suffixes]
     if suffixes and suffixes[-1] in _PACKED:
         return "csv" if suffixes[-2:-1] == [".csv"] else None
-    if suffixes and suffixes[-1] in KINDS:
-        return KINDS[suffixes[-1]]
-    try:
-        with open_file(path) as file:
-            head = file.read(8)
-    except OSError:
-        return None
-    return next((kind for begin, kind in _BEGINNINGS.items() if head.startswith(begin)), None)
+    return KINDS.get(suffixes[-1]) if suffixes else None
 
 
 def read_flight(path: Path, uav: int | None = None, columns: Path | None = None) -> FlightTable:

@@ -7,7 +7,7 @@ import numpy as np
 
 from gcs.console.errors import BadInput
 from gcs.results.logs.table import FlightTable, by_name, channel
-from gcs.results.store import TRAJECTORY, read_table
+from gcs.results.store import TRAJECTORY, is_complete, read_table
 from mavlink_defs.visible import visible
 
 
@@ -46,9 +46,12 @@ def read_recorded(path: Path, uav: int | None) -> FlightTable:
     names = json.loads(table.schema.metadata.get(b"names", b"{}"))
     others = ", ".join(str(one) for one in ids if one != chosen)
     called = f" ({names[str(chosen)]})" if names.get(str(chosen)) else ""
+    remarks = [f"of UAV {chosen}; it has {others}, too (--uav)"] if others else []
+    if not is_complete(file):
+        remarks.append("the recording is torn: what was recorded before is read")
     return FlightTable(
         title=visible(f"{path.name}, UAV {chosen}{called}"),
         kind="recording",
         channels=channels,
-        remarks=(f"of UAV {chosen}; it has {others}, too (--uav)",) if others else (),
+        remarks=tuple(remarks),
     )

@@ -129,7 +129,7 @@ def test_a_second_boot_in_a_log_is_told(path: Path) -> None:
     ("content", "problem"),
     [
         (b"", "is empty"),
-        (b"ULog\x01\x12\x35" + bytes(90), "is no log of ArduPilot"),
+        (b"a text" * 20, "is no log of ArduPilot"),
         (b"\xa3\x95", "has no message of a flight"),
         (b"\xa3\x95\x80" + bytes(300), "has no message of a flight|is a broken log"),
     ],

@@ -130,6 +130,19 @@ def test_channels_of_px4_have_our_names_and_units(tmp_path: Path) -> None:
     assert flight.started.timestamp() == pytest.approx(1_700_000_008.0)
 
 
+def test_a_log_with_the_name_of_another_kind_is_read(tmp_path: Path) -> None:
+    assert read_flight(px4_log(tmp_path / "a.tlog", TIMES[:9])).kind == "ulg"
+
+
+def test_a_torn_recording_is_read_up_to_its_tear(run: Path, tmp_path: Path) -> None:
+    whole = (run / "trajectory.arrows").read_bytes()
+    torn = tmp_path / "trajectory.arrows"
+    torn.write_bytes(whole[:-4])  # the end, and no rows: they are of one batch
+    flight = read_flight(torn, uav=2)
+    assert flight.end_s == read_flight(run, uav=2).end_s
+    assert "the recording is torn: what was recorded before is read" in flight.remarks
+
+
 def test_a_gap_of_the_logger_is_one_of_its_channels(tmp_path: Path) -> None:
     times = np.where(np.arange(200) < 100, TIMES, TIMES + 2_000_000)
     flight = read_flight(px4_log(tmp_path / "a.ulg", times))
@@ -152,7 +165,7 @@ def test_a_log_that_is_cut_off_is_read_up_to_there(tmp_path: Path) -> None:
     ("content", "problem"),
     [
         (b"", "is empty"),
-        (b"\xa3\x95\x80" + bytes(90), "is no ULog file"),
+        (b"a text" * 20, "is no ULog file"),
         (b"ULog\x01\x12\x35", "is a broken ULog file|no topic of a flight"),
         (b"ULog\x01\x12\x35" + bytes(200), "is a broken ULog file|no topic of a flight"),
     ],
