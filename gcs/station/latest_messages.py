@@ -122,7 +122,9 @@ class LatestMessages:
 
 
 def mode_name(heartbeat: Any) -> str:
-    """Return the mode in a HEARTBEAT, such as "AUTO"; the number of an unknown mode; "-": none."""
-    if not heartbeat.base_mode & dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
-        return "-"
-    return MODE_NAMES.get(heartbeat.custom_mode, str(heartbeat.custom_mode))
+    """Return the mode in a HEARTBEAT, such as "AUTO"; the number of an unknown mode.
+
+    "-" is an unknown one of no autopilot, as in the replay of a log whose modes are not ours.
+    """
+    is_known = heartbeat.autopilot != dialect.MAV_AUTOPILOT_INVALID
+    return MODE_NAMES.get(heartbeat.custom_mode, str(heartbeat.custom_mode) if is_known else "-")

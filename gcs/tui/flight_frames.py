@@ -96,14 +96,11 @@ def _heartbeats(flight: FlightTable) -> Iterator[Timed]:
     for at in np.arange(flight.begin_s, flight.end_s, _HEARTBEAT_S).tolist():
         while place + 1 < len(changes) and changes[place + 1][0] <= at:
             place += 1
-        number = numbers.get(changes[place][1])  # None: of a mode that we do not have
-        flags = dialect.MAV_MODE_FLAG_SAFETY_ARMED
-        flags |= 0 if number is None else dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
         message = dialect.MAVLink_heartbeat_message(
             dialect.MAV_TYPE_FIXED_WING,
-            dialect.MAV_AUTOPILOT_GENERIC,
-            flags,
-            number or 0,
+            dialect.MAV_AUTOPILOT_INVALID,
+            dialect.MAV_MODE_FLAG_SAFETY_ARMED | dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
+            numbers.get(changes[place][1], 0),
             dialect.MAV_STATE_ACTIVE,
             3,
         )
