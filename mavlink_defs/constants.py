@@ -56,7 +56,7 @@ MODE_NAMES = {AUTO: "AUTO", RTL: "RTL", LOITER: "LOITER", GUIDED: "GUIDED"}
 MAX_DATAGRAM = 65535
 """Size of the longest UDP payload, rounded up [bytes]."""
 
-MAX_MISSION_ITEMS = 200
+MAX_MISSION_ITEMS = 1000
 """Most items of a mission, without home."""
 
 FORCE_DISARM = 21196.0

@@ -19,6 +19,7 @@ from mavlink_defs.config.problems import ConfigError, Problem, counted, shown
 from mavlink_defs.config.user_files import open_file, read_text
 from mavlink_defs.constants import INT32_MAX
 from mavlink_defs.float32 import decimal_of_float32
+from mavlink_defs.plan_items import NotOneError, simple_items, with_mission
 from mavlink_defs.services.mission import MissionItem
 from mavlink_defs.visible import visible
 
@@ -28,7 +29,9 @@ _OF_PLANS = (b'"fileType"', b'"plannedHomePosition"', b'"groundStation"', b'"MAV
 """Keys by which JSON is a plan, the older formats included."""
 _HEAD_SIZE = 1_000_000  # bytes; keys of plans may be in any order
 MISSION_SUFFIXES = frozenset({".plan", ".waypoints"})
-"""Names of files that are written, and of files that are missions whatever is in them."""
+"""Names of files that are written."""
+_READ_SUFFIXES = MISSION_SUFFIXES | {".mission"}
+"""Names of files that are missions whatever is in them."""
 _COLUMNS = 12
 _MAX_FLOAT = 1e38  # a float32 field holds a little more
 _Number = TypeVar("_Number", int, float)
@@ -63,7 +66,7 @@ def mission_item(
     params: Sequence[float | None] = (),
     latitude: int = 0,
     longitude: int = 0,
-    altitude_m: float = 0.0,
+    altitude_m: float | None = 0.0,
     frame: int = _FRAME,
 ) -> MissionItem:
     """Return an item that is addressed to nobody yet.
@@ -74,14 +77,13 @@ def mission_item(
         params: Parameters 1 to 4; None is NaN, those that lack are 0.
         latitude: [degE7], or what else the command has as x.
         longitude: The same, y.
-        altitude_m: z.
+        altitude_m: z; None is NaN.
         frame: MAV_FRAME.
     """
     given = (math.nan if value is None else value for value in params)
     p1, p2, p3, p4 = (*given, *[0.0] * 4)[:4]
-    return MissionItem(
-        0, 0, seq, frame, command, 0, 1, p1, p2, p3, p4, latitude, longitude, altitude_m, 0
-    )
+    z = math.nan if altitude_m is None else altitude_m
+    return MissionItem(0, 0, seq, frame, command, 0, 1, p1, p2, p3, p4, latitude, longitude, z, 0)
 
 
 class MissionFile(NamedTuple):
@@ -105,7 +107,7 @@ class MissionFile(NamedTuple):
 
 def is_mission_file(path: Path) -> bool:
     """Return whether a file is a mission file, by its first bytes; by its name if it has none."""
-    if path.suffix.lower() in MISSION_SUFFIXES:
+    if path.suffix.lower() in _READ_SUFFIXES:
         return True
     try:
         with open_file(path) as file:
@@ -128,7 +130,7 @@ def read_mission_file(path: Path) -> MissionFile:
         if text.lstrip().startswith("{"):
             return _of_plan(text)
         return MissionFile(_of_waypoints(text))
-    except _NotOneError as error:
+    except NotOneError as error:
         raise ConfigError(path, [Problem((), str(error))]) from error
 
 
@@ -166,10 +168,6 @@ def plan_text(items: Sequence[MissionItem]) -> str:
     return json.dumps(plan, indent=4) + "\n"
 
 
-class _NotOneError(ValueError):
-    """The text is no such file; one line."""
-
-
 def _simple_item(item: MissionItem) -> dict[str, Any]:
     params = (item.param1, item.param2, item.param3, item.param4)
     numbers = [decimal_of_float32(value) for value in params]
@@ -192,29 +190,27 @@ def _of_plan(text: str) -> MissionFile:
     try:
         plan = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise _NotOneError(f"is no JSON: {error}") from error
+        raise NotOneError(f"is no JSON: {error}") from error
+    if "fileType" not in plan and "items" in plan:  # a .mission, the format before plans
+        plan = with_mission(plan)
     mission = plan.get("mission")
     if plan.get("fileType") != "Plan" or not isinstance(mission, dict):
-        raise _NotOneError("expected a plan with fileType 'Plan' and a mission")
+        raise NotOneError("expected a plan with fileType 'Plan' and a mission")
     home, listed = mission.get("plannedHomePosition"), mission.get("items")
     if not isinstance(listed, list):
-        raise _NotOneError("mission.items: expected a list")
+        raise NotOneError("mission.items: expected a list")
     where = "mission.plannedHomePosition"
     numbers = _numbers(home if isinstance(home, list) else [], where, 3)
     entries = [_entry(dialect.MAV_CMD_NAV_WAYPOINT, 0, [0.0] * 4 + numbers, where)]
-    ids: list[int] = []
-    for i, entry in enumerate(listed):
-        where = f"mission.items[{i}]"
-        if not isinstance(entry, dict) or entry.get("type") != "SimpleItem":
-            kind = entry.get("complexItemType") if isinstance(entry, dict) else None
-            text = f"{where}: expected a SimpleItem, got {kind or 'something else'}"
-            raise _NotOneError(f"{text}; its waypoints can be drawn one by one")
+    ids, places = list[int](), list[str]()
+    for where, entry in simple_items(listed, "mission.items"):
         params = entry.get("params")
         numbers = _numbers(params if isinstance(params, list) else [], f"{where}.params", 7)
         command, frame = (_whole(entry, key, where) for key in ("command", "frame"))
         entries.append(_entry(command, frame, numbers, where))
         ids.append(_whole({"doJumpId": len(ids) + 1} | entry, "doJumpId", where))
-    _find_targets(entries[1:], ids, 1, "doJumpId", "mission.items[{}]")
+        places.append(where)
+    _find_targets(entries, ids, places, "doJumpId")
     parts = list(_not_flown(plan, mission))
     if (more := len(parts) - MAX_NOT_FLOWN + 1) > 1:
         parts[-more:] = [f"{more} more keys"]
@@ -236,7 +232,8 @@ def _not_flown(plan: dict[str, Any], mission: dict[str, Any]) -> Iterator[str]:
             yield f"a {noun} speed of {shown(mission[key])} m/s"
     if (kind := mission.get("vehicleType", _PLANE)) != _PLANE:
         yield f"vehicleType {shown(kind)}, which is no fixed-wing aircraft"
-    held = sum(entry.get("autoContinue") is False for entry in mission["items"])
+    items = (entry for entry in mission["items"] if isinstance(entry, dict))
+    held = sum(entry.get("autoContinue") is False for entry in items)
     if held:
         yield f"autoContinue false of {counted(held, 'item')}"
     for where, tree, known in (("", plan, _PLAN_KEYS), ("mission.", mission, _MISSION_KEYS)):
@@ -255,30 +252,32 @@ def _length(tree: Any, key: str) -> int:
 def _of_waypoints(text: str) -> tuple[dict[str, Any], ...]:
     rows = [line for line in map(str.strip, text.splitlines()) if line and line[0] != "#"]
     if not rows or rows[0].split() != _WAYPOINTS_HEAD.split():
-        raise _NotOneError(f"expected a plan (JSON), or {_WAYPOINTS_HEAD!r} in the first line")
+        raise NotOneError(f"expected a plan (JSON), or {_WAYPOINTS_HEAD!r} in the first line")
     entries, ids = [], []
     for seq, row in enumerate(rows[1:]):
         where, fields = f"item {seq}", row.split()
         if len(fields) != _COLUMNS:
-            raise _NotOneError(f"{where}: expected {_COLUMNS} columns, got {len(fields)}")
+            raise NotOneError(f"{where}: expected {_COLUMNS} columns, got {len(fields)}")
         number, frame, command = (_number_in(int, fields[i], where) for i in (0, 2, 3))
         numbers = _numbers([_number_in(float, field, where) for field in fields[4:11]], where, 7)
         entries.append(_entry(command, frame, numbers, where))
         ids.append(number)
     if not entries:
-        raise _NotOneError("expected home as item 0, got no item")
-    _find_targets(entries, ids, 0, "the number", "item {}")
+        raise NotOneError("expected home as item 0, got no item")
+    _find_targets(entries, ids, [f"item {seq}" for seq in range(len(ids))], "the number")
     return tuple(entries)
 
 
 def _find_targets(
-    entries: Sequence[dict[str, Any]], ids: Sequence[int], first: int, key: str, where: str
+    entries: Sequence[dict[str, Any]], ids: Sequence[int], places: Sequence[str], key: str
 ) -> None:
     """Let jumps go to the number that an item has, in place of what the file calls it.
 
-    Then all parameters become decimals, as float32 fields hold them.
+    Then all parameters become decimals, as float32 fields hold them. The last entries have ids and
+    places in the file; what is before them has none.
     """
-    for i, entry in enumerate(entries):
+    first = len(entries) - len(ids)
+    for entry, where in zip(entries[first:], places, strict=True):
         if entry["command"] != dialect.MAV_CMD_DO_JUMP:
             continue
         target = math.nan if entry["params"][0] is None else entry["params"][0]
@@ -286,7 +285,7 @@ def _find_targets(
         if len(found) != 1:
             got = counted(len(found), "item") if found else "no item"
             text = f"jumps to {key} {target:g}, which {got} {'have' if found else 'has'}"
-            raise _NotOneError(f"{where.format(i)}: {text}")
+            raise NotOneError(f"{where}: {text}")
         entry["params"][0] = float(found[0])
     for entry in entries:
         given = entry["params"]
@@ -296,26 +295,27 @@ def _find_targets(
 def _entry(command: int, frame: int, numbers: Sequence[float], where: str) -> dict[str, Any]:
     """Return an entry of seven parameters; x and y are degrees in every file."""
     if not 0 <= command <= 0xFFFF or not 0 <= frame <= 0xFF:
-        raise _NotOneError(f"{where}: there is no command {command} in a frame {frame}")
+        raise NotOneError(f"{where}: there is no command {command} in a frame {frame}")
     *params, x, y, z = numbers
     places = [INT32_MAX if math.isnan(value) else round(value * 1e7) for value in (x, y)]
     if any(abs(place) > INT32_MAX for place in places):
-        raise _NotOneError(f"{where}: expected degrees, got {x:g} and {y:g}")
+        raise NotOneError(f"{where}: expected degrees, got {x:g} and {y:g}")
     given = [None if math.isnan(value) else value for value in params]
-    place = {"x": places[0], "y": places[1], "z": decimal_of_float32(z)}
+    height = None if math.isnan(z) else decimal_of_float32(z)
+    place = {"x": places[0], "y": places[1], "z": height}
     return {"command": command, "frame": frame, "params": given} | place
 
 
 def _numbers(values: Sequence[Any], where: str, count: int) -> list[float]:
     """Return numbers that float32 fields hold; nothing given becomes NaN."""
     if len(values) != count:
-        raise _NotOneError(f"{where}: expected {count} numbers, got {len(values)}")
+        raise NotOneError(f"{where}: expected {count} numbers, got {len(values)}")
     numbers = []
     for value in values:
         if value is not None and (isinstance(value, bool) or not isinstance(value, int | float)):
-            raise _NotOneError(f"{where}: expected numbers, got {value!r}")
+            raise NotOneError(f"{where}: expected numbers, got {value!r}")
         if value is not None and abs(value) > _MAX_FLOAT:  # a whole number may be too large for %g
-            raise _NotOneError(
+            raise NotOneError(
                 f"{where}: expected numbers within {_MAX_FLOAT:g}, got {shown(value)}"
             )
         numbers.append(math.nan if value is None else float(value))
@@ -327,13 +327,13 @@ def _number_in(kind: Callable[[str], _Number], field: str, where: str) -> _Numbe
         return kind(field)
     except ValueError:
         noun = "whole number" if kind is int else "number"
-        raise _NotOneError(f"{where}: expected a {noun}, got {shown(field)}") from None
+        raise NotOneError(f"{where}: expected a {noun}, got {shown(field)}") from None
 
 
 def _whole(entry: dict[str, Any], key: str, where: str) -> int:
     value = entry.get(key)
     if isinstance(value, bool) or not isinstance(value, int):
-        raise _NotOneError(f"{where}.{key}: expected a whole number, got {value!r}")
+        raise NotOneError(f"{where}.{key}: expected a whole number, got {value!r}")
     return value
 
 

@@ -10,6 +10,7 @@ from typing import NamedTuple, TypeAlias
 
 from ftc_autopilot.common.geography import Origin
 from ftc_autopilot.guidance.limits import FlightLimits
+from ftc_autopilot.guidance.mission_commands import ANNOUNCED, FLOWN_STRAIGHT, TAG
 from ftc_autopilot.guidance.mission_places import (
     ANYWHERE_M,
     Home,
@@ -29,58 +30,46 @@ LOITER, LOITER_TURNS, LOITER_TIME = (
     dialect.MAV_CMD_NAV_LOITER_TURNS,
     dialect.MAV_CMD_NAV_LOITER_TIME,
 )
+LOITER_TO_ALT = dialect.MAV_CMD_NAV_LOITER_TO_ALT
 SPEED, DELAY = dialect.MAV_CMD_DO_CHANGE_SPEED, dialect.MAV_CMD_CONDITION_DELAY
+DISTANCE = dialect.MAV_CMD_CONDITION_DISTANCE
 JUMP, SET_HOME = dialect.MAV_CMD_DO_JUMP, dialect.MAV_CMD_DO_SET_HOME
+JUMP_TO_TAG = dialect.MAV_CMD_DO_JUMP_TAG
 TAKEOFF = dialect.MAV_CMD_NAV_TAKEOFF
+GROUND_DELAY = dialect.MAV_CMD_NAV_DELAY
 
-PLACES = {WAYPOINT, LOITER, LOITER_TURNS, LOITER_TIME, RETURN}
+WAYPOINTS = {WAYPOINT} | FLOWN_STRAIGHT
+PLACES = WAYPOINTS | {LOITER, LOITER_TURNS, LOITER_TIME, LOITER_TO_ALT, RETURN}
 """Commands that lead to a place."""
-COMMANDS = PLACES | {TAKEOFF, SPEED, DELAY, JUMP, SET_HOME}
+JUMPS = {JUMP, JUMP_TO_TAG}
+COMMANDS = PLACES | JUMPS | {TAKEOFF, GROUND_DELAY, SPEED, DELAY, DISTANCE, SET_HOME}
 """All that a path is made of."""
+UNCHANGED, DEFAULT = -1.0, -2.0
+"""Speeds of DO_CHANGE_SPEED that are none."""
 
 _MAX_TURNS = 1000
 _MAX_S = 86_400
 
 _FLIES_ONLY = "flights begin and end in the air"
-_NO_PAYLOAD = "there is no payload; leave it out"
+_HOVERS = "the aircraft cannot hover"
 _REASONS = {
-    dialect.MAV_CMD_NAV_LOITER_TO_ALT: "give NAV_LOITER_TURNS (18), or a waypoint, that height",
-    dialect.MAV_CMD_CONDITION_YAW: "the heading is the path's; leave it out",
-    dialect.MAV_CMD_DO_FENCE_ENABLE: "there is no fence; leave it out",
-    **dict.fromkeys(
-        (
-            dialect.MAV_CMD_DO_SET_RELAY,
-            dialect.MAV_CMD_DO_REPEAT_RELAY,
-            dialect.MAV_CMD_DO_SET_SERVO,
-            dialect.MAV_CMD_DO_REPEAT_SERVO,
-            dialect.MAV_CMD_DO_SET_ROI_LOCATION,
-            dialect.MAV_CMD_DO_SET_ROI_NONE,
-            dialect.MAV_CMD_DO_SET_ROI,
-            dialect.MAV_CMD_DO_DIGICAM_CONFIGURE,
-            dialect.MAV_CMD_DO_DIGICAM_CONTROL,
-            dialect.MAV_CMD_DO_MOUNT_CONFIGURE,
-            dialect.MAV_CMD_DO_MOUNT_CONTROL,
-            dialect.MAV_CMD_DO_SET_CAM_TRIGG_DIST,
-            dialect.MAV_CMD_DO_SET_CAM_TRIGG_INTERVAL,
-            dialect.MAV_CMD_DO_GRIPPER,
-            dialect.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW,
-            dialect.MAV_CMD_SET_CAMERA_MODE,
-            dialect.MAV_CMD_IMAGE_START_CAPTURE,
-            dialect.MAV_CMD_IMAGE_STOP_CAPTURE,
-            dialect.MAV_CMD_VIDEO_START_CAPTURE,
-            dialect.MAV_CMD_VIDEO_STOP_CAPTURE,
-        ),
-        _NO_PAYLOAD,
-    ),
+    dialect.MAV_CMD_DO_CHANGE_ALTITUDE: "give the next place that altitude",
+    dialect.MAV_CMD_CONDITION_CHANGE_ALT: "give the next place that altitude",
+    dialect.MAV_CMD_NAV_CONTINUE_AND_CHANGE_ALT: "give NAV_LOITER_TO_ALT (31) that altitude",
+    dialect.MAV_CMD_DO_SET_MISSION_CURRENT: "give DO_JUMP (177)",
+    dialect.MAV_CMD_DO_SET_MODE: "a mission is flown in AUTO; its end may be RTL (20)",
+    dialect.MAV_CMD_DO_INVERTED_FLIGHT: "no law flies inverted; leave it out",
+    dialect.MAV_CMD_NAV_GUIDED_ENABLE: "a station chooses GUIDED; leave it out",
     dialect.MAV_CMD_NAV_LAND: _FLIES_ONLY,
     dialect.MAV_CMD_NAV_TAKEOFF: _FLIES_ONLY,
     dialect.MAV_CMD_NAV_LAND_LOCAL: _FLIES_ONLY,
     dialect.MAV_CMD_NAV_TAKEOFF_LOCAL: _FLIES_ONLY,
     dialect.MAV_CMD_DO_LAND_START: _FLIES_ONLY,
-    dialect.MAV_CMD_NAV_VTOL_TAKEOFF: "the aircraft cannot hover",
-    dialect.MAV_CMD_NAV_VTOL_LAND: "the aircraft cannot hover",
-    dialect.MAV_CMD_NAV_DELAY: "the aircraft cannot hover",
-    dialect.MAV_CMD_NAV_SPLINE_WAYPOINT: "paths are made of lines and arcs",
+    dialect.MAV_CMD_NAV_VTOL_TAKEOFF: f"{_HOVERS}; give NAV_TAKEOFF (22)",
+    dialect.MAV_CMD_NAV_VTOL_LAND: f"{_HOVERS}; leave it out",
+    dialect.MAV_CMD_DO_VTOL_TRANSITION: f"{_HOVERS}; leave it out",
+    dialect.MAV_CMD_NAV_PAYLOAD_PLACE: f"{_HOVERS}; give NAV_WAYPOINT (16) and DO_GRIPPER (211)",
+    dialect.MAV_CMD_NAV_DELAY: f"{_HOVERS}; give NAV_LOITER_TIME (19)",
     dialect.MAV_CMD_FTC_REFERENCE_SEGMENT: "a mission is a profile of segments or a path, not both",
 }
 
@@ -101,21 +90,33 @@ def refusal(command: int) -> str:
     return f"command {command} is not supported" + (f": {reason}" if reason else "")
 
 
+class When(NamedTuple):
+    """Where on the way to a place something happens: behind both, at the latest at its end."""
+
+    after_m: float = 0.0  # from the way's begin
+    left_m: float = math.inf  # to the way's end
+
+    def on(self, length: float) -> float:
+        """Return the distance from the begin of a way of some length [m]."""
+        return max(self.after_m, length - self.left_m)
+
+
 class MissionTarget(NamedTuple):
     """An item of a mission in the simulation's world, and how the way to it is flown.
 
     Attributes:
         item: The item.
         place: North and east of a waypoint, a circle's centre or a new home [m]; None: a circle
-            through the place before, or home at the place before.
+            through the place before, or a waypoint or home at the place before.
         height: [m].
         within: Greatest distance at which a waypoint is passed; 0: any [m].
         radius: Of a circle, positive clockwise; 0: as of other turns, or a waypoint [m].
         length: Of the circle; it may be infinite [m]. This and all that follows depends on the
             items flown before; see `ftc_autopilot.guidance.targets`.
         airspeed: Where the way to it begins [m/s].
-        changes: Distance [m] from there and airspeed [m/s] of each change on the way; those beyond
-            its end take effect at the end.
+        changes: Where on the way the airspeed changes, and to what [m/s]; what lies beyond its end
+            takes effect at the end.
+        commands: Where on the way items are passed that change nothing of it, and their numbers.
         home: Home when it is reached.
     """
 
@@ -126,7 +127,8 @@ class MissionTarget(NamedTuple):
     radius: float = 0.0
     length: float = 0.0
     airspeed: float = 0.0
-    changes: tuple[tuple[float, float], ...] = ()
+    changes: tuple[tuple[When, float], ...] = ()
+    commands: tuple[tuple[When, int], ...] = ()
     home: Home = Home()
 
     @property
@@ -161,17 +163,22 @@ def decode_items(
         ItemError: An item cannot be flown.
     """
     targets: list[MissionTarget] = []
+    tags = {param(item, 1) for item in items[1:] if item.command == TAG}
+    height = math.nan  # of the place before
     for seq, item in enumerate(items[1:], start=1):
         if item.seq != seq:
             text = f"it is at place {seq}, but has number {item.seq}"
             raise ItemError(seq, dialect.MAV_MISSION_INVALID_SEQUENCE, text)
-        if item.command not in COMMANDS:
+        if item.command not in COMMANDS | ANNOUNCED:
             raise ItemError(seq, dialect.MAV_MISSION_UNSUPPORTED, refusal(item.command))
-        if item.command == TAKEOFF and any(t.item.command in PLACES for t in targets):
-            text = f"{refusal(TAKEOFF)}; it is taken as past before the first place only"
+        on_ground = item.command in {TAKEOFF, GROUND_DELAY}
+        if on_ground and any(t.item.command in PLACES for t in targets):
+            text = f"{refusal(item.command)}; it is taken as past before the first place only"
             raise ItemError(seq, dialect.MAV_MISSION_UNSUPPORTED, text)
-        _check_params(item, limits, len(items) - 1)
-        target = _placed(item, origin, home, limits)
+        _check_params(item, limits, len(items) - 1, tags)
+        target = _placed(item, origin, home, limits, height)
+        if item.command in PLACES and item.command != RETURN:
+            height = target.height
         if item.command == SET_HOME and target.place is not None:
             home = Home(*target.place, target.height)
         targets.append(target)
@@ -182,28 +189,31 @@ _Check: TypeAlias = tuple[int, str, bool, str]
 """Number and name of a param, whether it is good, and what is expected."""
 
 
-def _check_params(item: MissionItem, limits: FlightLimits, last: int) -> None:
-    """Refuse params that cannot be flown; `last` is the number of the mission's last item."""
+def _check_params(item: MissionItem, limits: FlightLimits, last: int, tags: set[float]) -> None:
+    """Refuse params that cannot be flown; `last`: number of the last item; `tags`: that it has."""
     low, high = limits.slowest_m_s, limits.fastest_m_s
     p1, p2 = param(item, 1), param(item, 2)
     within = (2, "acceptance radius", not p2 < 0.0, ">= 0 m")
     radius = (3, "radius", abs(param(item, 3)) <= ANYWHERE_M, f"at most {ANYWHERE_M:g} m")
     seconds = (0.0 <= p1 <= _MAX_S, f"0 to {_MAX_S} s")
+    jumps = (2, "jumps", p2 in range(-1, _MAX_TURNS + 1), f"-1 (always) to {_MAX_TURNS}")
+    known = ", ".join(f"{tag:g}" for tag in sorted(tags)) or "one of a JUMP_TAG (600)"
+    fast = (low <= p2 <= high or p2 in {UNCHANGED, DEFAULT}, f"{low:g} to {high:g} m/s")
     checks: dict[int, list[_Check]] = {
         WAYPOINT: [within, radius],
         LOITER: [radius],
         LOITER_TURNS: [(1, "turns", 0.0 < p1 <= _MAX_TURNS, f"1 to {_MAX_TURNS}"), radius],
         LOITER_TIME: [(1, "time", *seconds), radius],
+        LOITER_TO_ALT: [(2, "radius", abs(p2) <= ANYWHERE_M, f"at most {ANYWHERE_M:g} m")],
         # the aircraft holds airspeeds, whatever the type
         SPEED: [
             (1, "speed type", p1 in {0.0, 1.0}, "0 (airspeed) or 1 (ground speed)"),
-            (2, "speed", low <= p2 <= high, f"{low:g} to {high:g} m/s"),
+            (2, "speed", *fast),
         ],
         DELAY: [(1, "delay", *seconds)],
-        JUMP: [
-            (1, "jump to item", p1 in range(1, last + 1), f"1 to {last}"),
-            (2, "jumps", p2 in range(-1, _MAX_TURNS + 1), f"-1 (always) to {_MAX_TURNS}"),
-        ],
+        DISTANCE: [(1, "distance", 0.0 <= p1 <= ANYWHERE_M, f"0 to {ANYWHERE_M:g} m")],
+        JUMP: [(1, "jump to item", p1 in range(1, last + 1), f"1 to {last}"), jumps],
+        JUMP_TO_TAG: [(1, "jump to tag", p1 in tags, known), jumps],
         SET_HOME: [(1, "use of the present place", p1 in {0.0, 1.0}, "0 or 1")],
     }
     for number, name, good, expected in checks.get(item.command, []):
@@ -212,21 +222,32 @@ def _check_params(item: MissionItem, limits: FlightLimits, last: int) -> None:
             raise ItemError(item.seq, dialect.MAV_MISSION_INVALID_PARAM1 + number - 1, text)
 
 
-def _placed(item: MissionItem, origin: Origin, home: Home, limits: FlightLimits) -> MissionTarget:
-    """Return an item whose params are good with its place and height."""
+def _placed(
+    item: MissionItem, origin: Origin, home: Home, limits: FlightLimits, before: float
+) -> MissionTarget:
+    """Return an item whose params are good with its place and height.
+
+    What a planner leaves out, x and y of 0 or no value, is the place before; no altitude, or 0 m
+    there, is its height, `before`.
+    """
     command = item.command
     flown_to = command in PLACES and command != RETURN
     if not flown_to and (command != SET_HOME or param(item, 1) == 1.0):
         return MissionTarget(item)
     place = None
-    if command in {WAYPOINT, SET_HOME} or has_place(item):
+    if command == SET_HOME or has_place(item):
         place = north_east_of(item.x, item.y, origin, item.seq)
-    height = height_of(item.frame, decimal_of_float32(item.z), origin, home, item.seq)
+    altitude, height = decimal_of_float32(item.z), before
+    left_out = math.isnan(altitude) or (place is None and altitude == 0.0)
+    if not left_out or math.isnan(before):
+        altitude = math.nan if left_out else altitude
+        height = height_of(item.frame, altitude, origin, home, item.seq)
     if not flown_to:
         return MissionTarget(item, place, height)
     check_height(height, home, limits, item.seq)
     within = param(item, 2) if command == WAYPOINT else 0.0
-    return MissionTarget(item, place, height, within, param(item, 3))
+    radius = 0.0 if command in FLOWN_STRAIGHT else param(item, 2 if command == LOITER_TO_ALT else 3)
+    return MissionTarget(item, place, height, within, radius)
 
 
 def _param(item: MissionItem, number: int) -> float:

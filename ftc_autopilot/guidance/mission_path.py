@@ -18,7 +18,7 @@ from ftc_autopilot.guidance.legs import Circle, Leg, Pose, approach, distance, t
 from ftc_autopilot.guidance.limits import FlightLimits, tightest_turn, turn_radius
 from ftc_autopilot.guidance.mission_items import MissionTarget
 from ftc_autopilot.guidance.mission_places import Home
-from ftc_autopilot.guidance.path import MAX_LEGS, NO_LOOP
+from ftc_autopilot.guidance.path import MAX_COMMANDS, MAX_LEGS, NO_LOOP, PathCommand
 from ftc_autopilot.guidance.targets import Targets, order_of
 from mavlink_defs import dialect
 from mavlink_defs.profile import ItemError
@@ -42,10 +42,11 @@ class Start(NamedTuple):
 
 
 class MissionPath(NamedTuple):
-    """Legs, and which of them follows the last one."""
+    """Legs, which of them follows the last one, and what is passed."""
 
     legs: tuple[Leg, ...]
     loop: int = NO_LOOP
+    commands: tuple[PathCommand, ...] = ()
 
 
 def mission_path(
@@ -129,6 +130,7 @@ class _Builder:
         self._begun: list[Leg] = []  # what follows a corner's middle
         self._circle: MissionTarget | None = None  # what is left
         self._legs: list[Leg] = []
+        self._commands: list[PathCommand] = []
 
     def path(self) -> MissionPath:
         """Return the path."""
@@ -139,22 +141,36 @@ class _Builder:
             self._add_way(k, target)
             same = self._target.index_of_same(k)
             if same is not None and self._alike(begins[same], begins[k]):
-                return MissionPath(tuple(self._legs[: begins[k]]), begins[same])
+                legs = tuple(self._legs[: begins[k]])
+                return MissionPath(legs, begins[same], tuple(self._commands))
+            self._note_commands(target, begins[k])
             self._add_circle(target)
             if len(self._legs) > MAX_LEGS:
-                raise self._too_long(target, k)
+                raise self._too_long(target, k, f"{MAX_LEGS} legs")
+            if len(self._commands) > MAX_COMMANDS:
+                raise self._too_long(target, k, f"{MAX_COMMANDS} commands")
             k += 1
-        return MissionPath(tuple(self._legs))
+        return MissionPath(tuple(self._legs), commands=tuple(self._commands))
 
-    def _too_long(self, target: MissionTarget, k: int) -> ItemError:
+    def _note_commands(self, target: MissionTarget, begin: int) -> None:
+        """Note what is passed on the way to a target, which begins with a leg."""
+        length = sum(leg.length_m for leg in self._legs[begin:])
+        is_end = target.place is None and math.isinf(target.length)
+        for when, item in target.commands:
+            at = when.on(math.inf if is_end else length)
+            if math.isfinite(at):
+                at = at if is_end else min(at, length)
+                self._commands.append(PathCommand(begin, at, item))
+
+    def _too_long(self, target: MissionTarget, k: int, most: str) -> ItemError:
         item = target.item.seq
-        text = f"the path has more than {MAX_LEGS} legs up to here; shorten the mission"
+        text = f"the path has more than {most} up to here; shorten the mission"
         if self._target.index_of_same(k) is not None:
             radius = tightest_turn(target.fastest, self._limits)
             text = f"waypoints are too near to go around: turns have a radius >= {radius:.0f} m"
         elif (jump := self._target.jump_to(k)) is not None:
             item = jump
-            text = f"with this jump the path has more than {MAX_LEGS} legs; jump less often"
+            text = f"with this jump the path has more than {most}; jump less often"
         return ItemError(item, dialect.MAV_MISSION_NO_SPACE, text)
 
     def _alike(self, i: int, k: int) -> bool:
@@ -297,7 +313,8 @@ class _Builder:
         self, target: MissionTarget, pieces: Sequence[Leg], climb: float, *, there: bool = False
     ) -> None:
         """Add legs, cut where the airspeed changes; `there`: after the way to the target."""
-        changes = [] if there else list(target.changes)
+        length = sum(piece.length_m for piece in pieces)
+        changes = [] if there else [(when.on(length), speed) for when, speed in target.changes]
         airspeed = target.airspeed_there if there else target.airspeed
         height, flown = self._height, 0.0
         for piece in pieces:

@@ -16,8 +16,10 @@ ANYWHERE_M = 100_000.0
 RELATIVE_FRAMES = {
     dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT,
     dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+    dialect.MAV_FRAME_GLOBAL_TERRAIN_ALT,
+    dialect.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT,
 }
-"""MAV_FRAMEs whose altitudes count from home."""
+"""MAV_FRAMEs whose altitudes count from home; the ground is flat, as far as a vehicle knows."""
 _ABSOLUTE_FRAMES = {dialect.MAV_FRAME_GLOBAL, dialect.MAV_FRAME_GLOBAL_INT}
 """MAV_FRAMEs whose altitudes are above mean sea level."""
 _ROUNDING_M = 1e-3
@@ -63,7 +65,7 @@ def north_east_of(x: int, y: int, origin: Origin, item: int = 0) -> tuple[float,
     if away > ANYWHERE_M:
         here = f"{{latitude_deg: {x / 1e7:.4f}, longitude_deg: {y / 1e7:.4f}}}"
         text = f"{away / 1e3:.0f} km from the origin, must be <= {ANYWHERE_M / 1e3:g} km; to fly"
-        text += f" there, give the scenario origin: {here}"
+        text += f" there, give the scenario origin: {here}; to fly it here, gcs mission has --here"
         raise ItemError(item, dialect.MAV_MISSION_INVALID_PARAM5_X, text)
     return north, east
 

@@ -16,8 +16,10 @@ from ftc_autopilot.guidance.legs import Leg
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import hypot
 
-MAX_LEGS = 256
-"""Most legs that a path can have."""
+MAX_LEGS = 4096
+"""Most legs that a path can have: enough for as many items as a mission may have."""
+MAX_COMMANDS = 2000
+"""Most commands that can be passed on a path."""
 NO_LOOP = -1
 """`loop` of a path that does not return to an earlier leg."""
 _LEGS_PER_CALL = 8
@@ -38,6 +40,9 @@ PATH = np.dtype(
         ("climb", "f8", (MAX_LEGS,)),
         ("airspeed", "f8", (MAX_LEGS,)),
         ("item", "i8", (MAX_LEGS,)),
+        ("commands", "i8"),  # commands that are passed
+        ("passed", "f8", (MAX_COMMANDS,)),  # s where each is [m], in order
+        ("command", "i8", (MAX_COMMANDS,)),  # its item
     ]
 )
 
@@ -55,12 +60,23 @@ class PathPoint(NamedTuple):
     leg: int
 
 
-def path_record(legs: Sequence[Leg], loop: int = NO_LOOP) -> np.void:
+class PathCommand(NamedTuple):
+    """An item that is passed on a path and changes nothing of it."""
+
+    leg: int
+    distance: float  # from the start of the leg; there may be others in between [m]
+    item: int
+
+
+def path_record(
+    legs: Sequence[Leg], loop: int = NO_LOOP, commands: Sequence[PathCommand] = ()
+) -> np.void:
     """Return a path as a record of dtype `PATH`; its id is a hash of the rest, not 0.
 
     Args:
         legs: At most `MAX_LEGS`; only the last one may be infinite, and then nothing follows it.
         loop: Leg that follows the last one, or `NO_LOOP`.
+        commands: What is passed, in order; at most `MAX_COMMANDS`.
     """
     record: np.void = np.zeros(1, PATH)[0]
     record["count"], record["loop"] = len(legs), loop
@@ -70,8 +86,28 @@ def path_record(legs: Sequence[Leg], loop: int = NO_LOOP) -> np.void:
         record["height"][k], record["climb"][k] = leg.height_m, leg.climb
         record["airspeed"][k], record["item"][k] = leg.airspeed_m_s, leg.item
         record["start"][k + 1] = record["start"][k] + leg.length_m
+    record["commands"] = len(commands)
+    for i, (leg_number, distance, item) in enumerate(commands):
+        record["passed"][i], record["command"][i] = record["start"][leg_number] + distance, item
     record["id"] = zlib.crc32(record.tobytes()) or 1
     return record
+
+
+def commands_between(path: np.void, before: float, now: float) -> list[tuple[float, int]]:
+    """Return s [m] and item of each command that is passed behind `before` and up to `now` [m]."""
+    count, end = int(path["commands"]), float(path["start"][path["count"]])
+    at, items = path["passed"][:count], path["command"][:count]
+    first, last, again, once = 0, 0, 0.0, 0.0
+    if path["loop"] != NO_LOOP and now >= end:
+        again = float(path["start"][path["loop"]])
+        once = end - again
+        first, last = (max(int((s - again) // once), 0) for s in (before, now))
+    found = list[tuple[float, int]]()
+    for k in range(first, last + 1):  # rounds; what is before the loop is passed in the first one
+        there = at + k * once
+        chosen = (there > before) & (there <= now) & ((k == 0) | (at >= again))
+        found += zip(there[chosen].tolist(), items[chosen].tolist(), strict=True)
+    return found
 
 
 @compiled
@@ -167,8 +203,12 @@ def _leg_at(path: np.void, s: float) -> tuple[int, float]:
         again = path["start"][path["loop"]]
         s = again + (s - again) % (end - again)
     k = 0
-    while k < last and s >= path["start"][k + 1]:
-        k += 1
+    while k < last:  # by halves
+        middle = (k + last) // 2
+        if s >= path["start"][middle + 1]:
+            k = middle + 1
+        else:
+            last = middle
     return k, s - path["start"][k]
 
 

@@ -5,15 +5,26 @@ from collections.abc import Sequence
 from typing import NamedTuple, TypeAlias
 
 from ftc_autopilot.guidance.limits import FlightLimits, airspeeds_for, tightest_turn, turn_radius
+from ftc_autopilot.guidance.mission_commands import ANNOUNCED, TAG
 from ftc_autopilot.guidance.mission_items import (
+    DEFAULT,
+    DELAY,
+    DISTANCE,
     JUMP,
+    JUMPS,
     LOITER,
     LOITER_TIME,
+    LOITER_TO_ALT,
     LOITER_TURNS,
     PLACES,
     RETURN,
+    SET_HOME,
+    SPEED,
+    UNCHANGED,
     WAYPOINT,
+    WAYPOINTS,
     MissionTarget,
+    When,
     param,
 )
 from ftc_autopilot.guidance.mission_places import Home
@@ -28,21 +39,24 @@ Visit: TypeAlias = tuple[MissionTarget, ...]
 
 
 class Order(NamedTuple):
-    """The places in the order of flight, and which visit follows the last one, if there is no end.
+    """The places in the order of flight.
 
-    Raises:
-        ItemError: Jumps lead around without a place, or make too many of them.
+    Attributes:
+        visits: What is done on the way to each place, and the place.
+        again: Which visit follows the last one; None: there is an end.
+        after: What is passed behind the last place.
     """
 
     visits: tuple[Visit, ...]
     again: int | None = None
+    after: Visit = ()
 
 
 def order_of(mission: Sequence[MissionTarget], first: int = 1) -> Order:
     """Carry out the jumps of a mission.
 
     A jump counts by itself, and is not set back by another one, as in ArduPilot. What comes before
-    the last place has its effect; what comes after it has none.
+    the last place has its effect; what comes after it has none, but is passed.
 
     Args:
         mission: Target k is item k + 1.
@@ -53,17 +67,17 @@ def order_of(mission: Sequence[MissionTarget], first: int = 1) -> Order:
     """
     visits: list[Visit] = []
     visit: list[MissionTarget] = []
-    left = {t.item.seq: int(param(t.item, 2)) for t in mission if t.item.command == JUMP}
+    left = {t.item.seq: int(param(t.item, 2)) for t in mission if t.item.command in JUMPS}
     begun: dict[tuple[int, ...], int] = {}  # visits made when an endless jump was taken before
     at, jump = first, None
     while at <= len(mission):
         target = mission[at - 1]
         seq, command = target.item.seq, target.item.command
         at += 1
-        if command == JUMP:
+        if command in JUMPS:
             if left[seq] == 0:
                 continue
-            to = int(param(target.item, 1))
+            to = _destination(mission, target)
             if left[seq] > 0:
                 left[seq] -= 1
             else:
@@ -84,7 +98,16 @@ def order_of(mission: Sequence[MissionTarget], first: int = 1) -> Order:
             if jump is not None and len(visits) > MAX_VISITS:
                 text = f"jumps make more than {MAX_VISITS} places of the mission"
                 raise ItemError(jump, dialect.MAV_MISSION_NO_SPACE, f"{text}; jump less often")
-    return Order(tuple(visits))
+    return Order(tuple(visits), after=tuple(visit))
+
+
+def _destination(mission: Sequence[MissionTarget], jump: MissionTarget) -> int:
+    """Return the number of the item that a jump leads to; of equal tags the first counts."""
+    to = param(jump.item, 1)
+    if jump.item.command == JUMP:
+        return int(to)
+    items = (target.item for target in mission)
+    return next(item.seq for item in items if item.command == TAG and param(item, 1) == to)
 
 
 class Targets:
@@ -138,7 +161,7 @@ class Targets:
         place = next(item for item in reversed(flown) if item.command in PLACES)
         if sum(item is place for item in flown) == 1:
             return None
-        return next(item.seq for item in reversed(flown) if item.command == JUMP)
+        return next(item.seq for item in reversed(flown) if item.command in JUMPS)
 
     def _next(self, before: MissionTarget) -> MissionTarget:
         visits, again = self._order.visits, self._order.again
@@ -150,30 +173,44 @@ class Targets:
         airspeed = before.airspeed_there
         radius = before.radius or turn_radius(airspeed, self._limits)
         circle = before._replace(place=None, radius=radius, length=math.inf)
-        return circle._replace(airspeed=airspeed, changes=())
+        *_, commands = self._on_the_way(self._order.after, before)
+        return circle._replace(airspeed=airspeed, changes=(), commands=commands)
+
+    def _on_the_way(
+        self, visit: Visit, before: MissionTarget
+    ) -> tuple[Home, tuple[tuple[When, float], ...], tuple[tuple[When, int], ...]]:
+        """Return home, changes of the airspeed and commands of what is done behind a place."""
+        home, airspeed, when = before.home, before.airspeed_there, When()
+        changes, commands = list[tuple[When, float]](), list[tuple[When, int]]()
+        for target in visit:
+            item, first = target.item, param(target.item, 1)
+            if item.command == SPEED and (speed := param(item, 2)) != UNCHANGED:
+                airspeed = self._limits.cruise_m_s if speed == DEFAULT else speed
+                changes.append((when, airspeed))
+            elif item.command == DELAY:
+                way = first * airspeed
+                when = When(when.after_m + way, when.left_m - way)
+            elif item.command == DISTANCE:
+                when = When(when.after_m, min(when.left_m, first))
+            elif item.command == SET_HOME:
+                place, height = target.place, target.height
+                if place is None:
+                    place, height = before.place or (home.north_m, home.east_m), before.height
+                home = Home(*place, height)
+            elif item.command in ANNOUNCED:
+                commands.append((when, item.seq))
+        return home, tuple(changes), tuple(commands)
 
     def _resolve(self, visit: Visit, before: MissionTarget) -> MissionTarget:
         """Return the place of a visit with all that the way to it and the visits before decide."""
         *on_the_way, to = visit
-        home, airspeed = before.home, before.airspeed_there
-        changes: list[tuple[float, float]] = []
-        distance = 0.0
-        for item, place, height, *_ in on_the_way:
-            match item.command:
-                case dialect.MAV_CMD_DO_CHANGE_SPEED:
-                    airspeed = param(item, 2)
-                    changes.append((distance, airspeed))
-                case dialect.MAV_CMD_CONDITION_DELAY:
-                    distance += param(item, 1) * airspeed
-                case dialect.MAV_CMD_DO_SET_HOME if place is not None:
-                    home = Home(*place, height)
-                case dialect.MAV_CMD_DO_SET_HOME:
-                    north, east = before.place or (home.north_m, home.east_m)
-                    home = Home(north, east, before.height)
-        to = to._replace(airspeed=before.airspeed_there, changes=tuple(changes), home=home)
-        command = to.item.command
-        if command == WAYPOINT and to.radius == 0.0:
-            return to
+        home, changes, commands = self._on_the_way(tuple(on_the_way), before)
+        to = to._replace(
+            airspeed=before.airspeed_there, changes=changes, commands=commands, home=home
+        )
+        command, airspeed = to.item.command, to.airspeed_there
+        if command in WAYPOINTS and to.radius == 0.0:
+            return to if to.place else to._replace(place=before.place)
         radius = self._radius(to, airspeed)
         if command == RETURN:
             place, height = (home.north_m, home.east_m), before.height
@@ -191,5 +228,6 @@ class Targets:
             text = f"radius {abs(radius):g} m, must be >= {math.ceil(least)} m at {airspeed:g} m/s"
             if airspeeds is not None:
                 text += " (or the airspeed {} to {} m/s)".format(*airspeeds)
-            raise ItemError(target.item.seq, dialect.MAV_MISSION_INVALID_PARAM3, text)
+            number = 2 if target.item.command == LOITER_TO_ALT else 3
+            raise ItemError(target.item.seq, dialect.MAV_MISSION_INVALID_PARAM1 + number - 1, text)
         return radius or turn_radius(airspeed, self._limits)

@@ -16,7 +16,7 @@ from ftc_autopilot.control.controllers import Controllers, ReferenceSource, begi
 from ftc_autopilot.guidance.limits import tightest_turn
 from ftc_autopilot.guidance.mission_path import Start
 from ftc_autopilot.guidance.mission_places import Home, home_item
-from ftc_autopilot.guidance.path import NO_LOOP, PathPoint, locate, point_at
+from ftc_autopilot.guidance.path import NO_LOOP, PathPoint, commands_between, locate, point_at
 from ftc_autopilot.guidance.planner import Planner, start_of
 from ftc_autopilot.hot.hot_state import HotState
 from mavlink_defs.profile import ItemError
@@ -73,6 +73,7 @@ class FlightPath:
         home: Home.
         airspeed: On ways that no mission sets one for [m/s].
         number: Counts the paths.
+        begun_at: Path parameter where the present one was begun [m].
     """
 
     def __init__(
@@ -84,7 +85,7 @@ class FlightPath:
         self._hot, self.home = hot, home
         self._in_formation = config.formation is not None
         self._guidance, self._paths = controllers.uavs[0]["guidance"], controllers.paths
-        self.number = 0
+        self.number, self.begun_at = 0, 0.0
 
     # state
 
@@ -129,6 +130,10 @@ class FlightPath:
                 items.append(int(path["item"][leg]))
             leg = following
         return []  # flown backwards
+
+    def commands_between(self, before: float, now: float) -> list[int]:
+        """Return the items of the commands passed between two places on the path [m]."""
+        return [item for _, item in commands_between(self.record, before, now)]
 
     def _is_last(self, leg: int) -> bool:
         path = self.record
@@ -231,7 +236,7 @@ class FlightPath:
 
     def begin(self, way: Way) -> None:
         """Put a path in force; one whose writing a death cuts short has no legs."""
-        self.number += 1
+        self.number, self.begun_at = self.number + 1, way.near
         self.airspeed = way.airspeed or self.airspeed
         whole = way.path.copy()
         whole["count"] = 0

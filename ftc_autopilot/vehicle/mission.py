@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Sequence
 
+from ftc_autopilot.guidance.mission_commands import command_text
 from ftc_autopilot.guidance.mission_items import is_path
 from ftc_autopilot.vehicle.flight_path import VehicleHome
 from ftc_autopilot.vehicle.message import message
@@ -20,6 +21,8 @@ from mavlink_defs.services.mission_server import (
 
 _IN_MISSION_MODE, _SUSPENDED = 1, 2
 """MISSION_CURRENT.mission_mode."""
+_BEFORE_M = 1e-6
+"""Before the begin of a path, so that what is passed there counts [m]."""
 _ACCEPTED, _FAILED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_FAILED
 
 
@@ -50,6 +53,7 @@ class Mission:
         self._reached: list[MAVLink_message] = []
         self._follows = False  # whether the current item is one that was flown
         self._passed_leg = (0, 0)  # number of a path, and the leg of it that was flown last
+        self._passed_to = (0, 0.0)  # number of a path, and how far its commands were announced [m]
         self._note_state()
 
     def receive(self, message: MAVLink_message, now: float, station: int) -> None:
@@ -99,6 +103,7 @@ class Mission:
         if is_path(items):
             self._modes.path.items = tuple(items)
         self._modes.note_item(item)
+        self._passed_to = (self._modes.path.number, self._modes.path.position)
         self._follows = self._modes.flies_mission
         self._note_state()
 
@@ -151,6 +156,7 @@ class Mission:
         if not self._modes.has_profile:
             self._modes.note_item(current)
             reached = self._passed()
+            self._announce()
         elif current != before:
             reached = range(max(before, 1), current)
         if self._follows:
@@ -167,6 +173,20 @@ class Mission:
         if number != now[0] or before == now[1]:
             return []
         return path.items_between(before, now[1])
+
+    def _announce(self) -> None:
+        """Pass the commands on the path since the last call."""
+        path, (number, before) = self._modes.path, self._passed_to
+        if number != path.number:
+            before = path.begun_at - _BEFORE_M
+        now = max(path.position, before)
+        self._passed_to = (path.number, now)
+        for seq in path.commands_between(before, now):
+            self._pass(self.server.items[seq])
+
+    def _pass(self, item: MissionItem) -> None:
+        """Do what a command on the path asks for: announce it."""
+        self._say(dialect.MAV_SEVERITY_INFO, f"item {item.seq}: {command_text(item)}")
 
     def _note_state(self) -> None:
         """Update the fields of MISSION_CURRENT besides the item."""

@@ -8,17 +8,21 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
+from ftc_autopilot.guidance.mission_commands import remarks_on
+from ftc_autopilot.guidance.mission_places import home_item
 from gcs.commands import transfer
+from gcs.commands.mission_profile import height_profile
 from gcs.commands.options import JsonOption
 from gcs.commands.station import EXIT_STATUS, StationOptions, station_command
 from gcs.commands.transfer import Note
 from gcs.console.errors import BadInput
-from gcs.console.lines import print_json
+from gcs.console.lines import print_json, print_line
 from gcs.console.outputs import check_file
 from gcs.console.terminal import console_of, numbers, table_of, texts
 from gcs.scenario.itinerary import Itinerary, dry_run, load_mission
 from gcs.scenario.mission import tell_not_flown
 from gcs.scenario.model import read_scenario
+from gcs.scenario.moved_mission import moved_to
 from gcs.station.mission import Mission, is_same, item_text
 from gcs.station.vehicle import Vehicle
 from mavlink_defs.config.models import counted
@@ -38,10 +42,16 @@ _File = Annotated[
     ),
 ]
 
+_Here = Annotated[
+    bool,
+    typer.Option("--here", help="Move the whole mission: its home becomes the one of the flight."),
+]
+
 _SHOW_EPILOG = """
 Examples:
 
 - gcs mission show survey.plan
+- gcs mission show elsewhere.waypoints --here
 - gcs mission show survey.plan --fleet my.yaml --json | jq .time_s
 
 Exit status: 0 it can be flown, 2 the file cannot be used or flown.
@@ -51,6 +61,7 @@ _UPLOAD_EPILOG = f"""
 Examples:
 
 - gcs mission upload survey.plan
+- gcs mission upload elsewhere.waypoints --here
 - gcs mission upload my.yaml --uav 1,3 --json
 {EXIT_STATUS}"""
 
@@ -80,22 +91,31 @@ def show(
             metavar="SCENARIO",
         ),
     ] = None,
+    here: _Here = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Check a mission as a vehicle would, and show its items, lengths, turns and times.
+    """Check a mission as a vehicle would, and show its items, lengths, turns, times and heights.
 
     Times are those in still air, from home on.
     """
     items, not_flown = _read(file)
     own = Path("paper/scenario1") if is_mission_file(file) else file
-    itinerary = dry_run(file, items, read_scenario(fleet or own))
+    scenario = read_scenario(fleet or own)
+    if here:
+        items = moved_to(home_item(scenario.origin), items)
+    itinerary, remarks = dry_run(file, items, scenario), list(remarks_on(items))
     if as_json:
         listed = [{"item": item.seq, "text": item_text(item)} for item in items[1:]]
-        print_json(
-            {"file": str(file), "items": listed, "not_flown": not_flown, **asdict(itinerary)}
-        )
+        about = {"file": str(file), "items": listed, "not_flown": not_flown, "remarks": remarks}
+        print_json({**about, **asdict(itinerary)})
         return
-    console_of(stderr=False).print(_table(items, itinerary), _total(itinerary))
+    console = console_of(stderr=False)
+    profile = height_profile(itinerary, min(console.width, 100))
+    console.print(_table(items, itinerary))
+    console.print(profile, markup=False, highlight=False)
+    for remark in remarks:
+        print_line(remark)
+    console.print(_total(itinerary))
 
 
 @app.command(epilog=_UPLOAD_EPILOG)
@@ -103,9 +123,10 @@ def show(
 def upload(
     station: StationOptions,
     file: _File,
+    here: _Here = False,
 ) -> None:
     """Upload a mission. It takes effect at once; if it is refused, the old one stays active."""
-    _send(station, file, start=False)
+    _send(station, file, start=False, here=here)
 
 
 @app.command(epilog=_FLY_EPILOG)
@@ -113,9 +134,10 @@ def upload(
 def fly(
     station: StationOptions,
     file: _File,
+    here: _Here = False,
 ) -> None:
     """Upload a mission, start it, and arm the UAVs that are not armed yet."""
-    _send(station, file, start=True)
+    _send(station, file, start=True, here=here)
 
 
 @app.command(epilog=_DOWNLOAD_EPILOG)
@@ -154,14 +176,15 @@ def download(
             transfer.write_held(out, held, "mission", is_same, partial(_text_of, out))
 
 
-def _send(station: StationOptions, file: Path, start: bool) -> None:
-    """Upload a mission, and start it if asked to."""
+def _send(station: StationOptions, file: Path, *, start: bool, here: bool) -> None:
+    """Upload a mission, moved to each vehicle's home if asked to, and start it if asked to."""
     items, not_flown = _read(file)
     if start and len(items) < 2:
         raise BadInput(f"{file} has no item to fly", "an upload of it clears a mission")
 
     async def send(vehicle: Vehicle, note: Note) -> str:
-        await vehicle.upload_mission(items, note)
+        own = moved_to((await vehicle.home()).item(), items) if here else items
+        await vehicle.upload_mission(own, note)
         if not start:
             return f"UAV {vehicle.system} holds {_count(items)} of {file}"
         await vehicle.start_mission()
@@ -200,7 +223,12 @@ def _table(items: Mission, itinerary: Itinerary) -> Table:
     columns = (numbers(""), texts("item"), *map(numbers, headings))
     table = table_of(*columns, box=None, pad_edge=False)
     reached = {stage.item: stage for stage in reversed(itinerary.stages)}
+    passed = {one.item: one for one in reversed(itinerary.passed)}
     for item in items[1:]:
+        if (one := passed.get(item.seq)) is not None:
+            places = (f"{value:.0f}" for value in (one.north_m, one.east_m, one.height_m))
+            table.add_row(str(item.seq), item_text(item), *places)
+            continue
         if (stage := reached.get(item.seq)) is None:
             table.add_row(str(item.seq), item_text(item))
             continue

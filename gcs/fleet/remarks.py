@@ -4,6 +4,7 @@ import contextlib
 import warnings
 from collections.abc import Iterable, Iterator
 
+from ftc_autopilot.guidance.mission_commands import remarks_on
 from ftc_autopilot.plugins.loading import calling
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import Links
@@ -28,7 +29,12 @@ class ExposureRemark(WarningRemark):
 
 def remarks_of(scenario: Scenario) -> list[str]:
     """Return the remarks on a scenario, however it is flown."""
-    return [*_one_path(scenario), *_sensors(scenario), *_heading(scenario)]
+    return [
+        *_one_path(scenario),
+        *(f"mission: {remark}" for remark in remarks_on(scenario.mission_items())),
+        *_sensors(scenario),
+        *_heading(scenario),
+    ]
 
 
 def exposures(links: Links, *, with_key: bool) -> Iterator[str]:

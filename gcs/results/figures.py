@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Generic, Literal, Self, TypeVar
 
-from gcs.results.path_following import PathSummary
+from gcs.results.path_following import PassedCommand, PathSummary
 from gcs.results.quantities import (
     IAE_UNITS,
     PAPER_ORDER,
@@ -103,6 +103,7 @@ class UavSummary:
         lowest_altitude_m: Least height above the ground, which is at the origin [m]; below 0 it has
             hit the ground. None of a flight without steps, or of an earlier version.
         control_failure: Commands of its law that were not finite; None if all were.
+        commands: Commands of its mission that it passed, and announced or would have, in order.
     """
 
     id: int
@@ -126,6 +127,7 @@ class UavSummary:
     path: PathSummary | None = None
     lowest_altitude_m: float | None = None
     control_failure: ControlFailure | None = None
+    commands: tuple[PassedCommand, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Return its part of `summary.json`."""

@@ -6,11 +6,12 @@ such as one that an operator has uploaded in flight, is not judged by this one.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from ftc_autopilot.guidance.path import PATH, locate, point_at
+from ftc_autopilot.guidance.path import PATH, commands_between, locate, point_at
 from ftc_autopilot.hot.navigation import navigate, new_navigation, note_gps
 from gcs.results.recording import Steps
 from gcs.scenario.model import Scenario
@@ -82,6 +83,27 @@ class PathSummary:
     slot_rms_m: float | None
 
 
+@dataclass(frozen=True)
+class PassedCommand:
+    """A command of the mission that a UAV passed, and where it was then.
+
+    Attributes:
+        item: Number of the item.
+        command: Its name.
+        time_s: [s].
+        north_m: [m].
+        east_m: [m].
+        height_m: Above the origin [m].
+    """
+
+    item: int
+    command: str
+    time_s: float
+    north_m: float
+    east_m: float
+    height_m: float
+
+
 class PathErrors:
     """Errors against the path, step by step."""
 
@@ -124,10 +146,36 @@ class PathFigures:
     def __init__(self, paths: np.ndarray, leaders: tuple[int, ...], step_us: int) -> None:
         """Prepare as for `PathErrors`."""
         self._errors = PathErrors(paths, leaders, step_us)
+        self._paths, self._step_us = paths, step_us
+        self._reached = np.full(len(paths), -1.0)  # greatest place along the path so far [m]
+        self._passed: list[list[tuple[int, int, np.ndarray]]] = [[] for _ in paths]
 
     def add(self, steps: Steps) -> None:
         """Take the next steps."""
-        gather(self._errors.of(steps), self._errors.followers)
+        errors = self._errors.of(steps)
+        gather(errors, self._errors.followers)
+        for i in np.flatnonzero(self._paths["commands"]):
+            self._note_commands(int(i), steps, np.isfinite(errors["cross_track"][:, i]))
+
+    def _note_commands(self, i: int, steps: Steps, known: np.ndarray) -> None:
+        """Note step and place of each command that the i-th UAV passes."""
+        rows = np.flatnonzero(known)
+        if not len(rows):
+            return
+        reached = np.maximum.accumulate(steps.signals["path_position"][rows, i])
+        before, self._reached[i] = self._reached[i], max(self._reached[i], reached[-1])
+        for at, item in commands_between(self._paths[i], before, self._reached[i]):
+            k = int(rows[np.searchsorted(reached, at)])
+            self._passed[i].append((item, steps.first + k, steps.states[k, i, :3].copy()))
+
+    def commands(self, i: int, names: Mapping[int, str]) -> tuple[PassedCommand, ...]:
+        """Return the commands that the i-th UAV has passed, given the names of items."""
+        passed = []
+        for item, step, place in self._passed[i]:
+            north, east, down = place.tolist()
+            time_s = step * self._step_us / 1e6
+            passed.append(PassedCommand(item, names[item], time_s, north, east, -down))
+        return tuple(passed)
 
     def summary(self, i: int) -> PathSummary:
         """Return the figures of the i-th UAV."""

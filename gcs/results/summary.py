@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from ftc_autopilot.guidance.mission_commands import command_name
 from gcs.results.figures import (
     ChannelSummary,
     ControlFailure,
@@ -124,9 +125,15 @@ def _summarise_uav(
         diagnosis=tuple(_diagnosis(tally.decisions(i), system, scenario)),
         restarts=ending.restarts[i] if ending.restarts else 0,
         path=None if tally.following is None else tally.following.summary(i),
+        commands=() if tally.following is None else tally.following.commands(i, _names(scenario)),
         lowest_altitude_m=_finite(-own["highest_down"]),
         control_failure=_failure(own, step_us),
     )
+
+
+def _names(scenario: Scenario) -> dict[int, str]:
+    """Return the names of the commands of a scenario's mission."""
+    return {item.seq: command_name(item.command) for item in scenario.mission_items()}
 
 
 def _failure(own: np.void, step_us: int) -> ControlFailure | None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ftc_autopilot.guidance.mission_items import is_path
-from ftc_autopilot.guidance.path import NO_LOOP, point_at
+from ftc_autopilot.guidance.path import NO_LOOP, commands_between, point_at
 from gcs.scenario.bundled import find_scenario
 from gcs.scenario.model import Scenario, read_scenario
 from mavlink_defs.config.models import ConfigError, Problem
@@ -47,6 +47,25 @@ class Stage:
 
 
 @dataclass(frozen=True)
+class Passing:
+    """Where a command that changes nothing of the path is passed first.
+
+    Attributes:
+        item: Number of the item.
+        north_m: [m].
+        east_m: [m].
+        height_m: Above the origin [m].
+        way_m: From the begin of the path [m].
+    """
+
+    item: int
+    north_m: float
+    east_m: float
+    height_m: float
+    way_m: float
+
+
+@dataclass(frozen=True)
 class Itinerary:
     """A mission item by item, in the order of flight.
 
@@ -55,12 +74,16 @@ class Itinerary:
         length_m: Of the whole path up to where it repeats or has no end [m].
         time_s: The same, in still air [s].
         repeats: Number of the item from which on all repeats for ever; None: it does not.
+        passed: The commands that are passed, in order.
+        profile: Way from the begin and height above the origin [m]; heights change evenly between.
     """
 
     stages: tuple[Stage, ...]
     length_m: float
     time_s: float
     repeats: int | None
+    passed: tuple[Passing, ...]
+    profile: tuple[tuple[float, float], ...]
 
 
 def load_mission(name: Path | str) -> tuple[tuple[MissionItem, ...], tuple[str, ...]]:
@@ -106,6 +129,8 @@ def dry_run(name: Path | str, items: Sequence[MissionItem], fleet: Scenario) -> 
         sum(stage.length_m for stage in stages),
         sum(stage.time_s for stage in stages),
         None if loop == NO_LOOP else int(path["item"][loop]),
+        tuple(_passed(path)),
+        tuple(_profile(path)),
     )
 
 
@@ -122,6 +147,29 @@ def outline(path: np.void) -> list[tuple[float, float, float]]:
         if k == path["count"] - 1:
             points.append(point_at(path, math.nextafter(end, begin)))
     return [(point.north, point.east, point.height) for point in points]
+
+
+def _passed(path: np.void) -> Iterator[Passing]:
+    last = math.inf if path["loop"] == NO_LOOP else math.nextafter(_end(path), 0.0)
+    for at, item in commands_between(path, -1.0, last):
+        point = point_at(path, at)
+        yield Passing(item, point.north, point.east, point.height, at)
+
+
+def _profile(path: np.void) -> Iterator[tuple[float, float]]:
+    """Yield the ends of legs whose climb differs."""
+    climbs = path["climb"][: path["count"]]
+    yield 0.0, float(path["height"][0])
+    for k in np.flatnonzero(np.diff(climbs)) + 1:
+        yield float(path["start"][k]), float(path["height"][k])
+    end = _end(path)
+    yield end, point_at(path, math.nextafter(end, 0.0)).height
+
+
+def _end(path: np.void) -> float:
+    """Return the end of a path, or the begin of its last leg if that has none [m]."""
+    end = float(path["start"][path["count"]])
+    return end if math.isfinite(end) else float(path["start"][path["count"] - 1])
 
 
 def _stages(path: np.void) -> Iterator[Stage]:

@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 from ftc_autopilot.common.geography import Origin, place_of
 from ftc_autopilot.guidance.mission_places import home_item
 from gcs.console.lines import print_line
+from gcs.scenario.moved_mission import moved_to
 from mavlink_defs import dialect
 from mavlink_defs.config.inherit import merged
 from mavlink_defs.config.models import AtMost, ConfigError, Model, Problem, Problems, shown
@@ -139,7 +140,7 @@ class ProtocolEntry(Model):
     )
     x: int = whole("", "Latitude in degE7, mostly.", 0, ge=-INT32_MAX, le=INT32_MAX)
     y: int = whole("", "Longitude in degE7, mostly.", 0, ge=-INT32_MAX, le=INT32_MAX)
-    z: float = quantity("", "Altitude in m, mostly.", 0.0)
+    z: float | None = quantity("", "Altitude in m, mostly; null is NaN.", 0.0)
 
     def item(self, seq: int, _: Origin) -> MissionItem:
         """Return the item of the protocol, with a number."""
@@ -180,11 +181,29 @@ class MissionEntry(Model):
         return item
 
 
+class PlannedHome(Model):
+    """Where home was when the items were planned; 0 for none."""
+
+    x: int = whole("", "Latitude in degE7.", 0, ge=-INT32_MAX, le=INT32_MAX)
+    y: int = whole("", "Longitude in degE7.", 0, ge=-INT32_MAX, le=INT32_MAX)
+    altitude_m: float = quantity("m", "Altitude above mean sea level.", 0.0)
+
+    def item(self) -> MissionItem:
+        """Return item 0 of the protocol."""
+        command, frame = dialect.MAV_CMD_NAV_WAYPOINT, dialect.MAV_FRAME_GLOBAL
+        return mission_item(0, command, (), self.x, self.y, self.altitude_m, frame)
+
+
 class MissionSection(Model):
-    """A path in space; in a file, `file` may name a mission file instead."""
+    """A path in space; in a file, `file` may name a mission file instead, `here: true` move it."""
 
     items: Annotated[tuple[MissionEntry, ...], AtMost(MAX_MISSION_ITEMS)] = Field(
         min_length=1, description="The items, in order."
+    )
+    planned_home: PlannedHome | None = Field(
+        default=None,
+        description="Home that the items were planned for: they are moved from there to the "
+        "origin. Set by `file` with `here: true`; none: they lie where they say.",
     )
     not_flown: Annotated[tuple[str, ...], AtMost(MAX_NOT_FLOWN)] = Field(
         default=(), exclude=True, description="Set by `file`: what else is in it."
@@ -192,8 +211,11 @@ class MissionSection(Model):
 
     def mission_items(self, origin: Origin) -> tuple[MissionItem, ...]:
         """Return the mission as it is uploaded; item 0 is home."""
+        home = home_item(origin)
         items = (entry.mission_item(seq, origin) for seq, entry in enumerate(self.items, start=1))
-        return home_item(origin), *items
+        if self.planned_home is None:
+            return home, *items
+        return moved_to(home, [self.planned_home.item(), *items])
 
 
 @functools.cache  # a scenario is read several times in one command
@@ -217,11 +239,12 @@ def with_mission_file(path: Path | str, tree: dict[Any, Any]) -> dict[Any, Any]:
     mission = tree.get("mission")
     if not isinstance(mission, dict) or "file" not in mission:
         return tree
-    name, *others = (mission["file"], *(key for key in mission if key != "file"))
-    if not isinstance(name, str) or others:
+    name, here = mission["file"], mission.get("here", False)
+    others = [key for key in mission if key not in {"file", "here"}]
+    if not isinstance(name, str) or not isinstance(here, bool) or others:
         got = " and ".join([shown(name), *map(str, others)])
-        text = f"expected the name of a mission file, and no key beside it, got {got}"
-        raise ConfigError(path, located(tree, [Problem(("mission", "file"), text)]))
+        text = "expected the name of a mission file, and no key beside it but here: true or false"
+        raise ConfigError(path, located(tree, [Problem(("mission", "file"), f"{text}, got {got}")]))
     try:
         held = read_mission_file(Path(path).parent / name)
     except ConfigError as error:
@@ -231,6 +254,15 @@ def with_mission_file(path: Path | str, tree: dict[Any, Any]) -> dict[Any, Any]:
     entries = written_in(
         [{"item": entry} for entry in held.entries[1:]], source_at(tree, ("mission", "file"))
     )
-    mission = {"file": None, "items": entries, "not_flown": list(held.not_flown) or None}
+    home = {
+        key: held.entries[0][name] for key, name in (("x", "x"), ("y", "y"), ("altitude_m", "z"))
+    }
+    mission = {
+        "file": None,
+        "here": None,
+        "items": entries,
+        "planned_home": home if here else None,
+        "not_flown": list(held.not_flown) or None,
+    }
     changed: dict[Any, Any] = merged(tree, {"mission": mission})
     return changed

@@ -9,6 +9,7 @@ import math
 from collections.abc import Sequence
 from typing import TypeAlias
 
+from ftc_autopilot.guidance.mission_commands import command_text
 from mavlink_defs import dialect
 from mavlink_defs.config.problems import counted
 from mavlink_defs.float32 import decimal_of_float32
@@ -24,6 +25,8 @@ HAS_PLACE = {
     dialect.MAV_CMD_NAV_LOITER_UNLIM,
     dialect.MAV_CMD_NAV_LOITER_TURNS,
     dialect.MAV_CMD_NAV_LOITER_TIME,
+    dialect.MAV_CMD_NAV_LOITER_TO_ALT,
+    dialect.MAV_CMD_NAV_SPLINE_WAYPOINT,
 }
 """Commands of items that lead to a place."""
 
@@ -57,6 +60,10 @@ def item_text(item: MissionItem) -> str:
             return f"loiter {counted(p1, 'turn')}{_radius(p3)}"
         case dialect.MAV_CMD_NAV_LOITER_TIME:
             return f"loiter {p1:g} s{_radius(p3)}"
+        case dialect.MAV_CMD_NAV_LOITER_TO_ALT:
+            return f"loiter to altitude{_radius(p2)}"
+        case dialect.MAV_CMD_NAV_SPLINE_WAYPOINT:
+            return "spline, flown as waypoint"
         case dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH:
             return "return to launch"
         case dialect.MAV_CMD_NAV_TAKEOFF:
@@ -65,13 +72,19 @@ def item_text(item: MissionItem) -> str:
             return f"speed {p2:g} m/s"
         case dialect.MAV_CMD_DO_JUMP:
             return f"jump to {p1:g}, " + ("always" if p2 < 0.0 else counted(p2, "time"))
+        case dialect.MAV_CMD_JUMP_TAG:
+            return f"tag {p1:g}"
+        case dialect.MAV_CMD_DO_JUMP_TAG:
+            return f"jump to tag {p1:g}, " + ("always" if p2 < 0.0 else counted(p2, "time"))
         case dialect.MAV_CMD_CONDITION_DELAY:
             return f"wait {p1:g} s"
+        case dialect.MAV_CMD_CONDITION_DISTANCE:
+            return f"wait until {p1:g} m are left"
         case dialect.MAV_CMD_DO_SET_HOME:
             return "set home here" if p1 == 1.0 else "set home"
         case dialect.MAV_CMD_FTC_REFERENCE_SEGMENT:
             return f"segment from {p1:g} s"
-    return f"command {item.command}"
+    return command_text(item)
 
 
 def waypoint(like: MissionItem, x: int, y: int, z: float) -> MissionItem:

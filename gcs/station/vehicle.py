@@ -13,6 +13,7 @@ from typing import Self
 from gcs.console.errors import BadInput, CommandRefused, NoAnswer
 from gcs.station.given import fault_of, mission_of, profile_of
 from gcs.station.mission import Mission
+from gcs.station.navigation import KnownHome, home_of
 from gcs.station.notifications import INFO, WARNING, Notification, enum_name
 from gcs.station.subscriptions import Subscription
 from gcs.station.telemetry import REQUESTED_S
@@ -141,6 +142,18 @@ class Vehicle(VehicleLink):
                 await self.request(number)
                 if number in self.state.latest:
                     return
+
+    async def home(self) -> KnownHome:
+        """Return where its home is.
+
+        Raises:
+            NoAnswer: It does not say.
+        """
+        for _ in range(_TRIES):
+            if (home := home_of(self.state)) is not None:
+                return home
+            await self.request(dialect.MAVLINK_MSG_ID_HOME_POSITION)
+        raise NoAnswer(f"UAV {self.system} does not say where its home is")
 
     # faults
 

@@ -77,6 +77,7 @@ class FlyingUav:
     download = download_profile = _waited_for(Vehicle.download_profile)
     upload_mission = _waited_for(Vehicle.upload_mission)
     download_mission = _waited_for(Vehicle.download_mission)
+    home = _waited_for(Vehicle.home)
 
     list_params = _waited_for(Vehicle.list_params)
     get_param, set_param = _waited_for(Vehicle.get_param), _waited_for(Vehicle.set_param)

@@ -10,6 +10,9 @@ from station import BAD_INPUT, REFUSED, Up, failed, up
 from textual.widgets import Input
 from waiting import until_focused
 
+from ftc_autopilot.common.geography import Origin
+from ftc_autopilot.guidance.mission_places import home_item
+from gcs.scenario.moved_mission import moved_to
 from gcs.station.mission import is_same
 from gcs.tui.fleet_table import FleetTable
 from gcs.tui.mission_list import MissionList
@@ -42,6 +45,23 @@ def test_a_mission_is_downloaded_and_uploaded_again(fleet: Up, tmp_path: Path) -
     again = tmp_path / "again.plan"
     assert fleet.gcs("mission", "download", "--out", again).returncode == 0
     assert again.read_text() == plan.read_text()
+
+
+def test_a_mission_of_elsewhere_is_flown_around_the_home_of_each_vehicle(
+    fleet: Up, tmp_path: Path
+) -> None:
+    held, far, again = (tmp_path / f"{name}.waypoints" for name in ("held", "far", "again"))
+    assert fleet.gcs("mission", "download", "--out", held).returncode == 0
+    elsewhere = home_item(Origin(latitude_deg=47.4, longitude_deg=8.5))
+    far.write_text(waypoints_text(moved_to(elsewhere, read_mission_file(held).items)))
+    refused = fleet.gcs("mission", "upload", far)
+    assert refused.returncode == REFUSED
+    assert "to fly it here, gcs mission has --here" in refused.stderr
+    uploaded = fleet.gcs_json("mission", "upload", far, "--here")
+    assert [answer["outcome"] for answer in uploaded] == ["accepted"] * 3
+    assert fleet.gcs("mission", "download", "--out", again).returncode == 0
+    pairs = zip(read_mission_file(held).items, read_mission_file(again).items, strict=True)
+    assert max(abs(a.x - b.x) + abs(a.y - b.y) for a, b in pairs) < 10  # 0.1 m
 
 
 def test_what_show_refuses_the_vehicles_refuse_for_the_same_reason(

@@ -17,7 +17,7 @@ import ftc_autopilot.hot.link
 import ftc_autopilot.hot.loop
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.triggers import TRIGGERS
-from ftc_autopilot.guidance.path import MAX_LEGS
+from ftc_autopilot.guidance.path import MAX_COMMANDS, MAX_LEGS
 from ftc_autopilot.guidance.targets import MAX_VISITS
 from gcs.command_list import OWN, registered
 from gcs.console.errors import BadInput, CommandRefused, FlightLost, Interrupted, NoAnswer
@@ -309,7 +309,8 @@ def test_functions_named_in_the_equation_table_exist() -> None:
 
 def test_limits_of_missions_in_the_docs_match_the_code() -> None:
     missions = (DOCS / "reference" / "missions.md").read_text()
-    for text in (f"{MAX_MISSION_ITEMS} items", f"{MAX_LEGS} legs", f"{MAX_VISITS} visits"):
+    limits = (f"{MAX_MISSION_ITEMS} items", f"{MAX_LEGS} legs", f"{MAX_VISITS} visits")
+    for text in (*limits, f"{MAX_COMMANDS} of them"):
         assert f" {text}" in missions
 
 

@@ -21,6 +21,7 @@ from ftc_autopilot.control.triggers import TRIGGERS
 from ftc_autopilot.guidance import mission_items
 from ftc_autopilot.guidance.formation import Policy
 from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
+from ftc_autopilot.guidance.mission_commands import ANNOUNCED, command_name
 from ftc_autopilot.vehicle.vehicle import _IMPOSSIBLE
 from ftc_lab.campaigns.faults import LOSS
 from ftc_lab.campaigns.model import Campaign
@@ -134,6 +135,9 @@ def lists() -> dict[str, Listed]:
             r"[A-Z_]+ \(\d+\)",
         ),
         "log-channels": Listed(log_channels(), others=frozenset(UNITS)),
+        "mission-commands": Listed(
+            numbered((command_name(i), i) for i in ANNOUNCED), r"[A-Z_0-9]+ \(\d+\)", column=1
+        ),
         "modes": Listed(
             numbered((name, number) for number, name in MODE_NAMES.items()), r"\w+ \(\d+\)"
         ),

@@ -24,6 +24,7 @@ from mavlink_defs.mission_files import (
     read_mission_file,
     waypoints_text,
 )
+from mavlink_defs.plan_items import simple_items
 from mavlink_defs.services.mission import MissionItem
 
 OTHERS = Path(__file__).parents[2] / "data" / "others"
@@ -161,7 +162,16 @@ LINE = "0\t1\t0\t16\t0\t0\t0\t0\t-35.3\t149.1\t584\t1\n"
         ("{", "is no JSON: "),
         ("{}", "expected a plan with fileType 'Plan' and a mission"),
         (plan(items=None), "mission.items: expected a list"),
-        (plan(items=[{"type": "ComplexItem", "complexItemType": "survey"}]), "got survey"),
+        (
+            plan(items=[{"type": "ComplexItem", "complexItemType": "survey"}]),
+            "mission.items[0]: 'survey' carries no TransectStyleComplexItem.Items to be flown; sav",
+        ),
+        (plan(items=[{"type": "ComplexItem"}]), "expected a SimpleItem or a ComplexItem, got som"),
+        (
+            plan(items=[{"complexItemType": "fwLandingPattern", "landCoordinate": [1, 2, 3]}]),
+            "mission.items[0]: expected landingApproachCoordinate (or loiterCoordinate) and landC",
+        ),
+        ('{"items": [], "complexItems": [{}]}', "complexItems: a .mission has no items of them"),
         (plan(items=[{"type": "SimpleItem", "params": []}]), "expected 7 numbers, got 0"),
         (
             plan(items=[{"type": "SimpleItem", "params": [0] * 7, "frame": 3}]),
@@ -291,6 +301,37 @@ def test_public_kinds_of_files_are_read() -> None:
     assert is_mission_file(OTHERS / "speeds.txt")
     speeds = [item.param2 for item in held("speeds.txt").items if item.command == 178]
     assert speeds == [16.0, 20.0, 15.0]
+
+
+def test_a_survey_is_the_items_that_it_carries() -> None:
+    """Jumps lead into it by their ids, and what it has no number for counts behind it."""
+    items = read_mission_file(OTHERS / "survey.plan").items
+    assert [item.command for item in items] == [16, 22, *[16, 206] * 6, 530, 177, 20]
+    assert items[2].z == 100.0
+    assert [item.param1 for item in items if item.command == 206] == [25.0, 0.0] * 3
+    assert items[-2].param1 == 12.0
+
+
+def test_a_landing_pattern_is_what_qgroundcontrol_makes_of_it() -> None:
+    items = read_mission_file(OTHERS / "landing_pattern.plan").items
+    assert [item.command for item in items[2:]] == [189, 206, 2001, 2501, 31, 21]
+    circle, land = items[-2:]
+    assert (circle.param1, circle.param2, circle.param4, circle.z) == (1.0, -120.0, 1.0, 40.0)
+    assert (circle.x, circle.frame, land.z) == (474030899, 3, 0.0)
+    plain = json.loads((OTHERS / "landing_pattern.plan").read_text())["mission"]["items"][1]
+    plain |= {"useLoiterToAlt": False, "stopTakingPhotos": False, "stopVideoPhotos": False}
+    found = [item["command"] for _, item in simple_items([plain], "items")]
+    assert found == [189, 16, 21]
+
+
+def test_the_format_before_plans_is_read() -> None:
+    held = read_mission_file(OTHERS / "old_format.mission")
+    assert is_mission_file(OTHERS / "old_format.mission")
+    assert contents(held.items)[1:] == [
+        (1, 18, 3, 1.0, 0.0, 0.0, 0.0, 473977000, 85456000, 100.0),
+        (2, 16, 3, 0.0, 5.0, 0.0, 0.0, 474057848, 85456000, 100.0),
+    ]
+    assert held.items[0].z == 488.0
 
 
 def test_our_own_plans_hold_nothing_else(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from ftc_autopilot.common.geography import Origin, place_of, position_of
 from ftc_autopilot.guidance.limits import FlightLimits
+from ftc_autopilot.guidance.mission_commands import ANNOUNCED, command_text, remarks_on
 from ftc_autopilot.guidance.mission_items import MissionTarget, decode_items
 from ftc_autopilot.guidance.mission_places import Home
 from mavlink_defs import dialect
@@ -65,6 +66,12 @@ PLACE = (800.0, -300.0)
         (mission_item(1, 17, (), 0, 0, 100.0), None, 120.0, 0.0, 0.0),
         (mission_item(1, 17, (), INT32_MAX, INT32_MAX, 100.0), None, 120.0, 0.0, 0.0),
         (item(20), None, 0.0, 0.0, 0.0),
+        (item(31, 1.0, -300.0, 9.0, 9.0), PLACE, 120.0, 0.0, -300.0),
+        (item(82, 5.0, 9.0, 9.0), PLACE, 120.0, 0.0, 0.0),
+        (item(16, frame=dialect.MAV_FRAME_GLOBAL_TERRAIN_ALT), PLACE, 120.0, 0.0, 0.0),
+        (mission_item(1, 16, (), INT32_MAX, INT32_MAX, 100.0), None, 120.0, 0.0, 0.0),
+        (item(178, 0.0, -2.0), None, 0.0, 0.0, 0.0),
+        (item(114, 50.0), None, 0.0, 0.0, 0.0),
         (item(22, z=-500.0), None, 0.0, 0.0, 0.0),
         (item(16, z=-10.0), PLACE, 10.0, 0.0, 0.0),
         (item(178, 1.0, 45.0, -1.0), None, 0.0, 0.0, 0.0),
@@ -98,7 +105,13 @@ def test_relative_altitudes_count_from_the_home_that_the_mission_sets() -> None:
     [
         (item(21), "UNSUPPORTED", "Item 1: command 21 is not supported: flights begin and end"),
         (item(84), "UNSUPPORTED", "Item 1: command 84 is not supported: the aircraft cannot hover"),
-        (item(201), "UNSUPPORTED", "Item 1: command 201 is not supported"),
+        (item(219), "UNSUPPORTED", "Item 1: command 219 is not supported"),
+        (item(186), "UNSUPPORTED", "not supported: give the next place that altitude"),
+        (item(94), "UNSUPPORTED", "cannot hover; give NAV_WAYPOINT (16) and DO_GRIPPER (211)"),
+        (item(31, 1.0, 1e9), "INVALID_PARAM2", "radius 1e+09, must be at most 100000 m"),
+        (item(114, -1.0), "INVALID_PARAM1", "distance -1, must be 0 to 100000 m"),
+        (item(601, 3.0), "INVALID_PARAM1", "jump to tag 3, must be one of a JUMP_TAG (600)"),
+        (item(178, 0.0, -3.0), "INVALID_PARAM2", "speed -3, must be 25 to 60 m/s"),
         (item(53100), "UNSUPPORTED", "a mission is a profile of segments or a path, not both"),
         (item(16, frame=8), "UNSUPPORTED_FRAME", "frame 8 is not supported"),
         (item(16, 0.0, -1.0), "INVALID_PARAM2", "acceptance radius -1, must be >= 0 m"),
@@ -119,10 +132,11 @@ def test_relative_altitudes_count_from_the_home_that_the_mission_sets() -> None:
             mission_item(1, 16, (), 473977419, 85455938, 1.0),
             "INVALID_PARAM5_X",
             "km from the origin, must be <= 100 km; to fly there, give the scenario origin: "
-            "{latitude_deg: 47.3977, longitude_deg: 8.5456}",
+            "{latitude_deg: 47.3977, longitude_deg: 8.5456}; to fly it here, gcs mission has",
         ),
+        (mission_item(1, 18, (1.0,), 0, 0, 0.0), "INVALID_PARAM7", "altitude is not given"),
         (
-            mission_item(1, 16, (), INT32_MAX, INT32_MAX, 1.0, RELATIVE),
+            mission_item(1, 179, (), INT32_MAX, INT32_MAX, 1.0),
             "INVALID_PARAM5_X",
             "latitude or longitude is not given",
         ),
@@ -143,7 +157,7 @@ floats = st.floats(width=32)
 
 @given(
     st.integers(0, 255),
-    st.sampled_from([16, 17, 18, 19, 20, 112, 177, 178, 179]),
+    st.sampled_from([16, 17, 18, 19, 20, 31, 82, 112, 114, 177, 178, 179, 206, 600, 601]),
     st.tuples(floats, floats, floats, floats),
     st.integers(-(2**31), 2**31 - 1),
     st.integers(-(2**31), 2**31 - 1),
@@ -158,6 +172,22 @@ def test_no_item_is_too_strange_to_be_refused(
         assert all(map(math.isfinite, (*place, target.height, target.radius)))
 
 
+def test_what_a_planner_leaves_out_is_as_at_the_place_before() -> None:
+    first = mission_item(1, 16, (), *HERE, 80.0)
+    nothing = mission_item(2, 16, (), 0, 0, 0.0)
+    no_altitude = mission_item(3, 16, (), *HERE, math.nan)
+    lower = mission_item(4, 16, (), 0, 0, 50.0)
+    found = decoded(first, nothing, no_altitude, lower)
+    assert [target.height for target in found] == [100.0, 100.0, 100.0, 70.0]
+    assert [target.place is None for target in found] == [False, True, False, True]
+
+
+@pytest.mark.parametrize("command", sorted(ANNOUNCED))
+def test_commands_that_change_no_path_are_taken_whatever_they_say(command: int) -> None:
+    strange = mission_item(1, command, (math.nan, -1e9, 3.0, 4.0), 5, -6, math.nan, 2)
+    assert decoded(strange) == (MissionTarget(strange),)
+
+
 @pytest.mark.parametrize("place", [16, 17, 20])
 def test_a_takeoff_is_taken_as_past_before_the_first_place_only(place: int) -> None:
     speed = mission_item(1, 178, (0.0, 45.0))
@@ -165,3 +195,32 @@ def test_a_takeoff_is_taken_as_past_before_the_first_place_only(place: int) -> N
     assert decoded(speed, takeoff, mission_item(3, place, (), *HERE, 100.0))[1].item is takeoff
     with pytest.raises(ItemError, match=r"^Item 2: command 22 .* taken as past before the first"):
         decoded(mission_item(1, place, (), *HERE, 100.0), takeoff)
+    on_ground = mission_item(1, 93, (30.0,))
+    assert decoded(on_ground, takeoff)[0].item is on_ground
+    with pytest.raises(ItemError, match=r"cannot hover; give NAV_LOITER_TIME \(19\)"):
+        decoded(mission_item(1, place, (), *HERE, 100.0), mission_item(2, 93, (30.0,)))
+
+
+def test_remarks_say_what_is_flown_otherwise() -> None:
+    frame = dialect.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT
+    home, plain = mission_item(0, 16), mission_item(1, 16)
+    assert not list(remarks_on((home, plain)))
+    other = (mission_item(2, 82), mission_item(3, 16, frame=frame), mission_item(4, 183, (9.0,)))
+    assert list(remarks_on((home, plain, *other))) == [
+        "1 spline or arc flown as waypoint, on a line",
+        "1 altitude above terrain counted from home: the ground is flat",
+        "1 payload command announced only",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("one", "text"),
+    [
+        (mission_item(1, 183, (9.0, 1500.0)), "DO_SET_SERVO 9 1500"),
+        (mission_item(1, 206, (25.0, 0.0, 1.0, math.nan)), "DO_SET_CAM_TRIGG_DIST 25 0 1"),
+        (mission_item(1, 216), "DO_SPRAYER"),
+        (mission_item(1, 9999, (1.0,)), "command 9999 1"),
+    ],
+)
+def test_texts_of_commands(one: MissionItem, text: str) -> None:
+    assert command_text(one) == text

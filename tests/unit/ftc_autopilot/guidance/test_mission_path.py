@@ -1,6 +1,7 @@
 """The path of a mission: joined without a corner, through its places, within limits."""
 
 import math
+from itertools import groupby
 
 import numpy as np
 import pytest
@@ -12,7 +13,13 @@ from ftc_autopilot.guidance.limits import FlightLimits, tightest_turn
 from ftc_autopilot.guidance.mission_items import MissionTarget
 from ftc_autopilot.guidance.mission_path import MissionPath, Start, mission_path
 from ftc_autopilot.guidance.mission_places import Home
-from ftc_autopilot.guidance.path import NO_LOOP, path_record, point_at
+from ftc_autopilot.guidance.path import (
+    MAX_LEGS,
+    NO_LOOP,
+    commands_between,
+    path_record,
+    point_at,
+)
 from mavlink_defs.mission_files import mission_item
 from mavlink_defs.profile import ItemError
 
@@ -57,6 +64,10 @@ def delay(seq: int, seconds: float) -> MissionTarget:
 
 def jump(seq: int, to: int, times: int) -> MissionTarget:
     return MissionTarget(mission_item(seq, 177, (to, times)))
+
+
+def command(seq: int) -> MissionTarget:
+    return MissionTarget(mission_item(seq, 183, (9.0, 1500.0)))
 
 
 def square(within: float = 0.0, side: float = 2000.0) -> list[MissionTarget]:
@@ -236,6 +247,75 @@ def test_speed_changes_where_the_delay_ends() -> None:
     assert path.legs[-1].airspeed_m_s == 50.0
 
 
+def test_commands_are_passed_where_conditions_let_them_and_change_no_leg() -> None:
+    a, b, *_ = square(within=1.0)
+    left = MissionTarget(mission_item(5, 114, (300.0,)))
+    beyond = delay(7, 1e4)
+    on_the_way = [command(2), delay(3, 10.0), command(4), left, command(6), beyond, command(8)]
+    mission = [a, *on_the_way, numbered(b, 9), command(10), delay(11, 5.0), command(12)]
+    path = mission_path(mission, LIMITS, Home(), START)
+    record = path_record(*path)
+    found = {item: s for s, item in commands_between(record, -1.0, math.inf)}
+    begin = next(float(record["start"][k]) for k, leg in enumerate(path.legs) if leg.item == 9)
+    end = max(float(record["start"][k]) for k, leg in enumerate(path.legs) if leg.item == 9)
+    expected = [begin, begin + 400.0, end - 300.0, end, end, end + 200.0]
+    assert list(found) == [2, 4, 6, 8, 10, 12]
+    assert list(found.values()) == pytest.approx(expected, abs=1e-6)
+    plain = mission_path([a, numbered(b, 9)], LIMITS, Home(), START)
+    assert plain.legs == path.legs
+
+
+def test_speed_changes_where_so_much_of_the_way_is_left() -> None:
+    a, b, *_ = square(within=1.0)
+    left = MissionTarget(mission_item(2, 114, (300.0,)))
+    path = mission_path([a, left, speed(3, 50.0), numbered(b, 4)], LIMITS, Home(), START)
+    way = [leg for leg in path.legs if leg.item == 4 and leg.length_m < math.inf]
+    assert sum(leg.length_m for leg in way if leg.airspeed_m_s == 50.0) == pytest.approx(300.0)
+
+
+def test_speeds_that_are_none_leave_the_airspeed_or_return_to_cruise() -> None:
+    a, b, c, _ = square()
+    mission = [a, speed(2, 50.0), speed(3, -1.0), numbered(b, 4), speed(5, -2.0), numbered(c, 6)]
+    path = mission_path(mission, LIMITS, Home(), START)
+    assert {leg.airspeed_m_s for leg in path.legs if leg.item == 4} == {50.0}
+    assert {leg.airspeed_m_s for leg in path.legs if leg.item == 6} == {40.0}
+
+
+def test_a_circle_to_an_altitude_is_left_as_soon_as_it_is_reached() -> None:
+    to_altitude = MissionTarget(mission_item(1, 31), (3000.0, 0.0), 2000.0, radius=600.0)
+    path = mission_path([to_altitude, loiter(2, (3000.0, 9000.0))], LIMITS, Home(), START)
+    assert_joined(path)
+    there = [leg for leg in path.legs if leg.item == 1]
+    assert there[-1].curvature_1_m == pytest.approx(1.0 / 600.0)
+    assert sum(leg.length_m for leg in there) == pytest.approx(1900.0 / LIMITS.climb)
+
+
+def test_jumps_to_a_tag_lead_to_the_first_item_that_has_it() -> None:
+    a, b, *_ = square()
+    tags = [MissionTarget(mission_item(seq, 600, (7.0,))) for seq in (2, 4)]
+    back = MissionTarget(mission_item(5, 601, (7.0, 2.0)))
+    path = mission_path([a, tags[0], numbered(b, 3), tags[1], back], LIMITS, Home(), START)
+    order = [leg.item for leg in path.legs]
+    assert order.count(1) < 4
+    assert [item for item, _ in groupby(order)] == [1, 3]
+    assert [item for _, item in commands_between(path_record(*path), -1.0, math.inf)] == [
+        *[2, 4] * 3
+    ]
+
+
+def test_a_waypoint_without_a_place_is_where_the_path_is() -> None:
+    a, b, *_ = square()
+    nowhere = MissionTarget(mission_item(2, 16), None, 100.0)
+    path = mission_path([a, nowhere, numbered(b, 3)], LIMITS, Home(), START)
+    assert_joined(path)
+    assert miss(path, a) < 1.1
+
+
+def test_as_many_items_as_a_mission_may_have_fit() -> None:
+    mission = [waypoint(k, 9e2 * k, 9e2 * (k % 2), 100.0, 1.0) for k in range(1, 1001)]
+    assert 1000 < len(mission_path(mission, LIMITS, Home(), START).legs) <= MAX_LEGS
+
+
 def test_home_is_where_it_was_set_last() -> None:
     a, b, *_ = square()
     here = MissionTarget(mission_item(2, 179, (1.0,)))
@@ -274,9 +354,17 @@ def test_a_climb_is_even_and_one_too_steep_for_its_way_is_refused() -> None:
         ([speed(1, 40.0)], 1, "no waypoint or circle follows"),
         ([*square(), jump(5, 6, -1), jump(6, 5, -1)], 5, "leads around without a waypoint"),
         ([*square(), jump(5, 1, 300)], 5, "jumps make more than 1000 places"),
-        ([*square(), jump(5, 1, 200)], 5, "with this jump the path has more than 256 legs"),
-        ([waypoint(k, 9e2 * k, 9e2 * (k % 2), 0.0) for k in range(1, 90)], 86, "more than 256"),
-        ([*square(side=400.0), jump(5, 1, -1)], 1, "waypoints are too near to go around: turns "),
+        (
+            [*(command(k) for k in range(1, 8)), numbered(square()[0], 8), jump(9, 1, 300)],
+            9,
+            "with this jump the path has more than 2000 commands; jump less often",
+        ),
+        (
+            [waypoint(k, 9e2 * k, 9e2 * (k % 2), 0.0) for k in range(1, 1400)],
+            1366,
+            "more than 4096 legs up to here; shorten",
+        ),
+        ([*square(side=400.0), jump(5, 1, -1)], 3, "waypoints are too near to go around: turns "),
     ],
 )
 def test_what_cannot_be_flown_is_refused_with_its_item(

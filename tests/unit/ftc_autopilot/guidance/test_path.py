@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -9,7 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ftc_autopilot.guidance.legs import Leg
-from ftc_autopilot.guidance.path import locate, path_record, point_at
+from ftc_autopilot.guidance.path import (
+    PathCommand,
+    commands_between,
+    locate,
+    path_record,
+    point_at,
+)
 
 LENGTHS = st.floats(20.0, 2000.0)
 CURVATURES = st.one_of(
@@ -156,3 +163,26 @@ def test_who_is_behind_is_found_on_the_leg_before(laps: int) -> None:
         s = laps * lap + joint - 12.0
         point = point_at(path, s)
         assert locate(path, point.north, point.east, s + 20.0) == pytest.approx((s, 0.0), abs=1e-6)
+
+
+def test_commands_are_passed_in_every_round_but_those_before_it_once() -> None:
+    half, whole = math.pi * 200.0, 2.0 * math.pi * 200.0 + 1000.0
+    legs = [
+        Leg(-100.0, 0.0, 0.0, 0.0, 100.0, 100.0, 0.0, 40.0, 1),
+        Leg(0.0, 0.0, 0.0, 0.0, 500.0, 100.0, 0.0, 40.0, 1),
+        Leg(500.0, 0.0, 0.0, 1 / 200.0, half, 100.0, 0.0, 40.0, 2),
+        Leg(500.0, 400.0, math.pi, 0.0, 500.0, 100.0, 0.0, 40.0, 3),
+        Leg(0.0, 400.0, math.pi, 1 / 200.0, half, 100.0, 0.0, 40.0, 4),
+    ]
+    passed = (PathCommand(0, 0.0, 10), PathCommand(1, 50.0, 11), PathCommand(3, 0.0, 12))
+    path = path_record(legs, 1, passed)
+    rounds = [(0.0, 10), (150.0, 11), (600.0 + half, 12)]
+    rounds += [(s + k * whole, item) for k in (1, 2) for s, item in rounds[1:3]]
+    last = 100.0 + 3.0 * whole
+    found = commands_between(path, -1.0, last)
+    assert [item for _, item in found] == [item for _, item in rounds]
+    assert [s for s, _ in found] == pytest.approx([s for s, _ in rounds])
+    # in parts, each once
+    parts = [math.nextafter(s, math.inf) for s in np.linspace(-1.0, last, 57)]
+    pieces = [commands_between(path, a, b) for a, b in pairwise(parts)]
+    assert [item for piece in pieces for _, item in piece] == [item for _, item in rounds]

@@ -1,5 +1,6 @@
 """Flights on paths: as close as the documentation says, and close again after a fault."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -129,3 +130,23 @@ def test_who_starts_beside_the_path_joins_it() -> None:
     """A formation's path begins at home; the leader begins 150 m to its right."""
     summary = flown(45.0, **{"uavs.0.initial.east_m": 150.0})
     assert worst(summary, "turn_cross_track_m") <= 5.0
+
+
+def test_a_public_survey_is_flown_and_says_where_its_commands_were_passed() -> None:
+    """The file is of elsewhere and moved; trigger on and off follow the ends of the first line."""
+    tree = scenario_tree(Path("scenarios/airframes/skywalker_x8_designed.yaml"))
+    mission = {"file": "tests/data/others/survey.plan", "here": True}
+    tree = edit(tree, {"mission": mission, "profile": [], "duration_s": 70.0, "faults": []})
+    scenario = scenario_of(Path("survey.yaml"), tree)
+    summary = summarise(fly_in_process(scenario), scenario)
+    assert summary.loss is None
+    commands = summary.uavs[0].commands
+    assert [(one.item, one.command) for one in commands] == [
+        (3, "DO_SET_CAM_TRIGG_DIST"),
+        (5, "DO_SET_CAM_TRIGG_DIST"),
+        (7, "DO_SET_CAM_TRIGG_DIST"),
+    ]
+    corners = [(200.0, 0.0), (800.0, 0.0), (800.0, 200.0)]
+    for one, corner in zip(commands, corners, strict=True):
+        assert math.dist((one.north_m, one.east_m), corner) < 60.0
+    assert FlightSummary.from_json(summary.to_json()) == summary

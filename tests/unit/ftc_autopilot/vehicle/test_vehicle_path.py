@@ -106,6 +106,52 @@ def test_items_are_reached_in_their_turn_and_the_mission_completes(bench: PathBe
     assert states == [active] * (len(states) - 1) + [complete]
 
 
+def test_commands_are_announced_where_they_are_passed_and_downloaded_as_sent(
+    bench: PathBench,
+) -> None:
+    servo = mission_item(2, dialect.MAV_CMD_DO_SET_SERVO, (9.0, 1500.0, 3.0, math.nan), 5, -6, 7.0)
+    later = mission_item(3, dialect.MAV_CMD_CONDITION_DELAY, (20.0,))
+    camera = mission_item(4, dialect.MAV_CMD_DO_SET_CAM_TRIGG_DIST, (25.0,))
+    trigger = mission_item(6, dialect.MAV_CMD_DO_DIGICAM_CONTROL)
+    sent = (HOME, TRIANGLE[0], servo, later, camera, waypoint(5, 3000.0, 3000.0), trigger)
+    assert bench.upload_items(sent) == dialect.MAV_MISSION_ACCEPTED
+    held = bench.vehicle._mission.server.items
+    assert [str(item.to_dict()) for item in held[1:]] == [str(item.to_dict()) for item in sent[1:]]
+    bench.fly()
+    bench.command(START)
+    begun = float(bench.path.record["passed"][0])
+    assert "item" not in bench.texts(bench.go_to(begun - 1.0))
+    assert bench.texts(bench.go_to(begun + 1.0)) == "item 2: DO_SET_SERVO 9 1500 3"
+    assert "item" not in bench.texts(bench.go_to(begun - 1.0))  # thrown back by a gust
+    assert "item" not in bench.texts(bench.go_to(begun + 799.0))
+    told = bench.texts(bench.go_to(begun + 801.0))
+    assert told == "item 4: DO_SET_CAM_TRIGG_DIST 25"
+    told = bench.texts(bench.go_to(float(bench.path.record["passed"][2]) + 1.0))
+    assert told == "item 6: DO_DIGICAM_CONTROL"
+
+
+def test_what_is_flown_otherwise_is_said_once(bench: PathBench) -> None:
+    said: list[str] = []
+    bench.vehicle.modes._say = lambda _, text: said.append(text)
+    x, y = TRIANGLE[1].x, TRIANGLE[1].y
+    bench.upload_items((HOME, TRIANGLE[0], mission_item(2, 82, (), x, y, 100.0)))
+    assert said == [
+        "mission of 2 items in force",
+        "mission: 1 spline or arc flown as waypoint, on a line",
+    ]
+
+
+def test_a_restarted_vehicle_announces_no_command_twice(bench: PathBench) -> None:
+    command = mission_item(1, dialect.MAV_CMD_DO_SET_SERVO, (9.0,))
+    bench.upload_items((HOME, command, waypoint(2, 3000.0, 0.0)))
+    bench.fly()
+    bench.command(START)
+    assert "item 1" in bench.texts(bench.go_to(10.0))
+    mission = bench.vehicle._mission
+    mission.resume(mission.server.items, 2)
+    assert "item 1" not in bench.texts(bench.go_to(20.0))
+
+
 def test_a_loop_reaches_its_items_again_and_again(bench: PathBench) -> None:
     jump = mission_item(4, dialect.MAV_CMD_DO_JUMP, (1.0, -1.0))
     bench.upload_items((HOME, *TRIANGLE, jump))

@@ -56,7 +56,7 @@ def test_a_mission_that_can_be_flown_from_home_but_not_from_here_is_refused(
     for each in (bench, other):
         start_flight(each, [waypoint(1, 3e3, 0.0)])
     bench.hot.measured["position"] = (300.0, 900.0, -100.0)
-    assert bench.upload_items(zigzag()) == dialect.MAV_MISSION_ACCEPTED  # 256 legs
+    assert bench.upload_items(zigzag()) == dialect.MAV_MISSION_ACCEPTED  # 4096 legs
     other.hot.measured["position"] = (5e3, 0.0, -100.0)
     before = state_of(other)
     assert other.upload_items(zigzag()) == dialect.MAV_MISSION_NO_SPACE  # an arc more
@@ -64,12 +64,14 @@ def test_a_mission_that_can_be_flown_from_home_but_not_from_here_is_refused(
 
 
 def zigzag() -> list[MissionItem]:
-    """Return a mission of 256 legs, the most that a path may have."""
+    """Return a mission of 4096 legs, the most of a path: twenty rounds, and a way off."""
     items = [mission_item(0, 16)]
-    for k in range(1, 86):
-        if k in {2, 3}:
+    for k in range(1, 73):
+        for v in range(2 if k <= 40 else k == 41):  # an airspeed on the way is one leg more
             items.append(mission_item(len(items), dialect.MAV_CMD_CONDITION_DELAY, (1.0,)))
-            speed = (0.0, 40.0 + k % 2)
+            speed = (0.0, 40.0 + v)
             items.append(mission_item(len(items), dialect.MAV_CMD_DO_CHANGE_SPEED, speed))
         items.append(waypoint(len(items), 1000.0 * k, 1.5e3 * (k % 2)))
+        if k == 40:
+            items.append(mission_item(len(items), dialect.MAV_CMD_DO_JUMP, (1.0, 19.0)))
     return items

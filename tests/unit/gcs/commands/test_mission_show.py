@@ -180,13 +180,11 @@ def test_a_mission_is_told_by_what_it_begins_with(name: str, tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("command", "advice"),
     [
-        (31, "NAV_LOITER_TURNS"),
-        (183, "leave it out"),
-        (203, "leave it out"),
-        (206, "leave it out"),
-        (201, "leave it out"),
-        (115, "leave it out"),
-        (207, "leave it out"),
+        (93, "NAV_LOITER_TIME"),
+        (94, "DO_GRIPPER"),
+        (30, "NAV_LOITER_TO_ALT"),
+        (186, "give the next place"),
+        (224, "DO_JUMP"),
     ],
 )
 def test_what_is_refused_says_what_to_do(command: int, advice: str, tmp_path: Path) -> None:
@@ -195,3 +193,40 @@ def test_what_is_refused_says_what_to_do(command: int, advice: str, tmp_path: Pa
     status, text = show(path)
     assert (status, text.startswith(f"{path}: Item 2: command {command}")) == (2, True)
     assert advice in text
+
+
+@pytest.mark.parametrize("name", ["payload.waypoints", "survey.plan"])
+def test_a_mission_of_elsewhere_is_shown_here(name: str) -> None:
+    fleet = ("--fleet", "airframes/skywalker_x8")
+    status, text = show(OTHERS / name, *fleet)
+    assert (status, "; to fly it here, gcs mission has --here" in text) == (2, True)
+    status, text = show(OTHERS / name, *fleet, "--here", "--json")
+    assert status == 0
+    shown = json.loads(text)
+    if name == "payload.waypoints":
+        assert [one["item"] for one in shown["passed"]] == [1, 3, 5, 7, 1, 3, 5, 7, 11]
+        assert shown["remarks"] == [
+            "1 spline or arc flown as waypoint, on a line",
+            "1 altitude above terrain counted from home: the ground is flat",
+            "4 payload commands announced only",
+        ]
+    else:
+        passed = [one for one in shown["passed"] if one["item"] == 3]
+        assert passed[0]["north_m"] == pytest.approx(200.0, abs=1.0)
+    ways, heights = zip(*shown["profile"], strict=True)
+    assert list(ways) == sorted(ways)
+    assert max(heights) == (180.0 if name == "payload.waypoints" else 100.0)
+    assert ways[-1] == pytest.approx(shown["length_m"])
+
+
+def test_the_profile_names_the_items_below_it(tmp_path: Path) -> None:
+    status, text = show(OTHERS / "payload.waypoints", "--here", "--fleet", "airframes/skywalker_x8")
+    assert status == 0
+    lines = text.splitlines()
+    title = next(k for k, line in enumerate(lines) if "height [m] at each item" in line)
+    drawn = lines[title + 1 : title + 12]
+    assert any("180" in line for line in drawn)
+    assert {"2", "6", "8", "10"} <= set(drawn[-1].split())
+    assert "x1b" not in text
+    assert "DO_SET_SERVO 9 1500" in text
+    assert "4 payload commands announced only" in lines

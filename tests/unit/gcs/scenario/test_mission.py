@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 import yaml
 
+from ftc_autopilot.common.geography import position_of
 from gcs.scenario.model import Scenario, load_scenario
 from gcs.scenario.profile_file import load_profile
 from mavlink_defs import dialect
@@ -14,6 +15,7 @@ from mavlink_defs.config.models import ConfigError
 from mavlink_defs.mission_files import plan_text, waypoints_text
 from mavlink_defs.profile import segments_to_items
 
+OTHERS = Path(__file__).parents[3] / "data" / "others"
 ITEMS: list[dict[str, Any]] = [
     {"waypoint": {"north_m": 3000.0, "east_m": 0.0, "height_m": 120.0, "within_m": 5.0}},
     {"speed": {"airspeed_m_s": 45.0}},
@@ -95,8 +97,21 @@ def test_a_mission_file_belongs_to_the_file_that_names_it(tree: Any, tmp_path: P
 
 
 def test_what_stands_beside_a_mission_file_is_named(tree: Any, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"no key beside it, got 'a\.plan' and items"):
+    with pytest.raises(ConfigError, match=r"here: true or false, got 'a\.plan' and items"):
         load_scenario(written(tmp_path, tree, {"file": "a.plan", "items": []}))
+
+
+def test_a_mission_file_of_elsewhere_is_moved_to_the_origin(tree: Any, tmp_path: Path) -> None:
+    """Also when the scenario is kept and read again, and whatever its origin is."""
+    origin = {"latitude_deg": 60.0, "longitude_deg": 20.0, "altitude_m": 10.0}
+    (tmp_path / "a.plan").write_text((OTHERS / "survey.plan").read_text())
+    mission = {"file": "a.plan", "here": True}
+    scenario = load_scenario(written(tmp_path, {**tree, "origin": origin}, mission))
+    home, _, first, *_ = scenario.mission_items()
+    assert (home.x, home.y) == (600000000, 200000000)
+    assert position_of(scenario.origin, first.x, first.y) == pytest.approx((200.0, 0.0), abs=0.1)
+    dump(scenario, tmp_path / "again.yaml")
+    assert contents(load_scenario(tmp_path / "again.yaml")) == contents(scenario)
 
 
 @pytest.mark.parametrize(

@@ -61,7 +61,7 @@ def test_every_list_and_mapping_has_a_bound(model: type[BaseModel]) -> None:
         (SCENARIO_1 + "network: {{edges: {}}}", "network.edges", 31_125),
         (SCENARIO_1 + "profile: {}", "profile", 50),
         (SCENARIO_1 + "faults: {}", "faults", 1000),
-        (SCENARIO_1 + "mission: {{items: {}}}", "mission.items", 200),
+        (SCENARIO_1 + "mission: {{items: {}}}", "mission.items", 1000),
         (SCENARIO_1 + "links: {{impairments: {{gcs: {{outages: {}}}}}}}",
          "links.impairments.gcs.outages", 1000),
     ],

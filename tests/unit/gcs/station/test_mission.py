@@ -133,7 +133,10 @@ def test_a_mission_is_a_profile_or_not() -> None:
         (item(dialect.MAV_CMD_DO_JUMP, 2.0, -1.0), "jump to 2, always"),
         (item(dialect.MAV_CMD_DO_JUMP, 2.0, 5.0), "jump to 2, 5 times"),
         (item(dialect.MAV_CMD_DO_CHANGE_SPEED, 0.0, 45.0), "speed 45 m/s"),
-        (item(dialect.MAV_CMD_NAV_LAND), "command 21"),
+        (item(dialect.MAV_CMD_NAV_LOITER_TO_ALT, 0.0, -90.0), "loiter to altitude, radius -90 m"),
+        (item(dialect.MAV_CMD_DO_JUMP_TAG, 7.0, 1.0), "jump to tag 7, 1 time"),
+        (item(dialect.MAV_CMD_DO_SET_SERVO, 9.0, 1500.0), "DO_SET_SERVO 9 1500"),
+        (item(dialect.MAV_CMD_NAV_LAND), "NAV_LAND"),
     ],
 )
 def test_texts_of_items(one: MissionItem, text: str) -> None:
