@@ -57,7 +57,7 @@ class PathBench(Bench):
         return self.vehicle.gcs_messages()
 
     def mission_state(self) -> int:
-        current: Any = self.vehicle._mission.current()
+        current: Any = self.vehicle._plan.mission.current()
         return int(current.mission_state)
 
     def texts(self, messages: list[Any]) -> str:
@@ -285,7 +285,7 @@ def test_home_can_be_set(bench: PathBench) -> None:
     home: Any = bench.vehicle.telemetry[0].make(dialect.MAVLINK_MSG_ID_HOME_POSITION)
     assert position.relative_alt == 0
     assert (home.latitude, home.longitude) == (position.lat, position.lon)
-    item = bench.vehicle._mission.server.items[0]
+    item = bench.vehicle._plan.mission.server.items[0]
     assert (item.x, item.y, item.z) == (home.latitude, home.longitude, 734.0)
     bench.put(8000.0, 2000.0, 150.0)
     bench.command(SET_MODE, 1.0, RTL)
@@ -328,7 +328,7 @@ def test_a_takeoff_at_the_head_is_passed(bench: PathBench, first: int) -> None:
     takeoff = mission_item(1, dialect.MAV_CMD_NAV_TAKEOFF, (15.0, 0.0, 0.0, math.nan), 0, 0, 50.0)
     items = (HOME, takeoff, waypoint(2, 3000.0, 0.0), waypoint(3, 3000.0, 3000.0))
     assert bench.upload_items(items) == dialect.MAV_MISSION_ACCEPTED
-    held = bench.vehicle._mission.server.items[1]
+    held = bench.vehicle._plan.mission.server.items[1]
     assert (held.command, held.param1, held.z) == (dialect.MAV_CMD_NAV_TAKEOFF, 15.0, 50.0)
     bench.fly()
     bench.command(dialect.MAV_CMD_DO_SET_MISSION_CURRENT, float(first))
@@ -370,5 +370,5 @@ def test_a_mission_that_cannot_be_flown_is_refused_and_the_old_one_stays(bench: 
     assert bench.upload_items((HOME, land)) == dialect.MAV_MISSION_UNSUPPORTED
     mixed = mission_item(2, dialect.MAV_CMD_FTC_REFERENCE_SEGMENT)
     assert bench.upload_items((HOME, TRIANGLE[0], mixed)) == dialect.MAV_MISSION_UNSUPPORTED
-    assert len(bench.vehicle._mission.server.items) == 4
+    assert len(bench.vehicle._plan.mission.server.items) == 4
     assert len(bench.path.items) == 4
