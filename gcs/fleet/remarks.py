@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Iterable, Iterator
 
 from ftc_autopilot.plugins.loading import calling
+from gcs.scenario.fence import WatchedFence
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import Links
 from mavlink_defs.endpoint import EndpointError, UdpAddress, exposed, is_loopback
@@ -28,7 +29,8 @@ class ExposureRemark(WarningRemark):
 
 def remarks_of(scenario: Scenario) -> list[str]:
     """Return the remarks on a scenario, however it is flown."""
-    return [*_one_path(scenario), *_sensors(scenario), *_heading(scenario)]
+    found = _one_path(scenario), _fence(scenario), _sensors(scenario), _heading(scenario)
+    return [remark for each in found for remark in each]
 
 
 def exposures(links: Links, *, with_key: bool) -> Iterator[str]:
@@ -53,6 +55,18 @@ def _one_path(scenario: Scenario) -> Iterator[str]:
         f"{WARNING}UAVs {uavs} fly one path, and nothing keeps them apart: "
         "give each a slot in the section formation, as missions/hexagon does"
     )
+
+
+def _fence(scenario: Scenario) -> Iterator[str]:
+    """Yield where the mission leaves the fence."""
+    if scenario.fence is None or not scenario.fence.enable or scenario.mission is None:
+        return
+    path = scenario.planner().path(scenario.mission_items())
+    if (item := WatchedFence(scenario.fence, scenario.origin).left_by(path)) is not None:
+        yield WarningRemark(
+            f"{WARNING}the mission leaves the fence on the way to item {item}: "
+            f"a breach there is followed by {scenario.fence.action}"
+        )
 
 
 def _sensors(scenario: Scenario) -> Iterator[str]:
