@@ -272,12 +272,13 @@ class Autopilot:
             return self.crash_at
         if self._more_to_do:
             return self._hot.step + 1
+        watched = min(self._vehicle.next_check_step(), self.crash_at)
         if self._vehicle.telemetry_clock.is_slower_of_both:
-            return self.crash_at  # turns come by the wall clock
+            return watched  # turns come by the wall clock
         due_us = self._vehicle.next_telemetry_us()
         if not self._in_real_time:  # no deadline in lockstep: fewer turns
             due_us = -(-due_us // _TURN_US) * _TURN_US
-        return min(-(-due_us // self._config.step_us), self.crash_at)
+        return min(-(-due_us // self._config.step_us), watched)
 
     @property
     def _in_real_time(self) -> bool:

@@ -12,6 +12,7 @@ from ftc_autopilot.control.config import ControllerConfig
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.estimation.parameters import EstimatorParameters
+from ftc_autopilot.guidance.fence_parameters import FenceParameters, RallyParameters
 from mavlink_defs import dialect
 from mavlink_defs.config.models import HostPort, Problems, SystemId, Title
 from mavlink_defs.config.quantity import quantity
@@ -54,6 +55,12 @@ class AutopilotConfig(ControllerConfig):
     )
     estimator: EstimatorParameters = Field(
         default=EstimatorParameters(), description="Parameters of its estimator."
+    )
+    fence: FenceParameters = Field(
+        default=FenceParameters(), description="Parameters of its fence."
+    )
+    rally: RallyParameters = Field(
+        default=RallyParameters(), description="Parameters of its rally points."
     )
     neighbour_timeout_s: float = quantity(
         "s", "Silence after which a neighbour's edge is dropped.", NEIGHBOUR_TIMEOUT_S, gt=0.0

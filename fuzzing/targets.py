@@ -161,7 +161,7 @@ class AutopilotTarget:
                 vehicle.modes.mode,
                 vehicle.modes.armed,
                 vehicle.telemetry[0]._intervals_us,
-                vehicle._mission.server.items,
+                vehicle._plan.mission.server.items,
                 [p.get() for p in vehicle._params._parameters],
             )
         )

@@ -10,7 +10,7 @@ in its line; the items are numbered again.
 import codecs
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -19,6 +19,14 @@ from mavlink_defs.config.problems import ConfigError, Problem, counted, shown
 from mavlink_defs.config.user_files import open_file, read_text
 from mavlink_defs.constants import INT32_MAX
 from mavlink_defs.float32 import decimal_of_float32
+from mavlink_defs.plan_fence import (
+    PlanRow,
+    PlanShapeError,
+    fence_rows,
+    fence_section,
+    rally_rows,
+    rally_section,
+)
 from mavlink_defs.plan_items import NotOneError, simple_items, with_mission
 from mavlink_defs.services.mission import MissionItem
 from mavlink_defs.visible import visible
@@ -93,16 +101,25 @@ class MissionFile(NamedTuple):
     """As of the key `item` of a scenario's missions; entry 0 is home."""
     not_flown: tuple[str, ...] = ()
     """What else is in the file, and no vehicle takes, part by part."""
+    fence: tuple[dict[str, Any], ...] = ()
+    """The same entries, of the fence."""
+    rally: tuple[dict[str, Any], ...] = ()
+    """The same, of the rally points."""
 
     @property
     def items(self) -> tuple[MissionItem, ...]:
         """The items of the mission protocol, home included."""
-        return tuple(
-            mission_item(
-                seq, one["command"], one["params"], *(one[k] for k in ("x", "y", "z", "frame"))
-            )
-            for seq, one in enumerate(self.entries)
+        return items_of(self.entries)
+
+
+def items_of(entries: Iterable[dict[str, Any]]) -> tuple[MissionItem, ...]:
+    """Return the items that entries of a `MissionFile` describe, numbered from 0."""
+    return tuple(
+        mission_item(
+            seq, one["command"], one["params"], *(one[k] for k in ("x", "y", "z", "frame"))
         )
+        for seq, one in enumerate(entries)
+    )
 
 
 def is_mission_file(path: Path) -> bool:
@@ -130,7 +147,7 @@ def read_mission_file(path: Path) -> MissionFile:
         if text.lstrip().startswith("{"):
             return _of_plan(text)
         return MissionFile(_of_waypoints(text))
-    except NotOneError as error:
+    except (NotOneError, PlanShapeError) as error:
         raise ConfigError(path, [Problem((), str(error))]) from error
 
 
@@ -147,15 +164,19 @@ def waypoints_text(items: Sequence[MissionItem]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def plan_text(items: Sequence[MissionItem]) -> str:
-    """Return a mission, home included, as a ``.plan`` of QGroundControl."""
+def plan_text(
+    items: Sequence[MissionItem],
+    fence: Sequence[MissionItem] = (),
+    rally: Sequence[MissionItem] = (),
+) -> str:
+    """Return a mission, home included, fence and rally points as a ``.plan`` of QGroundControl."""
     home, *others = items
     plan = {
         "fileType": "Plan",
         "version": 1,
         "groundStation": "ftc-sitl",
-        "geoFence": {"circles": [], "polygons": [], "version": 2},
-        "rallyPoints": {"points": [], "version": 2},
+        "geoFence": fence_section(fence),
+        "rallyPoints": rally_section(rally),
         "mission": {
             "version": 2,
             "firmwareType": dialect.MAV_AUTOPILOT_ARDUPILOTMEGA,
@@ -214,19 +235,20 @@ def _of_plan(text: str) -> MissionFile:
     parts = list(_not_flown(plan, mission))
     if (more := len(parts) - MAX_NOT_FLOWN + 1) > 1:
         parts[-more:] = [f"{more} more keys"]
-    return MissionFile(tuple(entries), tuple(parts))
+    fence, rally = (_entries(rows) for rows in (fence_rows(plan), rally_rows(plan)))
+    return MissionFile(tuple(entries), tuple(parts), fence, rally)
+
+
+def _entries(rows: Iterable[PlanRow]) -> tuple[dict[str, Any], ...]:
+    """Return entries of items that have no jump among them."""
+    return tuple(
+        _entry(command, frame, _numbers(values, where, 7), where)
+        for command, frame, values, where in rows
+    )
 
 
 def _not_flown(plan: dict[str, Any], mission: dict[str, Any]) -> Iterator[str]:
     """Say what is in a plan besides the items and where they are."""
-    fence, rally = (plan.get(key) for key in ("geoFence", "rallyPoints"))
-    shapes = [(noun, _length(fence, f"{noun}s")) for noun in ("circle", "polygon")]
-    if any(number for _, number in shapes):
-        yield f"a fence of {' and '.join(counted(number, noun) for noun, number in shapes)}"
-    if isinstance(fence, dict) and fence.get("breachReturn"):
-        yield "the fence's place of return"
-    if number := _length(rally, "points"):
-        yield counted(number, "rally point")
     for key, noun in (("cruiseSpeed", "cruise"), ("hoverSpeed", "hover")):
         if key in mission:
             yield f"a {noun} speed of {shown(mission[key])} m/s"
@@ -242,11 +264,6 @@ def _not_flown(plan: dict[str, Any], mission: dict[str, Any]) -> Iterator[str]:
                 yield f"{where}{visible(key)[:60]}"
             elif key == "version" and value != known[key]:
                 yield f"what is new in {where}version {shown(value)}"
-
-
-def _length(tree: Any, key: str) -> int:
-    listed = tree.get(key) if isinstance(tree, dict) else None
-    return len(listed) if isinstance(listed, list) else 0
 
 
 def _of_waypoints(text: str) -> tuple[dict[str, Any], ...]:

@@ -20,14 +20,25 @@ from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.triggers import TRIGGERS
 from ftc_autopilot.control.triggers.base import TriggerParameters
 from ftc_autopilot.estimation.parameters import EstimatorParameters
+from ftc_autopilot.guidance.fence_parameters import (
+    FenceParameters,
+    RallyParameters,
+    fence_records,
+)
 from ftc_autopilot.guidance.formation import Formation, FormationParameters, Slot
 from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
 from ftc_autopilot.guidance.laws.base import GuidanceParameters
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
-from ftc_autopilot.vehicle.param_table import law_tunables, trigger_tunables, tunables
+from ftc_autopilot.vehicle.param_table import (
+    fence_tunables,
+    law_tunables,
+    trigger_tunables,
+    tunables,
+)
 from ftc_lab.campaigns import distributions
 from ftc_lab.campaigns.faults import DrawnFault, DrawnSensorFault
 from ftc_lab.campaigns.model import Campaign, Factor, Kept
+from gcs.scenario.fence import FenceSection, RallySection
 from gcs.scenario.mission import MissionSection
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import (
@@ -97,6 +108,8 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "slot": Slot,
     "profile": ProfileSegment,
     "mission": MissionSection,
+    "fence": FenceSection,
+    "rally": RallySection,
     "faults": ScenarioFault,
     "sensor_faults": ScenarioSensorFault,
     "links": Links,
@@ -261,7 +274,7 @@ def meaning(field: FieldInfo, part: type[BaseModel] | None) -> str:
 
 
 def parameters() -> str:
-    """Return the tables of the parameters: of triggers, laws, guidance, formation."""
+    """Return the tables of the parameters: of triggers, laws, guidance, formation, fence."""
     records = np.zeros(1, PARAMETERS)
     groups = {"Every trigger": trigger_tunables(records)}
     for mode in TRIGGERS:
@@ -273,6 +286,8 @@ def parameters() -> str:
         gains = records["guidance"][kind]
         groups[f"Guidance `{kind}`"] = tunables(guidance, gains, "GUID_", GuidanceParameters)
     groups["Formation"] = tunables(FormationParameters, records["formation"], "FORM_")
+    fence = fence_records(FenceParameters(), RallyParameters())
+    groups["Fence and rally points"] = fence_tunables(fence)
     own = {group: list(found) for group, found in groups.items()}
     head = ("parameter", "expected", "key", "meaning")
     return "\n\n".join(

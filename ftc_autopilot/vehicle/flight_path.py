@@ -5,7 +5,7 @@ formation fly one path for their mission, the one from home.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -74,6 +74,8 @@ class FlightPath:
         airspeed: On ways that no mission sets one for [m/s].
         number: Counts the paths.
         begun_at: Path parameter where the present one was begun [m].
+        refuge: Returns where RTL leads with a home, north, east, height [m]; None: to that home, at
+            the present height.
     """
 
     def __init__(
@@ -86,6 +88,7 @@ class FlightPath:
         self._in_formation = config.formation is not None
         self._guidance, self._paths = controllers.uavs[0]["guidance"], controllers.paths
         self.number, self.begun_at = 0, 0.0
+        self.refuge: Callable[[Home], tuple[float, float, float] | None] = lambda _: None
 
     # state
 
@@ -206,14 +209,17 @@ class FlightPath:
         leg = int(legs[0]) if len(legs) else 0
         return Way(path, float(path["start"][leg]), in_slot=True)
 
-    def circle_here(self) -> Way:
-        """Return the circle at the present place and height."""
+    def circle_here(self, height: float | None = None) -> Way:
+        """Return the circle at the present place, and height if no other is given [m]."""
         start = self._start(self.airspeed)
-        return Way(self.planner.circle(start, None, start.height))
+        return Way(self.planner.circle(start, None, start.height if height is None else height))
 
     def way_home(self, home: Home | None = None) -> Way:
-        """Return the way home and the circle there, at the present height."""
-        return Way(self.planner.way_home(self._start(self.airspeed), home or self.home.at))
+        """Return the way of RTL: home or to another `refuge`, and the circle there."""
+        home = home or self.home.at
+        if (place := self.refuge(home)) is not None:
+            return self.way_to(place)
+        return Way(self.planner.way_home(self._start(self.airspeed), home))
 
     def way_to(
         self,

@@ -35,6 +35,7 @@ class Mission:
         modes: Modes,
         home: VehicleHome,
         guide: Callable[[MissionItem], int],
+        enable_fence: Callable[[Sequence[float]], int],
         say: Say,
     ) -> None:
         """Hold no mission.
@@ -44,9 +45,10 @@ class Mission:
             modes: Its modes.
             home: Its home.
             guide: Flies to an item that is sent on its own, and returns MAV_MISSION_RESULT.
+            enable_fence: Executes MAV_CMD_DO_FENCE_ENABLE with its first params.
             say: Announces a text.
         """
-        self._modes, self._say = modes, say
+        self._modes, self._say, self._enable_fence = modes, say, enable_fence
         self.server = MissionServer(
             own, modes.check_mission, MAX_MISSION_ITEMS + 1, home.item, guide, modes.jump_to
         )
@@ -56,26 +58,10 @@ class Mission:
         self._passed_to = (0, 0.0)  # number of a path, and how far its commands were announced [m]
         self._note_state()
 
-    def receive(self, message: MAVLink_message, now: float, station: int) -> None:
-        """Take in a message of a ground station, which has a number."""
-        self.server.receive(message, now, station)
-        self._handle_events()
-
-    def handle_timer(self, now: float) -> None:
-        """Do what is due, and follow the modes."""
-        self.server.handle_timer(now)
-        self._follow()
-        self._handle_events()
-
-    def deadline(self) -> float | None:
-        """Return when `handle_timer` is to be called [s]; None if no timer runs."""
-        return self.server.deadline()
-
-    def messages_to_send(self) -> list[tuple[MAVLink_message, int | None]]:
-        """Hand over what is to be sent, and the number of the station; None: to all."""
-        messages, self._reached = self._reached + self.server.messages_to_send(), []
-        asking = self.server.asking
-        return [(m, asking if hasattr(m, "target_system") else None) for m in messages]
+    def reached(self) -> list[tuple[MAVLink_message, None]]:
+        """Hand over what is to be sent to all stations on items that were reached."""
+        reached, self._reached = self._reached, []
+        return [(message, None) for message in reached]
 
     @message(
         dialect.MAVLink_mission_current_message,
@@ -90,7 +76,7 @@ class Mission:
         """Return to the state after the upload of the mission, for another flight."""
         self._follows = False
         self.server.set_current(0)
-        self._handle_events()
+        self.handle_events()
 
     def resume(self, items: Sequence[MissionItem], item: int) -> None:
         """Restore the mission from a checkpoint.
@@ -129,19 +115,20 @@ class Mission:
             return _FAILED
         return _ACCEPTED if self.server.go_to(int(seq)) else _FAILED
 
-    # inside
-
-    def _handle_events(self) -> None:
+    def handle_events(self) -> bool:
+        """Put in force what was uploaded; return whether the mission has changed."""
+        changes = False
         for event in self.server.events():
             match event:
                 case MissionAccepted(items):
-                    self._follows = False
+                    self._follows, changes = False, True
                     self._modes.take_mission(items)
                 case MissionRefused(_, text) if text:
                     self._say(dialect.MAV_SEVERITY_WARNING, text)
         self._note_state()
+        return changes
 
-    def _follow(self) -> None:
+    def follow(self) -> None:
         """Let MISSION_CURRENT and MISSION_ITEM_REACHED follow the profile.
 
         Items that ended before the profile was uploaded or while another mode was flown were
@@ -165,6 +152,8 @@ class Mission:
             self.server.set_current(current)
         self._follows = True
 
+    # inside
+
     def _passed(self) -> list[int]:
         """Return the items of the path that were reached since the last call."""
         path = self._modes.path
@@ -185,8 +174,10 @@ class Mission:
             self._pass(self.server.items[seq])
 
     def _pass(self, item: MissionItem) -> None:
-        """Do what a command on the path asks for: announce it."""
+        """Announce a command on the path, and do it if it is the fence's."""
         self._say(dialect.MAV_SEVERITY_INFO, f"item {item.seq}: {command_text(item)}")
+        if item.command == dialect.MAV_CMD_DO_FENCE_ENABLE:
+            self._enable_fence((item.param1, item.param2))
 
     def _note_state(self) -> None:
         """Update the fields of MISSION_CURRENT besides the item."""

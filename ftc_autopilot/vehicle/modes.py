@@ -87,6 +87,11 @@ class Modes:
         return bool(self._guidance["start_step"] != NOT_STARTED)
 
     @property
+    def is_unplaced(self) -> bool:
+        """Whether the vehicle does not know where it is, as it has had no fix yet."""
+        return bool(self._guidance["unplaced"])
+
+    @property
     def flies_mission(self) -> bool:
         """Whether profile or path of the mission gives the references now."""
         profile = int(self._guidance["follows"]) == ReferenceSource.PROFILE
@@ -204,10 +209,10 @@ class Modes:
         if moves and way is not None:
             path.begin(way)
 
-    def guide(self, way: Way) -> None:
-        """Fly along a path in GUIDED."""
+    def guide(self, way: Way, mode: int = GUIDED) -> None:
+        """Fly along a path in GUIDED, or another mode whose path it is."""
         self.path.begin(way)
-        self._note_mode(GUIDED)
+        self._note_mode(mode)
 
     def point(self, attitude: tuple[float, float, float]) -> None:
         """Hold an attitude, roll, pitch, yaw [rad], at the airspeed of the circle left for it."""

@@ -27,6 +27,14 @@ from ftc_autopilot.control.laws.surviving.gains import LoopWeights
 from ftc_autopilot.control.triggers import MODES, PLUGIN_MODE, TRIGGERS, trigger_of
 from ftc_autopilot.control.triggers.base import TriggerParameters
 from ftc_autopilot.control.triggers.plugin import own_record
+from ftc_autopilot.guidance.fence_parameters import (
+    ACTION_NUMBERS,
+    ActionName,
+    FenceParameters,
+    FenceRecords,
+    RallyParameters,
+    fence_records,
+)
 from ftc_autopilot.guidance.formation import FormationParameters
 from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
 from ftc_autopilot.guidance.laws.base import GuidanceParameters
@@ -75,6 +83,11 @@ _SHORTER = {  # with an axis or a prefix, these would be too long
     "climb_feedback": "CLIMB_P",
     "rounding_s": "ROUNDING",
     "wind_time_s": "WIND_TIME",
+    "alt_max_m": "ALT_MAX",
+    "alt_min_m": "ALT_MIN",
+    "radius_m": "RADIUS",
+    "margin_m": "MARGIN",
+    "ret_alt_m": "RET_ALT",
 }
 _AT_THE_START = {"phi_v0", "g_v0", "beta_v0", "phi_omega0", "beta_omega0"}
 """Fields that a law reads in its first step only."""
@@ -145,10 +158,21 @@ def _tunables_of(config: AutopilotConfig, controllers: Controllers) -> list[Tuna
 
 
 def parameters_of(
-    config: AutopilotConfig, hot: HotState, controllers: Controllers
+    config: AutopilotConfig,
+    hot: HotState,
+    controllers: Controllers,
+    fence: FenceRecords | None = None,
 ) -> list[Parameter]:
-    """Return all parameters of a vehicle: of trigger, law, guidance, formation, identity."""
+    """Return all parameters of a vehicle: of trigger, law, guidance, formation, fence, identity.
+
+    Args:
+        config: Its configuration.
+        hot: What the compiled loop knows.
+        controllers: Of one UAV.
+        fence: Parameters of fence and rally points; None: as configured.
+    """
     kind = config.controller.kind
+    fence = fence or fence_records(config.fence, config.rally)
 
     def clock_s() -> float:
         start = int(controllers.uavs[0]["guidance"]["start_step"])
@@ -159,6 +183,11 @@ def parameters_of(
     def put_at_the_start(tunable: Tunable, value: float) -> None:
         if controllers.uavs[0]["controller"]["steps"] > 0:
             raise ParamValueError("acts at the start only", dialect.MAV_PARAM_ERROR_READ_ONLY)
+        tunable.put(value)
+
+    def put_action(tunable: Tunable, value: float) -> None:
+        if 0.0 <= value <= max(ACTION_NUMBERS) and value not in ACTION_NUMBERS:
+            raise ParamValueError(f"is {value:g}, must be {tunable.quantity.doc}")
         tunable.put(value)
 
     def put_mode(tunable: Tunable, value: float) -> None:
@@ -180,10 +209,13 @@ def parameters_of(
     parameters = [
         Parameter(name, INT32, partial(float, value)) for name, value in read_only.items()
     ]
-    for tunable in map(_with_own, _distinct(_tunables_of(config, controllers), read_only)):
+    found = [*_tunables_of(config, controllers), *fence_tunables(fence)]
+    for tunable in map(_with_own, _distinct(found, read_only)):
         put: Callable[[float], None] = tunable.put
         if tunable.name == "TRIG_MODE":
             put = partial(put_mode, tunable)
+        elif tunable.name == "FENCE_ACTION":
+            put = partial(put_action, tunable)
         elif tunable.field in _AT_THE_START:
             put = partial(put_at_the_start, tunable)
         get = partial(lambda tunable: tunable.at(clock_s()), tunable)
@@ -197,6 +229,18 @@ def law_tunables(law: type[LawParameters], records: np.ndarray) -> Iterator[Tuna
     if law.FALLBACK is not None:
         yield from tunables(law, records["fallback"], base=LawParameters)
     yield from tunables(law, records, base=LawParameters)
+
+
+def fence_tunables(records: FenceRecords) -> Iterator[Tunable]:
+    """Find the numbers of fence and rally points."""
+    for tunable in tunables(FenceParameters, records.fence, "FENCE_"):
+        if tunable.field != "action":
+            yield tunable
+            continue
+        pairs = zip(ACTION_NUMBERS, get_args(ActionName), strict=True)
+        doc = ", ".join(f"{number} {name}" for number, name in pairs)
+        yield replace(tunable, quantity=Quantity("", None, 0, None, max(ACTION_NUMBERS), doc))
+    yield from tunables(RallyParameters, records.rally, "RALLY_")
 
 
 def trigger_tunables(records: np.ndarray, mode: str | None = None) -> Iterator[Tunable]:

@@ -8,6 +8,7 @@ from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.vehicle.battery import CELLS, CURRENT_CA, battery_at
 from ftc_autopilot.vehicle.clock import VehicleClock
 from ftc_autopilot.vehicle.estimator_messages import EstimatorMessages
+from ftc_autopilot.vehicle.fence import VehicleFence
 from ftc_autopilot.vehicle.message import message
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
@@ -20,12 +21,15 @@ _UID2_SIZE = 18
 _CAPABILITIES = (
     dialect.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
     | dialect.MAV_PROTOCOL_CAPABILITY_MISSION_INT
+    | dialect.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
+    | dialect.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
     | dialect.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
     | dialect.MAV_PROTOCOL_CAPABILITY_SET_ATTITUDE_TARGET
     | dialect.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
     | dialect.MAV_PROTOCOL_CAPABILITY_MAVLINK2
 )
 # MAVSDK takes a vehicle for healthy by these, MAVProxy announces a fence breach without GEOFENCE
+_FENCE = dialect.MAV_SYS_STATUS_GEOFENCE
 _ACTUATORS = dialect.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
 _SENSORS = (
     dialect.MAV_SYS_STATUS_SENSOR_3D_GYRO
@@ -34,7 +38,7 @@ _SENSORS = (
     | dialect.MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE
     | dialect.MAV_SYS_STATUS_SENSOR_DIFFERENTIAL_PRESSURE
     | dialect.MAV_SYS_STATUS_SENSOR_GPS
-    | dialect.MAV_SYS_STATUS_GEOFENCE
+    | _FENCE
     | dialect.MAV_SYS_STATUS_SENSOR_BATTERY
     | dialect.MAV_SYS_STATUS_AHRS
     | dialect.MAV_SYS_STATUS_PREARM_CHECK
@@ -52,11 +56,12 @@ class StatusMessages:
         config: AutopilotConfig,
         actuators_healthy: Callable[[], bool],
         estimator: EstimatorMessages,
+        fence: VehicleFence,
         frames_dropped: Callable[[], int],
         clock: VehicleClock,
     ) -> None:
         self._actuators_healthy, self._frames_dropped = actuators_healthy, frames_dropped
-        self._clock, self._estimator = clock, estimator
+        self._clock, self._estimator, self._fence = clock, estimator, fence
         self._system = config.id
         self._capabilities = _CAPABILITIES | config.param_capability
 
@@ -82,16 +87,18 @@ class StatusMessages:
         stream=dialect.MAV_DATA_STREAM_EXTENDED_STATUS,
     )
     def sys_status(self) -> MAVLink_message:
-        """Return SYS_STATUS: all is well, but what the diagnosis and the estimator exclude.
+        """Return SYS_STATUS: all is well, but what diagnosis, estimator and fence exclude.
 
         It counts drops on the ground stations' links.
         """
         present = self._estimator.fitted(_SENSORS)
         health = present if self._actuators_healthy() else present & ~_ACTUATORS
+        health &= ~(_FENCE if self._fence.is_breached else 0)
+        enabled = present & ~(0 if self._fence.enabled else _FENCE)
         battery = battery_at(self._clock.boot_us / 1e6)
         return dialect.MAVLink_sys_status_message(
             present,
-            present,
+            enabled,
             self._estimator.healthy(health),
             0,  # load
             CELLS * battery.cell_mv,

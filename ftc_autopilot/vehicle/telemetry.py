@@ -14,6 +14,7 @@ from collections.abc import Callable, Collection, Sequence
 from ftc_autopilot.vehicle.controller_messages import ControllerMessages
 from ftc_autopilot.vehicle.diagnosis_messages import DiagnosisMessages
 from ftc_autopilot.vehicle.estimator_messages import EstimatorMessages
+from ftc_autopilot.vehicle.fence import VehicleFence
 from ftc_autopilot.vehicle.formation_messages import FormationMessages
 from ftc_autopilot.vehicle.message import declared_in
 from ftc_autopilot.vehicle.mission import Mission
@@ -36,6 +37,7 @@ MAKERS = (
     FormationMessages,
     StatusMessages,
     Mission,
+    VehicleFence,
 )
 """Classes whose methods make messages; a vehicle has one of the two of sensors."""
 

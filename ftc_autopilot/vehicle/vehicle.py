@@ -14,6 +14,7 @@ import numpy as np
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import Controllers, reset_controllers
 from ftc_autopilot.control.reference import profile_segments
+from ftc_autopilot.guidance.fence_parameters import fence_records
 from ftc_autopilot.hot.drops import GCS, PLANT
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.vehicle.changes import Changes
@@ -26,13 +27,13 @@ from ftc_autopilot.vehicle.flight_path import FlightPath, VehicleHome
 from ftc_autopilot.vehicle.formation_messages import FormationMessages
 from ftc_autopilot.vehicle.guided import Guided
 from ftc_autopilot.vehicle.message_requests import MessageRequests
-from ftc_autopilot.vehicle.mission import Mission
 from ftc_autopilot.vehicle.mission_checkpoint import MissionCheckpoint
 from ftc_autopilot.vehicle.modes import Modes
 from ftc_autopilot.vehicle.neighbour_edges import NeighbourEdges
 from ftc_autopilot.vehicle.old_states import OldStates
 from ftc_autopilot.vehicle.param_table import parameters_of
 from ftc_autopilot.vehicle.path_messages import PathMessages
+from ftc_autopilot.vehicle.plan import VehiclePlan
 from ftc_autopilot.vehicle.resumption import Resumption
 from ftc_autopilot.vehicle.sensor_messages import SensorMessages, TrueStateSensors
 from ftc_autopilot.vehicle.shown_state import ShownState
@@ -105,7 +106,10 @@ class VehicleServices:
         path = FlightPath(config, hot, controllers, self._home)
         self.modes = Modes(config, hot, controllers, path, self.say)
         self._guided = Guided(config.origin, self.modes, self.say)
-        self._mission = Mission(own, self.modes, self._home, self._guided.fly_to_item, self.say)
+        self._clock = VehicleClock(round(unix_s * 1e6))
+        fence = fence_records(config.fence, config.rally)
+        guide = self._guided.fly_to_item
+        self._plan = VehiclePlan(config, hot, self.modes, guide, fence, self._clock, self.say)
         self._controller = ControllerMessages(hot, controllers, config.controller)
         self._diagnosis = DiagnosisMessages(hot, controllers, config.controller)
         self._formation = FormationMessages(config, hot, controllers, self.say)
@@ -113,7 +117,6 @@ class VehicleServices:
         self._edges = NeighbourEdges(hot)
         self._old_states = OldStates(hot)
         self._changes = Changes()
-        self._clock = VehicleClock(round(unix_s * 1e6))
         shown = ShownState(hot, config.origin, self._home)
         self._estimator = EstimatorMessages(hot, shown, self._clock)
         makers = (
@@ -129,17 +132,19 @@ class VehicleServices:
                 config,
                 self._diagnosis.healthy,
                 self._estimator,
+                self._plan.fence,
                 lambda: int(hot.drops[GCS].sum()),
                 self._clock,
             ),
             PathMessages(shown, controllers, path, self._clock),
-            self._mission,
+            self._plan.mission,
+            self._plan.fence,
         )
         self.telemetry = [Telemetry(*makers) for _ in self._stations]
         self.telemetry_clock = TelemetryClock(config.telemetry_clock, hot)
         self._params = ParamServer(
             own,
-            parameters_of(config, hot, controllers),
+            parameters_of(config, hot, controllers, fence),
             bytewise=config.identity == "generic",
             renamed=renamed.PARAMETERS,
         )
@@ -179,7 +184,7 @@ class VehicleServices:
         self._requests.station = station
         self.telemetry[station].receive(message)
         self._commands.receive(message, now, station)
-        self._mission.receive(message, now, station)
+        self._plan.receive(message, now, station)
         self._params.receive(message, now)
         self._responder.receive(message, self._clock.boot_us * 1e-6)
         self._queue(self._responder.messages_to_send(), station)
@@ -211,7 +216,7 @@ class VehicleServices:
         self._commands.handle_timer(now)
         self._params.handle_timer(now)
         self.modes.handle_timer()
-        self._mission.handle_timer(now)
+        self._plan.handle_timer(now)
         state = (self.modes.status, self.modes.armed, self.modes.mode)
         if now >= self._next_heartbeat or state != self._reported:
             self._next_heartbeat, self._reported = now + _HEARTBEAT_S, state
@@ -230,7 +235,7 @@ class VehicleServices:
 
     def deadline(self) -> float:
         """Return the wall-clock time of the next timer or heartbeat [s]."""
-        timers = (self._commands.deadline(), self._params.deadline(), self._mission.deadline())
+        timers = (self._commands.deadline(), self._params.deadline(), self._plan.deadline())
         return min([self._next_heartbeat, *(at for at in timers if at is not None)])
 
     def restart(self) -> None:
@@ -238,7 +243,7 @@ class VehicleServices:
         self._hot.reset()
         reset_controllers(self._controllers)
         self.modes.restart()
-        self._mission.restart()
+        self._plan.restart()
         self._resumption = Resumption(self._hot)
         self._edges = NeighbourEdges(self._hot)
         self._old_states = OldStates(self._hot)
@@ -246,31 +251,26 @@ class VehicleServices:
         self.say(dialect.MAV_SEVERITY_WARNING, "plant restarted: disarmed, arm to fly again")
         self._collect()
 
-    def resume(self, saved: np.void, mission: MissionCheckpoint | None = None) -> None:
+    def resume(self, saved: np.void, plan: MissionCheckpoint | None = None) -> None:
         """Go on from a checkpoint; the records are restored already.
 
         Args:
             saved: Record of dtype `ftc_autopilot.hot.checkpoint.VEHICLE`.
-            mission: Its mission; None: a profile that the records hold, if there is any.
+            plan: Its plan; None: a profile that the records hold, if there is any.
         """
         segments = profile_segments(self._controllers.uavs[0]["profile"])
         items = segments_to_items(segments, *self._own) if segments else []
-        if mission is not None:
-            self._home.at, self.modes.path.airspeed = mission.home, mission.airspeed
-            items = [*mission.items]
-        self._mission.resume(items, int(saved["item"]))
+        self._plan.resume(plan, items, int(saved["item"]))
         self.modes.resume(int(saved["mode"]))
         self._resumption.resume()
 
     def save(self, to: np.void) -> None:
         """Write what a checkpoint has of the vehicle, record of dtype `hot.checkpoint.VEHICLE`."""
-        to["mode"], to["item"] = self.modes.mode, self._mission.server.current
+        to["mode"], to["item"] = self.modes.mode, self._plan.mission.server.current
 
     def mission_checkpoint(self) -> tuple[int, MissionCheckpoint]:
-        """Return the mission, and a number that changes with it."""
-        server, airspeed = self._mission.server, self.modes.path.airspeed
-        mission = MissionCheckpoint(server.items, self._home.at, airspeed)
-        return hash((server.revision, airspeed, self._home.at)), mission
+        """Return the plan, and a number that changes with it."""
+        return self._plan.checkpoint()
 
     def end_control(self, why: str) -> None:
         """Disarm at once, as no law flies this aircraft any more."""
@@ -309,6 +309,10 @@ class VehicleServices:
         """Return when the next message is due, by its clock [µs]; far away if none is."""
         return min(telemetry.next_due_us() for telemetry in self.telemetry)
 
+    def next_check_step(self) -> int:
+        """Return the step after which the fence is to be checked; far away if it is not."""
+        return self._plan.fence.next_step
+
     def most_per_step(self, step_us: int) -> int:
         """Return messages per control period [µs] to a ground station that sustain all rates."""
         return max(telemetry.most_per_step(step_us) for telemetry in self.telemetry)
@@ -336,9 +340,10 @@ class VehicleServices:
         self._clock.advance(round(now * 1e6), self._hot.time_us, self.running)
 
     def _handlers(self) -> dict[int, Handler]:
-        modes, mission = self.modes, self._mission
+        modes, mission = self.modes, self._plan.mission
         handlers: dict[int, Handler] = {
-            dialect.MAV_CMD_COMPONENT_ARM_DISARM: modes.arm_or_disarm,
+            dialect.MAV_CMD_COMPONENT_ARM_DISARM: self._arm_or_disarm,
+            dialect.MAV_CMD_DO_FENCE_ENABLE: self._plan.fence.enable,
             dialect.MAV_CMD_DO_SET_MODE: lambda params: modes.set_mode(params[1]),
             dialect.MAV_CMD_DO_CHANGE_SPEED: modes.change_speed,
             dialect.MAV_CMD_MISSION_START: mission.start,
@@ -358,11 +363,18 @@ class VehicleServices:
     def _set_home(self, message: CommandMessage) -> int:
         result = self._guided.set_home(message)
         if result == dialect.MAV_RESULT_ACCEPTED:
-            self._mission.server.refresh_home()
+            self._plan.note_home()
             for station in self._stations:
                 home = self.telemetry[station].make(dialect.MAVLINK_MSG_ID_HOME_POSITION)
                 self._queue([home], station)
         return result
+
+    def _arm_or_disarm(self, params: tuple[float, ...]) -> int:
+        objection = self._plan.fence.objection()
+        if params[0] == 1.0 and objection is not None and not self.modes.armed:
+            self.say(dialect.MAV_SEVERITY_WARNING, f"Arm: {objection}")
+            return dialect.MAV_RESULT_DENIED
+        return self.modes.arm_or_disarm(params)
 
     def _set_mode(self, mode: int, _: tuple[float, ...]) -> int:
         return self.modes.set_mode(mode)
@@ -393,13 +405,13 @@ class VehicleServices:
                     self.say(dialect.MAV_SEVERITY_WARNING, text)
         self._queue(self._commands.gcs_messages())
         self._queue(self._params.messages_to_send())
-        for message, station in self._mission.messages_to_send():
+        for message, station in self._plan.messages_to_send():
             self._queue([message], station)
         self._simulator_outbox += self._commands.simulator_messages()
 
     def _report_changes(self) -> None:
         """Announce what has changed since the last report."""
-        own = self._resumption, self._edges, self._old_states
+        own = self._resumption, self._edges, self._old_states, self._plan.fence
         services = (*own, self._controller, self._diagnosis, self._estimator, self._formation)
         changes = chain.from_iterable(service.changes() for service in services)
         for severity, text in self._changes.bounded(changes, self._hot.time_us):

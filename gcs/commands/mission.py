@@ -3,28 +3,38 @@
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import typer
 from rich.table import Table
+from rich.text import Text
 
 from ftc_autopilot.guidance.mission_commands import remarks_on
 from ftc_autopilot.guidance.mission_places import home_item
 from gcs.commands import transfer
+from gcs.commands.mission_map import mission_map
 from gcs.commands.mission_profile import height_profile
 from gcs.commands.options import JsonOption
 from gcs.commands.station import EXIT_STATUS, StationOptions, station_command
 from gcs.commands.transfer import Note
-from gcs.console.errors import BadInput
+from gcs.console.errors import BadInput, CommandRefused
 from gcs.console.lines import print_json, print_line
 from gcs.console.outputs import check_file
 from gcs.console.terminal import console_of, numbers, table_of, texts
-from gcs.scenario.itinerary import Itinerary, dry_run, load_mission
+from gcs.scenario.fence import Areas
+from gcs.scenario.itinerary import (
+    Itinerary,
+    dry_run,
+    dry_run_areas,
+    load_areas,
+    load_mission,
+)
 from gcs.scenario.mission import tell_not_flown
 from gcs.scenario.model import read_scenario
-from gcs.scenario.moved_mission import moved_to
+from gcs.scenario.moved_mission import moved_plan
 from gcs.station.mission import Mission, is_same, item_text
 from gcs.station.vehicle import Vehicle
+from mavlink_defs import dialect
 from mavlink_defs.config.models import counted
 from mavlink_defs.mission_files import (
     MISSION_SUFFIXES,
@@ -96,17 +106,21 @@ def show(
 ) -> None:
     """Check a mission as a vehicle would, and show its items, lengths, turns, times and heights.
 
-    Times are those in still air, from home on.
+    Times are those in still air, from home on. A map shows fence and rally points, if it has some.
     """
     items, not_flown = _read(file)
     own = Path("paper/scenario1") if is_mission_file(file) else file
     scenario = read_scenario(fleet or own)
+    areas = load_areas(file)
     if here:
-        items = moved_to(home_item(scenario.origin), items)
+        items, *around = moved_plan(home_item(scenario.origin), items, areas)
+        areas = Areas(*around)
     itinerary, remarks = dry_run(file, items, scenario), list(remarks_on(items))
+    about_areas = list(dry_run_areas(file, areas, items, scenario)) if any(areas) else []
     if as_json:
         listed = [{"item": item.seq, "text": item_text(item)} for item in items[1:]]
-        about = {"file": str(file), "items": listed, "not_flown": not_flown, "remarks": remarks}
+        about = {"file": str(file), "items": listed, "not_flown": not_flown}
+        about |= {"remarks": remarks, "areas": about_areas}
         print_json({**about, **asdict(itinerary)})
         return
     console = console_of(stderr=False)
@@ -116,6 +130,9 @@ def show(
     for remark in remarks:
         print_line(remark)
     console.print(_total(itinerary))
+    if any(areas):
+        drawn = mission_map(items, areas, scenario.origin, min(console.width, 100))
+        console.print(Text.from_ansi(drawn), *about_areas, sep="\n")
 
 
 @app.command(epilog=_UPLOAD_EPILOG)
@@ -125,7 +142,11 @@ def upload(
     file: _File,
     here: _Here = False,
 ) -> None:
-    """Upload a mission. It takes effect at once; if it is refused, the old one stays active."""
+    """Upload a mission, and fence and rally points if the file has some.
+
+    Each takes effect at once; if it is refused, the old one stays active. A fence is watched while
+    FENCE_ENABLE is 1.
+    """
     _send(station, file, start=False, here=here)
 
 
@@ -152,47 +173,64 @@ def download(
         ),
     ] = None,
 ) -> None:
-    """Print the missions of vehicles, or write the one that all hold to a file."""
+    """Print what vehicles hold, or write the mission that all hold to a file.
+
+    Fence and rally points go along; a .waypoints file has the mission alone.
+    """
     if out is not None and out.suffix.lower() not in MISSION_SUFFIXES:
         raise BadInput(f"{out} has neither the suffix .plan nor .waypoints", "choose one of them")
     if out is not None:
         check_file(out)
-    held: dict[int, Mission] = {}
+    held: dict[int, _Held] = {}
 
     async def action(vehicle: Vehicle) -> str:
-        held[vehicle.system] = await vehicle.download_mission()
-        lines = [f"UAV {vehicle.system} holds {_count(held[vehicle.system])}"]
+        mission, areas = held[vehicle.system] = await _held_by(vehicle)
+        lines = [f"UAV {vehicle.system} holds {_counts(mission, areas)}"]
         if out is None:
-            lines += [f"  {item.seq:3} {item_text(item)}" for item in held[vehicle.system][1:]]
+            lines += [f"  {item.seq:3} {item_text(item)}" for item in mission[1:]]
+            for key, items in areas._asdict().items():
+                lines += [f"  {key} {item.seq:3} {item_text(item)}" for item in items]
         return "\n".join(lines)
 
     def data(vehicle: Vehicle) -> dict[str, Any]:
-        return {"mission": [_plain(item) for item in held[vehicle.system]]}
+        mission, areas = held[vehicle.system]
+        parts = {"mission": mission, **areas._asdict()}
+        return {key: [_plain(item) for item in items] for key, items in parts.items()}
 
     try:
         station.act(action, data)
     finally:
         if out is not None and held:
-            transfer.write_held(out, held, "mission", is_same, partial(_text_of, out))
+            transfer.write_held(out, held, "mission", _is_same, partial(_text_of, out))
 
 
 def _send(station: StationOptions, file: Path, *, start: bool, here: bool) -> None:
     """Upload a mission, moved to each vehicle's home if asked to, and start it if asked to."""
     items, not_flown = _read(file)
+    areas = load_areas(file)
     if start and len(items) < 2:
         raise BadInput(f"{file} has no item to fly", "an upload of it clears a mission")
 
     async def send(vehicle: Vehicle, note: Note) -> str:
-        own = moved_to((await vehicle.home()).item(), items) if here else items
-        await vehicle.upload_mission(own, note)
+        own, around = items, areas
+        if here:
+            own, *both = moved_plan((await vehicle.home()).item(), items, areas)
+            around = Areas(*both)
+        if around.fence:
+            await vehicle.upload_fence(around.fence, note)
+        if around.rally:
+            await vehicle.upload_rally(around.rally, note)
+        if len(own) > 1 or not any(around):
+            await vehicle.upload_mission(own, note)
         if not start:
-            return f"UAV {vehicle.system} holds {_count(items)} of {file}"
+            return f"UAV {vehicle.system} holds {_counts(items, areas)} of {file}"
         await vehicle.start_mission()
         if not vehicle.state.armed:
             await vehicle.arm()
         return f"UAV {vehicle.system} flies {_count(items)} of {file}"
 
-    transfer.upload(station, send, {"items": len(items) - 1, "not_flown": not_flown})
+    sizes = {key: len(held) for key, held in areas._asdict().items() if held}
+    transfer.upload(station, send, {"items": len(items) - 1, "not_flown": not_flown, **sizes})
 
 
 def _read(file: Path) -> tuple[Mission, tuple[str, ...]]:
@@ -203,10 +241,45 @@ def _read(file: Path) -> tuple[Mission, tuple[str, ...]]:
     return items, not_flown
 
 
-def _text_of(out: Path, mission: Mission) -> str:
+class _Held(NamedTuple):
+    """What a vehicle holds."""
+
+    mission: Mission
+    areas: Areas
+
+
+async def _held_by(vehicle: Vehicle) -> _Held:
+    """Download a mission, and fence and rally points of who has these types."""
+    mission, areas = await vehicle.download_mission(), Areas()
+    try:
+        areas = Areas(await vehicle.download_fence(), await vehicle.download_rally())
+    except CommandRefused as refusal:
+        if refusal.result != dialect.MAV_MISSION_UNSUPPORTED:
+            raise
+    return _Held(mission, areas)
+
+
+def _is_same(one: _Held, other: _Held) -> bool:
+    pairs = zip(one.areas, other.areas, strict=True)
+    return is_same(one.mission, other.mission) and all(is_same(a, b, first=0) for a, b in pairs)
+
+
+def _text_of(out: Path, held: _Held) -> str:
+    mission, areas = held
     if len(mission) < 2:
         raise BadInput(f"no mission to write to {out}: the vehicles hold none", "upload one first")
-    return plan_text(mission) if out.suffix.lower() == ".plan" else waypoints_text(mission)
+    is_plan = out.suffix.lower() == ".plan"
+    return plan_text(mission, *areas) if is_plan else waypoints_text(mission)
+
+
+def _counts(mission: Mission, areas: Areas) -> str:
+    """Say how much there is of a mission, fence and rally points: "3 items, fence of 1 item"."""
+    parts = [_count(mission)]
+    if areas.fence:
+        parts.append(f"a fence of {counted(len(areas.fence), 'item')}")
+    if areas.rally:
+        parts.append(counted(len(areas.rally), "rally point"))
+    return ", ".join(parts)
 
 
 def _count(mission: Mission) -> str:

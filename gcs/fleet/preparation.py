@@ -11,7 +11,7 @@ from typing import Any
 from gcs.console.errors import BadInput
 from gcs.fleet.disk_space import check_space
 from gcs.fleet.ports import check_ports
-from gcs.fleet.remarks import exposures, remarks_of
+from gcs.fleet.remarks import WARNING, WarningRemark, exposures, remarks_of
 from gcs.results.choices import Record
 from gcs.results.flight_mark import FlightMark, marked
 from gcs.results.recorder import trajectory_bytes
@@ -93,6 +93,10 @@ class How:
         if self.can_share and self.autopilot_processes is None and uavs >= _MANY * cores:
             name = self.named("autopilot_processes")
             yield f"{uavs} autopilots share {cores} cores: they fly faster with {name} {cores}"
+        if not self.over_udp and scenario.fence is not None and scenario.fence.enable:
+            yield WarningRemark(
+                f"{WARNING}nobody watches the fence of a flight in process: fly it over UDP"
+            )
         if self.over_udp:
             links = scenario.links
             yield from exposures(links, with_key=links.signing_key is not None)

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 
 from ftc_autopilot.guidance.mission_commands import remarks_on
 from ftc_autopilot.plugins.loading import calling
+from gcs.scenario.fence import WatchedFence
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import Links
 from mavlink_defs.endpoint import EndpointError, UdpAddress, exposed, is_loopback
@@ -32,6 +33,7 @@ def remarks_of(scenario: Scenario) -> list[str]:
     return [
         *_one_path(scenario),
         *(f"mission: {remark}" for remark in remarks_on(scenario.mission_items())),
+        *_fence(scenario),
         *_sensors(scenario),
         *_heading(scenario),
     ]
@@ -59,6 +61,18 @@ def _one_path(scenario: Scenario) -> Iterator[str]:
         f"{WARNING}UAVs {uavs} fly one path, and nothing keeps them apart: "
         "give each a slot in the section formation, as missions/hexagon does"
     )
+
+
+def _fence(scenario: Scenario) -> Iterator[str]:
+    """Yield where the mission leaves the fence."""
+    if scenario.fence is None or not scenario.fence.enable or scenario.mission is None:
+        return
+    path = scenario.planner().path(scenario.mission_items())
+    if (item := WatchedFence(scenario.fence, scenario.origin).left_by(path)) is not None:
+        yield WarningRemark(
+            f"{WARNING}the mission leaves the fence on the way to item {item}: "
+            f"a breach there is followed by {scenario.fence.action}"
+        )
 
 
 def _sensors(scenario: Scenario) -> Iterator[str]:

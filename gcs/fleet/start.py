@@ -7,6 +7,7 @@ process computes. One that is neither for a while, or whose process ends, ends t
 import asyncio
 import time
 from collections.abc import Awaitable, Callable
+from functools import partial
 from typing import TypeAlias
 
 from gcs.console.errors import CommandRefused, NoAnswer
@@ -121,8 +122,11 @@ class _Start:
 
     async def bring(self, scenario: Scenario, start: bool) -> None:
         await self._wait_for_all()
-        items = scenario.mission_items()
-        await self._each("have their mission", lambda vehicle: self._upload(vehicle, items))
+        parts = {**scenario.areas()._asdict(), "mission": scenario.mission_items()}
+        for part, items in parts.items():
+            if items:
+                upload = partial(self._upload, items=items, part=part)
+                await self._each(f"have their {part}", upload)
         for uav_id, fault in scenario.fault_commands():
             await self._vehicle(uav_id).set_fault(fault)
         if start:
@@ -154,11 +158,16 @@ class _Start:
 
         await asyncio.gather(*map(in_turn, self._ids))
 
-    async def _upload(self, vehicle: Vehicle, items: Mission) -> None:
-        """Upload a mission, again if another station's upload came between."""
+    async def _upload(self, vehicle: Vehicle, items: Mission, part: str = "mission") -> None:
+        """Upload a part of the plan, again if another station's upload came between."""
+        uploads = {
+            "fence": vehicle.upload_fence,
+            "rally": vehicle.upload_rally,
+            "mission": vehicle.upload_mission,
+        }
         for left in reversed(range(_UPLOADS)):
             try:
-                await vehicle.upload_mission(items)
+                await uploads[part](items)
             except CommandRefused as problem:
                 if problem.result not in _OF_ANOTHER or not left:
                     raise

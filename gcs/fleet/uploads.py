@@ -49,7 +49,7 @@ class _Upload:
 
 
 class Uploads:
-    """The uploads to the vehicles of a hub."""
+    """The uploads to the vehicles of a hub, each type apart."""
 
     def __init__(self, most: int) -> None:
         """Start without any.
@@ -58,7 +58,7 @@ class Uploads:
             most: Uploads that are remembered at the same time; further ones are refused.
         """
         self._most = most
-        self._held: dict[tuple[int, SystemId], _Upload] = {}
+        self._held: dict[tuple[int, SystemId, int], _Upload] = {}
 
     def passes(self, message: Any, system: int, peer: Peer, now: float) -> bool:
         """Return whether a station's message is passed on to a vehicle, and note that it is.
@@ -81,7 +81,8 @@ class Uploads:
         vehicle = SystemId(system, dialect.MAV_COMP_ID_AUTOPILOT1)
         if not (is_count or is_item or is_cancel or is_alone) or not is_for(message, vehicle):
             return True
-        upload = self._held.get((system, sender_of(message)))
+        key = (system, sender_of(message), message.mission_type)
+        upload = self._held.get(key)
         if upload is not None and upload.peer != peer:
             if is_item and not is_alone:
                 return False
@@ -93,7 +94,7 @@ class Uploads:
                 return True  # of no upload: the vehicle says so
             if not self._has_room(now):
                 return False
-            upload = self._held[system, sender_of(message)] = _Upload(peer, now)
+            upload = self._held[key] = _Upload(peer, now)
         upload.heard_s = now
         if is_count:
             upload.last, upload.over = message.count - 1, False
@@ -106,7 +107,7 @@ class Uploads:
     def hearers(self, message: Any, stations: list[Peer]) -> list[Peer]:
         """Return who hears one of `ANSWERS` of a vehicle, of the stations that there are."""
         client = SystemId(message.target_system, message.target_component)
-        upload = self._held.get((message.get_srcSystem(), client))
+        upload = self._held.get((message.get_srcSystem(), client, message.mission_type))
         if upload is None:
             return stations
         if isinstance(message, MAVLink_mission_ack_message):

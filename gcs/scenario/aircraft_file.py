@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from gcs.scenario.bundled import find_aircraft
+from gcs.scenario.fence import left_out, with_plan_files
 from gcs.scenario.mission import with_mission_file
 from gcs.scenario.plugins import with_plugins
 from mavlink_defs.config.files import validate
@@ -62,7 +63,7 @@ def with_named_files(path: Path | str, tree: dict[Any, Any]) -> dict[Any, Any]:
     Raises:
         ConfigError: A file cannot be used.
     """
-    tree = with_plugins(path, with_mission_file(path, tree))
+    tree = with_plugins(path, with_plan_files(path, with_mission_file(path, tree, left_out)))
     tree = _with_folder(Path(path).parent, tree)
     tree = _with_own_aircraft(path, tree)
     name = tree.get("aircraft")

@@ -8,12 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
+from ftc_autopilot.guidance.fence import decode_fence, decode_rally, leaves_at
 from ftc_autopilot.guidance.mission_items import is_path
+from ftc_autopilot.guidance.mission_places import Home
 from ftc_autopilot.guidance.path import NO_LOOP, commands_between, point_at
 from gcs.scenario.bundled import find_scenario
+from gcs.scenario.fence import Areas
 from gcs.scenario.model import Scenario, read_scenario
-from mavlink_defs.config.models import ConfigError, Problem
-from mavlink_defs.mission_files import is_mission_file, read_mission_file
+from mavlink_defs.config.models import ConfigError, Problem, counted
+from mavlink_defs.mission_files import is_mission_file, items_of, read_mission_file
 from mavlink_defs.profile import ItemError
 from mavlink_defs.services.mission import MissionItem
 
@@ -103,6 +106,18 @@ def load_mission(name: Path | str) -> tuple[tuple[MissionItem, ...], tuple[str, 
     return scenario.mission_items(), left_out
 
 
+def load_areas(name: Path | str) -> Areas:
+    """Read fence and rally points, of a plan or a scenario, bundled or not; it may have none.
+
+    Raises:
+        ConfigError: The file cannot be used.
+    """
+    if is_mission_file(Path(name)):
+        held = read_mission_file(Path(name))
+        return Areas(items_of(held.fence), items_of(held.rally))
+    return read_scenario(find_scenario(name)).areas()
+
+
 def dry_run(name: Path | str, items: Sequence[MissionItem], fleet: Scenario) -> Itinerary:
     """Check a mission as the vehicles of a scenario do, and return what it amounts to.
 
@@ -132,6 +147,39 @@ def dry_run(name: Path | str, items: Sequence[MissionItem], fleet: Scenario) -> 
         tuple(_passed(path)),
         tuple(_profile(path)),
     )
+
+
+def dry_run_areas(
+    name: Path | str, areas: Areas, items: Sequence[MissionItem], fleet: Scenario
+) -> Iterator[str]:
+    """Check fence and rally points as the vehicles of a scenario do, and say what they are.
+
+    Args:
+        name: Where they are from, for the error.
+        areas: What to check.
+        items: A mission that can be flown, home included.
+        fleet: Gives aircraft, guidance, formation and origin.
+
+    Raises:
+        ConfigError: Vehicles would refuse them; the item and the reason are named.
+    """
+    planner = fleet.planner()
+    for kind, decode in (
+        ("fence", lambda: decode_fence(areas.fence, fleet.origin, Home())),
+        ("rally", lambda: decode_rally(areas.rally, fleet.origin, Home(), planner.limits)),
+    ):
+        try:
+            decode()
+        except ItemError as error:
+            raise ConfigError(name, [Problem((kind,), str(error))]) from error
+    fence = decode_fence(areas.fence, fleet.origin)
+    if fence.areas:
+        yield f"fence: {', '.join(area.text for area in fence.areas)}"
+    left = leaves_at(planner.path(items), lambda north, east, _: fence.nearest((north, east))[0])
+    if left is not None:
+        yield f"the mission leaves the fence on the way to item {left}"
+    if areas.rally:
+        yield f"R: {counted(len(areas.rally), 'rally point')}"
 
 
 def outline(path: np.void) -> list[tuple[float, float, float]]:

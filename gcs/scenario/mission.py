@@ -4,8 +4,9 @@ Each entry becomes one item of the mission protocol, so that both count items fr
 """
 
 import functools
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
@@ -19,7 +20,12 @@ from mavlink_defs.config.models import AtMost, ConfigError, Model, Problem, Prob
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.config.written import located, source_at, written_in
 from mavlink_defs.constants import INT32_MAX, MAX_MISSION_ITEMS
-from mavlink_defs.mission_files import MAX_NOT_FLOWN, mission_item, read_mission_file
+from mavlink_defs.mission_files import (
+    MAX_NOT_FLOWN,
+    MissionFile,
+    mission_item,
+    read_mission_file,
+)
 from mavlink_defs.services.mission import MissionItem
 
 
@@ -147,7 +153,26 @@ class ProtocolEntry(Model):
         return mission_item(seq, self.command, self.params, self.x, self.y, self.z, self.frame)
 
 
-class MissionEntry(Model):
+class OneKey(Model):
+    """A mapping with exactly one of its keys."""
+
+    @model_validator(mode="after")
+    def _one_key(self) -> Self:
+        given = [key for key in type(self).model_fields if getattr(self, key) is not None]
+        if len(given) != 1:
+            keys = ", ".join(type(self).model_fields)
+            got = " and ".join(given) or "none"
+            raise Problems([((), f"expected one of the keys {keys}, got {got}")])
+        return self
+
+    @property
+    def entry(self) -> Any:
+        """What that key holds."""
+        found = (getattr(self, key) for key in type(self).model_fields)
+        return next(value for value in found if value is not None)
+
+
+class MissionEntry(OneKey):
     """One item; exactly one of the keys."""
 
     waypoint: WaypointEntry | None = Field(default=None, description="A place to fly by.")
@@ -165,19 +190,9 @@ class MissionEntry(Model):
         default=None, description="Any item as the mission protocol has it."
     )
 
-    @model_validator(mode="after")
-    def _one_key(self) -> "MissionEntry":
-        given = [key for key in type(self).model_fields if getattr(self, key) is not None]
-        if len(given) != 1:
-            keys = ", ".join(type(self).model_fields)
-            got = " and ".join(given) or "none"
-            raise Problems([((), f"expected one of the keys {keys}, got {got}")])
-        return self
-
     def mission_item(self, seq: int, origin: Origin) -> MissionItem:
         """Return the item of the protocol, with a number."""
-        (entry,) = (v for key in type(self).model_fields if (v := getattr(self, key)) is not None)
-        item: MissionItem = entry.item(seq, origin)
+        item: MissionItem = self.entry.item(seq, origin)
         return item
 
 
@@ -222,16 +237,21 @@ class MissionSection(Model):
 def tell_not_flown(name: Path | str, not_flown: tuple[str, ...]) -> None:
     """Tell once what is in a mission file that no vehicle takes, if there is anything."""
     if not_flown:
-        text = f"{name}: not flown: {', '.join(not_flown)}. Vehicles take the items alone"
+        text = f"{name}: not flown: {', '.join(not_flown)}"
         print_line(text, stderr=True)
 
 
-def with_mission_file(path: Path | str, tree: dict[Any, Any]) -> dict[Any, Any]:
+def with_mission_file(
+    path: Path | str,
+    tree: dict[Any, Any],
+    left_out: Callable[[MissionFile, dict[Any, Any]], Iterable[str]],
+) -> dict[Any, Any]:
     """Return the tree of a scenario with the items of the mission file that it names.
 
     Args:
         path: The file that the tree is of; the mission file lies beside it.
         tree: Plain data read from it.
+        left_out: Returns what else of the mission file the tree does not take.
 
     Raises:
         ConfigError: The mission file cannot be used.
@@ -250,7 +270,8 @@ def with_mission_file(path: Path | str, tree: dict[Any, Any]) -> dict[Any, Any]:
     except ConfigError as error:
         problems = [Problem(("mission", "file"), line) for line in error.lines]
         raise ConfigError(path, located(tree, problems)) from error
-    tell_not_flown(Path(path).parent / name, held.not_flown)
+    not_flown = (*left_out(held, tree), *held.not_flown)[:MAX_NOT_FLOWN]
+    tell_not_flown(Path(path).parent / name, not_flown)
     entries = written_in(
         [{"item": entry} for entry in held.entries[1:]], source_at(tree, ("mission", "file"))
     )

@@ -38,6 +38,14 @@ from gcs.scenario.aircraft_checks import (
 )
 from gcs.scenario.aircraft_file import with_named_files, without_nulls
 from gcs.scenario.bundled import base_of, find_scenario
+from gcs.scenario.fence import (
+    Areas,
+    FenceSection,
+    RallySection,
+    fence_problems,
+    numbered,
+    parameters_in,
+)
 from gcs.scenario.formation_checks import (
     guidance_fit_problems,
     mission_problems,
@@ -141,6 +149,12 @@ class Scenario(Model):
     mission: MissionSection | None = Field(
         default=None, description="Path of the flight, in place of a profile."
     )
+    fence: FenceSection | None = Field(
+        default=None, description="Areas and heights that UAVs must not leave; none: no fence."
+    )
+    rally: RallySection | None = Field(
+        default=None, description="Points that RTL leads to; none: it leads home."
+    )
     faults: Annotated[tuple[AnyScenarioFault, ...], AtMost(1000)] = Field(
         default=(), description="Faults of actuators and sensors, at most 1000."
     )
@@ -226,6 +240,7 @@ class Scenario(Model):
             gcs=(links.address(links.gcs_port),),
             telemetry_clock=links.telemetry_clock,
             signing_key=links.signing_key,
+            **parameters_in(self.fence, self.rally),
         )
 
     def aircraft_of(self, uav_id: int) -> Aircraft:
@@ -271,6 +286,11 @@ class Scenario(Model):
             return self.mission.mission_items(self.origin)
         return tuple(segments_to_items(self.segments(), 0, 0))
 
+    def areas(self) -> Areas:
+        """Return fence and rally points as they are uploaded to every UAV."""
+        sections = (self.fence, self.rally)
+        return Areas(*(() if one is None else numbered(one.items, self.origin) for one in sections))
+
     def planner(self, uav_id: int | None = None) -> Planner:
         """Return what makes the paths of missions.
 
@@ -315,6 +335,7 @@ class Scenario(Model):
                 self.guidance, map(self.aircraft_of, self._ids), self.formation
             ),
             lambda: mission_problems(self.mission, map(self.planner, self._ids), self.origin),
+            lambda: fence_problems(self.fence, self.rally, self.uavs, self.planner, self.origin),
             lambda: fault_problems(self.faults, self._fault_limits, self._fallible_sensors),
             lambda: self.links.port_problems(self._ids),
         )

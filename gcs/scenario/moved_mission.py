@@ -25,15 +25,31 @@ def moved_to(home: MissionItem, items: Sequence[MissionItem]) -> tuple[MissionIt
         home: What becomes item 0, with a place.
         items: Home included.
     """
-    places = [item for item in items[1:] if _is_at_a_place(item)]
+    return moved_plan(home, items, ())[0]
+
+
+def moved_plan(
+    home: MissionItem, items: Sequence[MissionItem], others: Sequence[Sequence[MissionItem]]
+) -> tuple[tuple[MissionItem, ...], ...]:
+    """Return a mission as of `moved_to`, and lists that belong to it, without a home, moved alike.
+
+    Args:
+        home: As of `moved_to`.
+        items: As of `moved_to`.
+        others: Fence and rally points, say.
+    """
+    places = [item for part in (items[1:], *others) for item in part if _is_at_a_place(item)]
     if not places:
-        return (home, *items[1:])
+        return ((home, *items[1:]), *map(tuple, others))
     before, after = _origin_at(items[0]), _origin_at(home)
     away = min(math.hypot(*position_of(before, item.x, item.y)) for item in places)
     if not has_place(items[0]) or away > ANYWHERE_M:
         before = _origin_at(places[0])
     rise = after.altitude_m - _altitude(items[0])
-    return (home, *(_moved(item, before, after, rise) for item in items[1:]))
+    mission, *rest = (
+        tuple(_moved(item, before, after, rise) for item in part) for part in (items[1:], *others)
+    )
+    return ((home, *mission), *rest)
 
 
 def _moved(item: MissionItem, before: Origin, after: Origin, rise: float) -> MissionItem:

@@ -4,11 +4,15 @@ What reads it is imported when it is needed: commands that have nothing to read 
 """
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gcs.console.errors import BadInput, python_errors
 from gcs.station.mission import Mission
 from mavlink_defs.faults.fault import Fault
 from mavlink_defs.profile import Segment
+
+if TYPE_CHECKING:
+    from gcs.scenario.fence import Areas
 
 
 def fault_of(**keys: object) -> Fault:
@@ -39,6 +43,18 @@ def mission_of(file: Path | str) -> Mission:
 
     with python_errors():
         return load_mission(file)[0]
+
+
+def areas_of(file: Path | str) -> "Areas":
+    """Read fence and rally points of a plan or a scenario, which may have none.
+
+    Raises:
+        BadInput: The file cannot be used.
+    """
+    from gcs.scenario.itinerary import load_areas
+
+    with python_errors():
+        return load_areas(file)
 
 
 def profile_of(file: Path | str) -> tuple[Segment, ...]:

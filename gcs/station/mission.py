@@ -14,6 +14,7 @@ from mavlink_defs import dialect
 from mavlink_defs.config.problems import counted
 from mavlink_defs.float32 import decimal_of_float32
 from mavlink_defs.mission_files import mission_item
+from mavlink_defs.plan_fence import CIRCLES, POLYGONS, RALLY_POINT, RETURN_POINT
 from mavlink_defs.profile import ANY_AIRSPEED, ProfileError, Segment, items_to_segments
 from mavlink_defs.services.mission import MissionItem
 
@@ -43,9 +44,15 @@ def profile_of(mission: Mission) -> tuple[Segment, ...] | None:
         return None
 
 
-def is_same(a: Mission, b: Mission) -> bool:
-    """Return whether two missions are the same for a vehicle; its own home does not count."""
-    return [_content(item) for item in a[1:]] == [_content(item) for item in b[1:]]
+def is_same(a: Mission, b: Mission, first: int = 1) -> bool:
+    """Return whether two missions are the same for a vehicle; its own home does not count.
+
+    Args:
+        a: One.
+        b: The other.
+        first: Number of the first item that counts; 0 for what has no home.
+    """
+    return [_content(item) for item in a[first:]] == [_content(item) for item in b[first:]]
 
 
 def item_text(item: MissionItem) -> str:
@@ -84,6 +91,12 @@ def item_text(item: MissionItem) -> str:
             return "set home here" if p1 == 1.0 else "set home"
         case dialect.MAV_CMD_FTC_REFERENCE_SEGMENT:
             return f"segment from {p1:g} s"
+    if item.command in {RETURN_POINT, RALLY_POINT}:
+        return "return point" if item.command == RETURN_POINT else "rally point"
+    if (stay_in := CIRCLES.get(item.command)) is not None:
+        return f"{'inclusion' if stay_in else 'exclusion'} circle, radius {p1:g} m"
+    if (stay_in := POLYGONS.get(item.command)) is not None:
+        return f"corner of an {'inclusion' if stay_in else 'exclusion'} polygon of {p1:g}"
     return command_text(item)
 
 

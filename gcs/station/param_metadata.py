@@ -20,13 +20,24 @@ from ftc_autopilot.control.triggers import MODES, TRIGGERS, trigger_of
 from ftc_autopilot.control.triggers.base import TriggerParameters
 from ftc_autopilot.control.triggers.plugin import own_record
 from ftc_autopilot.control.triggers.static import PerChannel
+from ftc_autopilot.guidance.fence_parameters import (
+    FenceParameters,
+    RallyParameters,
+    fence_records,
+)
 from ftc_autopilot.guidance.formation import FormationParameters
 from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
 from ftc_autopilot.guidance.laws.base import GuidanceParameters
 from ftc_autopilot.plugins.loading import LAWS as LAW_GROUP
 from ftc_autopilot.plugins.loading import TRIGGERS as TRIGGER_GROUP
 from ftc_autopilot.plugins.loading import registered
-from ftc_autopilot.vehicle.param_table import Tunable, law_tunables, trigger_tunables, tunables
+from ftc_autopilot.vehicle.param_table import (
+    Tunable,
+    fence_tunables,
+    law_tunables,
+    trigger_tunables,
+    tunables,
+)
 from gcs.station.param_file import READ_ONLY
 from mavlink_defs.config import renamed
 from mavlink_defs.config.quantity import Quantity
@@ -163,3 +174,4 @@ def _tunables(kind: str) -> Iterator[Tunable]:
     for mode in MODES:
         yield from trigger_tunables(records, mode)
     yield from law_tunables(law, own)
+    yield from fence_tunables(fence_records(FenceParameters(), RallyParameters()))

@@ -6,45 +6,31 @@ Every operation returns, or raises `CommandRefused` (with the vehicle's reason) 
 
 import contextlib
 import math
-from collections.abc import Iterable, Sequence
-from pathlib import Path
+from collections.abc import Iterable
 from typing import Self
 
 from gcs.console.errors import BadInput, CommandRefused, NoAnswer
-from gcs.station.given import fault_of, mission_of, profile_of
-from gcs.station.mission import Mission
+from gcs.station.given import fault_of
 from gcs.station.navigation import KnownHome, home_of
 from gcs.station.notifications import INFO, WARNING, Notification, enum_name
+from gcs.station.plan_transfers import PlanTransfers
 from gcs.station.subscriptions import Subscription
 from gcs.station.telemetry import REQUESTED_S
-from gcs.station.vehicle_link import Progress, VehicleLink
+from gcs.station.vehicle_link import Progress
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS, FORCE_DISARM, MODE_NAMES
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.faults import FAMILY_OF
 from mavlink_defs.faults.fault import Fault
 from mavlink_defs.faults.sensors import SENSOR_NAMES
-from mavlink_defs.profile import (
-    ANY_AIRSPEED,
-    ProfileError,
-    Segment,
-    items_to_segments,
-    segments_to_items,
-)
 from mavlink_defs.services.command import CommandFinished
 from mavlink_defs.services.fault_list import FaultLister, FaultsListed
-from mavlink_defs.services.mission import (
-    MissionDownloader,
-    MissionFinished,
-    MissionItem,
-    MissionUploader,
-)
 from mavlink_defs.services.param import Param, ParamFinished, ParamLister, ParamReader, ParamSetter
 
 _TRIES = 3
 
 
-class Vehicle(VehicleLink):
+class Vehicle(PlanTransfers):
     """One vehicle; each operation returns once it has answered.
 
     Operations raise `gcs.errors.CommandRefused` if it refuses and `gcs.errors.NoAnswer` if it does
@@ -155,6 +141,10 @@ class Vehicle(VehicleLink):
             await self.request(dialect.MAVLINK_MSG_ID_HOME_POSITION)
         raise NoAnswer(f"UAV {self.system} does not say where its home is")
 
+    async def enable_fence(self, enable: bool = True) -> None:
+        """Let it watch its fence, or no longer."""
+        await self.command(dialect.MAV_CMD_DO_FENCE_ENABLE, (float(enable),))
+
     # faults
 
     async def set_fault(
@@ -257,7 +247,7 @@ class Vehicle(VehicleLink):
         return done.faults
 
     async def ask_what_is_due(self) -> None:
-        """Request faults and mission if they are due.
+        """Request faults, mission, and fence and rally points, if they are due.
 
         A request that the vehicle refuses is not repeated.
         """
@@ -276,86 +266,17 @@ class Vehicle(VehicleLink):
                 state.offers_profile = False
             except NoAnswer:
                 return
+        if state.offers_areas and self._now() >= state.areas_due:
+            try:
+                await self.download_fence()
+                await self.download_rally()
+            except CommandRefused:
+                state.offers_areas = False
+            except NoAnswer:
+                return
 
-    # profile and mission
-
-    async def upload_profile(
-        self, profile: Sequence[Segment] | Path | str, progress: Progress | None = None
-    ) -> None:
-        """Upload a reference profile; if it is refused, the old one stays active.
-
-        Args:
-            profile: Segments, or a file of `gcs profile upload`.
-            progress: Called with the number of items done and the total.
-
-        Raises:
-            BadInput: The file cannot be used.
-        """
-        segments = profile_of(profile) if isinstance(profile, Path | str) else profile
-        await self._upload(segments_to_items(segments, *self._address), "a profile", progress)
-
-    async def download_profile(self, progress: Progress | None = None) -> tuple[Segment, ...]:
-        """Download its profile, empty if it has none; `state.profile` holds it from then on.
-
-        Raises:
-            CommandRefused: The vehicle refused, or holds a mission that is not a profile.
-        """
-        mission = await self._download("its profile", progress)
-        try:
-            return items_to_segments(mission, ANY_AIRSPEED) if len(mission) > 1 else ()
-        except ProfileError as problem:
-            text = f"UAV {self.system} holds a mission that is no profile: {problem}"
-            raise CommandRefused(text, dialect.MAV_MISSION_INVALID) from problem
-
-    async def upload_mission(
-        self, mission: Mission | Path | str, progress: Progress | None = None
-    ) -> None:
-        """Upload a mission; if it is refused, the old one stays active.
-
-        Args:
-            mission: Items, home included, or a file of `gcs mission upload`.
-            progress: Called with the number of items done and the total.
-
-        Raises:
-            BadInput: The file cannot be used.
-        """
-        items = mission_of(mission) if isinstance(mission, Path | str) else mission
-        await self._upload(items, "a mission", progress)
-
-    async def download_mission(self, progress: Progress | None = None) -> Mission:
-        """Download its mission, home included; `state.mission` holds it from then on."""
-        return await self._download("its mission", progress)
-
-    upload, download, list_faults = upload_profile, download_profile, faults  # their older names
-
-    async def _upload(
-        self, items: Sequence[MissionItem], what: str, progress: Progress | None
-    ) -> None:
-        machine = MissionUploader(self._own, self._address, items)
-        done, reasons = await self._transfer(machine, progress)
-        ok = dialect.MAV_MISSION_ACCEPTED
-        self._judge(f"the upload of {what}", done.result, ok, "MAV_MISSION_RESULT", reasons)
-
-    async def _download(self, what: str, progress: Progress | None) -> Mission:
-        machine = MissionDownloader(self._own, self._address)
-        done, reasons = await self._transfer(machine, progress)
-        ok = dialect.MAV_MISSION_ACCEPTED
-        known = done.items if done.result == ok else None
-        self._emit(self.state.learn_mission(known, self._now()))
-        self._judge(f"the download of {what}", done.result, ok, "MAV_MISSION_RESULT", reasons)
-        return done.items
-
-    async def _transfer(
-        self, machine: MissionUploader | MissionDownloader, progress: Progress | None
-    ) -> tuple[MissionFinished, list[str]]:
-        return await self._run(
-            "mission",
-            machine,
-            machine.start,
-            MissionFinished,
-            progress,
-            stop=lambda _: machine.cancel(),
-        )
+    upload, download = PlanTransfers.upload_profile, PlanTransfers.download_profile  # older names
+    list_faults = faults
 
     # parameters
 

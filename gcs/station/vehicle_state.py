@@ -15,6 +15,7 @@ from gcs.station.mission import Mission, is_same, profile_of
 from gcs.station.notifications import ERROR, INFO, NOTICE, WARNING, Kind, Notification, enum_name
 from gcs.station.telemetry import PRIVATE, ReportedClock
 from mavlink_defs import dialect
+from mavlink_defs.config.problems import counted
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.faults import COMMANDS as FAULT_COMMANDS
 from mavlink_defs.faults.fault import Fault
@@ -49,8 +50,10 @@ class VehicleState(LatestMessages):
         faults: Its faults, including past and future ones; None until it has listed them.
         mission: The items of its mission, home included; None until it was downloaded.
         profile: The segments of its profile, empty if its mission is none; None as above.
+        areas: Fence and rally points, items by MAV_MISSION_TYPE, as far as they were downloaded.
         offers_faults: Whether it answers requests for its faults; True until it refuses.
         offers_profile: The same for its profile.
+        offers_areas: The same for its fence and rally points.
         offers_private: The same for the streams of its private messages.
     """
 
@@ -63,6 +66,7 @@ class VehicleState(LatestMessages):
         self.texts: deque[Text] = deque(maxlen=_TEXTS_KEPT)
         self.texts_heard = 0
         self.offers_faults = self.offers_profile = self.offers_private = True
+        self.offers_areas = True
         self._assembler = TextAssembler()
         self._arrivals: deque[float] = deque()
         self._forget(now)
@@ -74,7 +78,8 @@ class VehicleState(LatestMessages):
         self.faults: tuple[Fault, ...] | None = None
         self.mission: Mission | None = None
         self.profile: tuple[Segment, ...] | None = None
-        self.faults_due = self.profile_due = self.private_due = now
+        self.areas: dict[int, Mission] = {}
+        self.faults_due = self.profile_due = self.private_due = self.areas_due = now
         self._boot, self._simulated = ReportedClock(), ReportedClock()
 
     # input: messages and time
@@ -115,7 +120,7 @@ class VehicleState(LatestMessages):
             self.lost = False
             silence = f"link back after {now - self.heard_at:.1f} s"
             notifications.append(self._notifications(now, "link", NOTICE, silence))
-            self.faults_due = self.profile_due = self.private_due = now
+            self.faults_due = self.profile_due = self.private_due = self.areas_due = now
         self.heard_at = now
         self._arrivals.append(now)
         return notifications
@@ -155,6 +160,20 @@ class VehicleState(LatestMessages):
             text = f"mission of {len(mission) - 1} items"
         return [self._notifications(now, "profile", INFO, f"holds {text}", self.profile)]
 
+    def learn_areas(
+        self, mission_type: int, items: Mission | None, now: float
+    ) -> list[Notification]:
+        """Record its answer to a request for fence or rally points; None if there was none."""
+        self.areas_due = now + (_TRY_AGAIN_S if items is None else _PROFILE_REFRESH_S)
+        if items is None:
+            return []
+        before, self.areas[mission_type] = self.areas.get(mission_type, ()), items
+        if is_same(items, before, first=0):
+            return []
+        what = "fence" if mission_type == dialect.MAV_MISSION_TYPE_FENCE else "rally points"
+        text = f"holds {what} of {counted(len(items), 'item')}" if items else f"holds no {what}"
+        return [self._notifications(now, "profile", INFO, text)]
+
     def learn_private(self, now: float) -> None:
         """Record that its private messages were requested."""
         self.private_due = now + _PRIVATE_PATIENCE_S
@@ -167,10 +186,11 @@ class VehicleState(LatestMessages):
         return self.address.system
 
     def is_asking_due(self, now: float) -> bool:
-        """Return whether to request its faults or its profile (again)."""
+        """Return whether to request faults, profile, or fence and rally points (again)."""
         faults = self.offers_faults and now >= self.faults_due
         profile = self.offers_profile and now >= self.profile_due
-        return not self.lost and (faults or profile)
+        areas = self.offers_areas and now >= self.areas_due
+        return not self.lost and (faults or profile or areas)
 
     def is_private_due(self, now: float) -> bool:
         """Return whether to request the streams of its private messages (again)."""
@@ -286,7 +306,9 @@ class VehicleState(LatestMessages):
         self, message: dialect.MAVLink_mission_ack_message, now: float
     ) -> list[Notification]:
         accepted = message.type == dialect.MAV_MISSION_ACCEPTED
-        if accepted:
+        if accepted and message.mission_type == dialect.MAV_MISSION_TYPE_MISSION:
             self.profile_due = now
+        elif accepted:
+            self.areas_due = now
         text = f"mission: {enum_name('MAV_MISSION_RESULT', message.type, 'MAV_MISSION_')}"
         return [self._notifications(now, "ack", INFO if accepted else WARNING, text, message)]

@@ -78,6 +78,15 @@ class FlyingUav:
     upload_mission = _waited_for(Vehicle.upload_mission)
     download_mission = _waited_for(Vehicle.download_mission)
     home = _waited_for(Vehicle.home)
+    upload_fence, download_fence = (
+        _waited_for(Vehicle.upload_fence),
+        _waited_for(Vehicle.download_fence),
+    )
+    upload_rally, download_rally = (
+        _waited_for(Vehicle.upload_rally),
+        _waited_for(Vehicle.download_rally),
+    )
+    enable_fence = _waited_for(Vehicle.enable_fence)
 
     list_params = _waited_for(Vehicle.list_params)
     get_param, set_param = _waited_for(Vehicle.get_param), _waited_for(Vehicle.set_param)

@@ -12,13 +12,14 @@ from gcs.station.navigation import KnownHome, home_of, slot_place_of, wind_of
 from gcs.station.vehicle_state import VehicleState
 from gcs.tui.curves import DRAWABLE, Colour, Palette, arrow, arrow_to, latest
 from gcs.tui.labels import MapMark, Place, draw_marks, sheet_of
+from gcs.tui.map_areas import EXCLUSION, INCLUSION, MapAreas, circle, map_areas
 from mavlink_defs import dialect
 
 _MARGIN = 1.15  # of what is shown by what is there
 _MIN_REACH_M = 30.0
 _FORMATION_REACH_M = 20.0  # of the middle, at least
 _TRAIL_S = 120.0
-_CIRCLE_POINTS = 60
+_FENCE, _RALLY = dialect.MAV_MISSION_TYPE_FENCE, dialect.MAV_MISSION_TYPE_RALLY
 _FRAME = (8, 3)  # columns and lines of a plot that its axes take
 
 
@@ -33,6 +34,7 @@ class Scene:
         home: Place of the home.
         route: Places of the mission's items in order, with their numbers.
         circles: Centre and radius of circles [m].
+        areas: Fence and rally points.
     """
 
     vehicles: Sequence[tuple[int, str, Place, bool, np.ndarray]] = ()
@@ -40,6 +42,7 @@ class Scene:
     home: Place | None = None
     route: Sequence[tuple[int, Place]] = ()
     circles: Sequence[tuple[Place, float]] = ()
+    areas: MapAreas = MapAreas()  # noqa: RUF009 - immutable
 
     @property
     def places(self) -> np.ndarray:
@@ -49,6 +52,8 @@ class Scene:
         places += [] if self.home is None else [self.home]
         for (north, east), radius in self.circles:
             places += [(north - radius, east - radius), (north + radius, east + radius)]
+        places += [corner for outline in self.areas.outlines for corner in outline.line.tolist()]
+        places += self.areas.rally
         return np.array(places).reshape(-1, 2)
 
 
@@ -112,11 +117,16 @@ def scene_of(
     home = homes.get(selected or 0) or next(iter(homes.values()), None)
     if home is None:
         return Scene(vehicles, slots)
-    route, circles = _route(mission, home)
-    return Scene(vehicles, slots, (home.north_m, home.east_m), route, circles)
+    route, circles = route_of(mission, home)
+    held = next((s.areas for s in states if s.system == selected), {})
+    fence, rally = (held.get(kind, ()) for kind in (_FENCE, _RALLY))
+    place = home.north_m, home.east_m
+    return Scene(
+        vehicles, slots, place, route, circles, map_areas(fence, rally, home.origin, place)
+    )
 
 
-def _route(
+def route_of(
     mission: Mission, home: KnownHome
 ) -> tuple[list[tuple[int, Place]], list[tuple[Place, float]]]:
     """Return the places of a mission's items, and its circles."""
@@ -166,10 +176,12 @@ def draw_map(
     middle, reach = window.limits(scene, size)
     steps = 2 * max(size)
     route = [place for _, place in scene.route]
+    kinds = {INCLUSION: palette.text, EXCLUSION: palette.fault}
     for track, colour in (
+        *((outline.line, kinds[outline.kind]) for outline in scene.areas.outlines),
         *((track, palette.reference) for *_, chosen, track in scene.vehicles if not chosen),
         (np.array(route).reshape(-1, 2), palette.route),
-        *((_circle(*circle), palette.route) for circle in scene.circles),
+        *((circle(*one), palette.route) for one in scene.circles),
         *((track, palette.actual) for *_, chosen, track in scene.vehicles if chosen),
     ):
         for run in _visible(_dense(track, reach[0] / steps), middle, reach):
@@ -181,6 +193,8 @@ def draw_map(
     draw_marks(sheet, marks, palette)
     if scene.home is not None:
         sheet.write_sign("H", scene.home, palette.text)
+    for place in scene.areas.rally:
+        sheet.write_sign("R", place, palette.text)
     for number, place in dict(scene.route).items():  # once, whatever leads back there
         sheet.write_number(number, place, palette.route)
     for place in scene.slots:
@@ -230,11 +244,6 @@ def draw_formation(
 
 def _end_of(track: np.ndarray) -> Place:
     return float(track[-1, 0]), float(track[-1, 1])
-
-
-def _circle(centre: Place, radius: float) -> np.ndarray:
-    angle = np.linspace(0.0, 2.0 * np.pi, _CIRCLE_POINTS)
-    return np.array(centre) + radius * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
 def _dense(line: np.ndarray, apart_m: float) -> np.ndarray:

@@ -51,7 +51,8 @@ class MapView(Guarded, PlotextPlot):
         window = self.window
         shown = (window.zoom, *window.shift, window.follows, view.selected)
         due = view.paced_by_s // _DRAW_S
-        token = (due, len(view.states), shown, self.size, self.app.theme, mission)
+        areas = () if view.state is None else tuple(view.state.areas.values())
+        token = (due, len(view.states), shown, self.size, self.app.theme, mission, areas)
         if token == self._drawn or not self.size:
             return
         self._drawn = None  # until it is

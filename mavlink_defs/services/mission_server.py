@@ -1,4 +1,7 @@
-"""The mission microservice (https://mavlink.io/en/services/mission.html), vehicle side."""
+"""The mission microservice (https://mavlink.io/en/services/mission.html), vehicle side.
+
+Missions, fences and rally points are transferred alike: one server holds the items of one type.
+"""
 
 import copy
 from collections.abc import Callable, Sequence
@@ -32,8 +35,12 @@ from mavlink_defs.services.mission import (
 )
 from mavlink_defs.services.mission_upload import Upload, UploadClient
 
-_MISSION = dialect.MAV_MISSION_TYPE_MISSION
-_TYPES = (_MISSION, dialect.MAV_MISSION_TYPE_FENCE, dialect.MAV_MISSION_TYPE_RALLY)
+_MISSION, _ALL = dialect.MAV_MISSION_TYPE_MISSION, dialect.MAV_MISSION_TYPE_ALL
+_NAMES = {
+    _MISSION: "Mission",
+    dialect.MAV_MISSION_TYPE_FENCE: "Fence",
+    dialect.MAV_MISSION_TYPE_RALLY: "Rally",
+}
 _NO_MISSION = 0xFFFF
 _MAX_READERS = 16
 _GUIDED_ITEM, _ALTITUDE_ITEM = 2, 3  # `current` of an item that is no part of an upload
@@ -66,10 +73,11 @@ MissionEvent: TypeAlias = MissionAccepted | MissionRefused
 
 
 class MissionServer(Machine[MissionEvent]):
-    """Holds the mission of one vehicle and answers every client.
+    """Holds the mission of one vehicle, or another list of that type, and answers every client.
 
-    A mission is replaced only when the new one is complete and valid. Geofences and rally
-    points are always empty. One client can upload at a time, and begins again with another
+    A mission is replaced only when the new one is complete and valid. Messages of other types are
+    answered UNSUPPORTED; `mission_types.MissionTypes` hands each server what is of its own type.
+    One client can upload at a time, and begins again with another
     MISSION_COUNT; any number can download, and a download is cancelled if the mission changes
     meanwhile, so that none is a mixture.
 
@@ -92,6 +100,7 @@ class MissionServer(Machine[MissionEvent]):
         home: Callable[[], MissionItem] | None = None,
         guide: Callable[[MissionItem], int] | None = None,
         jump: Callable[[int], bool] | None = None,
+        mission_type: int = _MISSION,
     ) -> None:
         """Start without a mission.
 
@@ -103,8 +112,10 @@ class MissionServer(Machine[MissionEvent]):
             guide: Flies to an item that is sent on its own, as ArduPilot's clients do by `current`
                 = 2, and returns MAV_MISSION_RESULT; None refuses it.
             jump: Goes on with an item that is there; False, all as it was, if that cannot be flown.
+            mission_type: MAV_MISSION_TYPE of the items.
         """
         super().__init__()
+        self._type, self._name = mission_type, _NAMES[mission_type]
         self._own, self._validate, self._max_items = own, validate, max_items
         self._home, self._guide, self._jump = home, guide, jump
         self._items: tuple[MissionItem, ...] = ()
@@ -156,6 +167,11 @@ class MissionServer(Machine[MissionEvent]):
         home = items[:1] if self._home is None else (self._home(),)
         self._items, self._current = (*home, *items[1:]) if items else (), current
 
+    def clear(self) -> None:
+        """Drop the mission, and an upload in progress."""
+        self._upload = None
+        self._replace(())
+
     def refresh_home(self) -> None:
         """Let item 0 be what `home` returns now; a download in progress begins again."""
         if self._items and self._home is not None:
@@ -197,7 +213,7 @@ class MissionServer(Machine[MissionEvent]):
                 self._on_clear(message, sender)
             case MAVLink_mission_ack_message():
                 self._on_ack(message, sender)
-            case MAVLink_mission_set_current_message():
+            case MAVLink_mission_set_current_message() if self._type == _MISSION:
                 self.go_to(message.seq)
             case (
                 MAVLink_mission_write_partial_list_message()
@@ -232,8 +248,8 @@ class MissionServer(Machine[MissionEvent]):
         upload = self._upload
         return upload if upload is not None and upload.result is None else None
 
-    def _busy_for(self, sender: UploadClient) -> bool:
-        """Return whether another client uploads; one that is stuck must make way."""
+    def busy_for(self, sender: UploadClient) -> bool:
+        """Return whether another client uploads; one that is stuck is made to give way."""
         upload = self._going_on()
         if upload is None or upload.sender == sender:
             return False
@@ -243,14 +259,14 @@ class MissionServer(Machine[MissionEvent]):
         return False
 
     def _end_stuck(self, upload: Upload) -> None:
-        text = f"Mission upload: item {len(upload.items)} did not come"
+        text = f"{self._name} upload: item {len(upload.items)} did not come"
         self._end_upload(upload, dialect.MAV_MISSION_OPERATION_CANCELLED, text)
 
     def _on_count(
         self, message: MAVLink_mission_count_message, sender: UploadClient, now: float
     ) -> None:
         mission_type, count = message.mission_type, message.count
-        if self._busy_for(sender):
+        if self.busy_for(sender):
             self._ack(sender, mission_type, dialect.MAV_MISSION_DENIED)
             return
         before, sequence = self._going_on(), message.get_seq()
@@ -260,14 +276,14 @@ class MissionServer(Machine[MissionEvent]):
         self._upload = upload = Upload(
             sender, mission_type, count, sequence=sequence, begun_s=now, heard_s=now
         )
-        if mission_type not in _TYPES or (mission_type != _MISSION and count > 0):
+        if mission_type != self._type:
             text = f"Mission type {mission_type} is not supported"
             self._end_upload(upload, dialect.MAV_MISSION_UNSUPPORTED, text)
         elif count > self._max_items:
-            text = f"Mission has {count} items, at most {self._max_items} fit"
+            text = f"{self._name} has {count} items, at most {self._max_items} fit"
             self._end_upload(upload, dialect.MAV_MISSION_NO_SPACE, text)
         elif count == 0:  # the same as clearing
-            self._replace(mission_type, ())
+            self._replace(())
             self._end_upload(upload, dialect.MAV_MISSION_ACCEPTED)
         else:
             self._request_item(upload, now)
@@ -300,7 +316,7 @@ class MissionServer(Machine[MissionEvent]):
         elif item.seq > len(upload.items):
             self._request_item(upload, now)  # out of sequence: the expected one is requested
         elif upload.differs(item, item.seq):
-            text = f"Mission upload: item {item.seq} came twice, with different contents"
+            text = f"{self._name} upload: item {item.seq} came twice, with different contents"
             self._end_upload(upload, dialect.MAV_MISSION_OPERATION_CANCELLED, text)
         # A stored item came twice. A request now would double all that follow.
 
@@ -308,30 +324,29 @@ class MissionServer(Machine[MissionEvent]):
         try:
             self._validate(upload.items)
         except ProfileError as error:
-            self._end_upload(upload, error.mav_mission_result, error.text)
+            text = error.text if self._type == _MISSION else f"{self._name}: {error.text}"
+            self._end_upload(upload, error.mav_mission_result, text)
         else:
             home = upload.items[:1] if self._home is None else [self._home()]
-            self._replace(upload.mission_type, (*home, *upload.items[1:]))
+            self._replace((*home, *upload.items[1:]))
             self._end_upload(upload, dialect.MAV_MISSION_ACCEPTED)
 
     def _on_request_list(
         self, message: MAVLink_mission_request_list_message, sender: UploadClient
     ) -> None:
         mission_type = message.mission_type
-        if mission_type not in _TYPES:
+        if mission_type != self._type:
             self._ack(sender, mission_type, dialect.MAV_MISSION_UNSUPPORTED)
             return
-        count = 0
-        if mission_type == _MISSION:
-            count = len(self._items)
-            self._readers.pop(sender, None)
-            self._readers[sender] = self._revision
-            if len(self._readers) > _MAX_READERS:
-                del self._readers[next(iter(self._readers))]
+        count = len(self._items)
+        self._readers.pop(sender, None)
+        self._readers[sender] = self._revision
+        if len(self._readers) > _MAX_READERS:
+            del self._readers[next(iter(self._readers))]
         self._outbox.append(MAVLink_mission_count_message(*sender.address, count, mission_type))
 
     def _on_request(self, seq: int, mission_type: int, sender: UploadClient) -> None:
-        if mission_type != _MISSION or seq >= len(self._items):
+        if mission_type != self._type or seq >= len(self._items):
             self._ack(sender, mission_type, dialect.MAV_MISSION_INVALID_SEQUENCE)
         elif self._readers.get(sender, self._revision) != self._revision:
             # Until it asks for the list again: this answer can be lost, too.
@@ -339,18 +354,17 @@ class MissionServer(Machine[MissionEvent]):
         else:
             item = copy.copy(self._items[seq])
             item.target_system, item.target_component = sender.address
-            item.current = int(seq == self._current)
+            item.current = int(self._type == _MISSION and seq == self._current)
             self._outbox.append(item)
 
     def _on_clear(self, message: MAVLink_mission_clear_all_message, sender: UploadClient) -> None:
         mission_type = message.mission_type
-        if mission_type not in {*_TYPES, dialect.MAV_MISSION_TYPE_ALL}:
+        if mission_type not in {self._type, _ALL}:
             self._ack(sender, mission_type, dialect.MAV_MISSION_UNSUPPORTED)
-        elif self._busy_for(sender):
+        elif self.busy_for(sender):
             self._ack(sender, mission_type, dialect.MAV_MISSION_DENIED)
         else:
-            self._upload = None
-            self._replace(mission_type, ())
+            self.clear()
             self._ack(sender, mission_type, dialect.MAV_MISSION_ACCEPTED)
 
     def _on_ack(self, message: MAVLink_mission_ack_message, sender: UploadClient) -> None:
@@ -361,9 +375,7 @@ class MissionServer(Machine[MissionEvent]):
         if (upload.sender, upload.mission_type) == (sender, message.mission_type):
             upload.result = dialect.MAV_MISSION_OPERATION_CANCELLED  # by the sender itself
 
-    def _replace(self, mission_type: int, items: tuple[MissionItem, ...]) -> None:
-        if mission_type not in {_MISSION, dialect.MAV_MISSION_TYPE_ALL}:
-            return  # geofence and rally points are always empty
+    def _replace(self, items: tuple[MissionItem, ...]) -> None:
         self._items, self._current = items, 0
         self._revision += 1
         self._happened.append(MissionAccepted(items))

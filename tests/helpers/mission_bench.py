@@ -22,9 +22,11 @@ from mavlink_defs.profile import (
 from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.mission import MissionItem, MissionUploader
 from mavlink_defs.services.mission_server import MissionServer
+from mavlink_defs.services.mission_types import MissionTypes
 
 ACCEPTED = dialect.MAV_MISSION_ACCEPTED
 CANCELLED = dialect.MAV_MISSION_OPERATION_CANCELLED
+MISSION = dialect.MAV_MISSION_TYPE_MISSION
 FENCE = dialect.MAV_MISSION_TYPE_FENCE
 RALLY = dialect.MAV_MISSION_TYPE_RALLY
 ALL = dialect.MAV_MISSION_TYPE_ALL
@@ -72,11 +74,32 @@ def request(seq: int, mission_type: int = 0) -> MAVLink_mission_request_int_mess
     return MAVLink_mission_request_int_message(*VEHICLE, seq, mission_type)
 
 
+class Servers(MissionTypes):
+    """The servers of all types, of which a mission alone must be a profile."""
+
+    def __init__(self) -> None:
+        def take(items: Sequence[MissionItem]) -> None:
+            pass
+
+        self.servers = {
+            kind: MissionServer(VEHICLE, take if kind else validate, mission_type=kind)
+            for kind in (MISSION, FENCE, RALLY)
+        }
+        super().__init__(VEHICLE, self.servers)
+
+    def messages_to_send(self) -> Any:
+        return [message for message, _ in super().messages_to_send()]
+
+    def events(self) -> list[Any]:
+        return [event for server in self.servers.values() for event in server.events()]
+
+
 class Vehicle:
     """A server that is talked to one message at a time."""
 
     def __init__(self, segments: int = 0) -> None:
-        self.server = MissionServer(VEHICLE, validate)
+        self.servers = Servers()
+        self.server = self.servers.servers[MISSION]
         self._frames = 0
         if segments:
             self.upload(mission(segments))
@@ -92,23 +115,26 @@ class Vehicle:
         """Type of each answer, and what it says; `seq`: a frame's number, if not the next one."""
         self._frames += 1
         number = self._frames % 256 if seq is None else seq
-        self.server.receive(over_the_wire(message, source, number), now)
+        self.servers.receive(over_the_wire(message, source, number), now)
         return self.sent(source)
 
     def sent(self, to: SystemId = GCS) -> list[tuple[str, int]]:
         found = []
         message: Any
-        for message in self.server.messages_to_send():
+        for message in self.servers.messages_to_send():
             if hasattr(message, "target_system"):
                 assert (message.target_system, message.target_component) == to
             said = next(n for n in ("type", "count", "seq") if hasattr(message, n))
             found.append((message.get_type(), getattr(message, said)))
         return found
 
-    def upload(self, items: Sequence[MissionItem], source: SystemId = GCS) -> int:
-        (answer,) = self.answers(count(len(items)), source)
+    def upload(
+        self, items: Sequence[MissionItem], source: SystemId = GCS, mission_type: int = 0
+    ) -> int:
+        (answer,) = self.answers(count(len(items), mission_type), source)
         for i in range(len(items)):
             assert answer == ("MISSION_REQUEST_INT", i)
+            items[i].mission_type = mission_type
             (answer,) = self.answers(items[i], source)
         assert answer[0] == "MISSION_ACK"
         return answer[1]

@@ -196,7 +196,7 @@ def state_of(bench: Bench) -> dict[str, Any]:
     own["vehicle"] = kept
     memory = own.view(np.uint8)
     records = [memory[first:end] for first, end in saved_parts(own[0])]
-    server, params = vehicle._mission.server, vehicle._params._parameters
+    server, params = vehicle._plan.mission.server, vehicle._params._parameters
     _, mission = vehicle.mission_checkpoint()
     return {
         "records": [record.tobytes() for record in (*records, bench.controllers.paths)],

@@ -10,7 +10,7 @@ from station import BAD_INPUT, REFUSED, Up, failed, up
 from textual.widgets import Input
 from waiting import until_focused
 
-from ftc_autopilot.common.geography import Origin
+from ftc_autopilot.common.geography import Origin, place_of
 from ftc_autopilot.guidance.mission_places import home_item
 from gcs.scenario.moved_mission import moved_to
 from gcs.station.mission import is_same
@@ -18,9 +18,17 @@ from gcs.tui.fleet_table import FleetTable
 from gcs.tui.mission_list import MissionList
 from gcs.tui.missions import MapView, MissionsPanel
 from mavlink_defs import dialect
-from mavlink_defs.mission_files import mission_item, read_mission_file, waypoints_text
+from mavlink_defs.mission_files import (
+    mission_item,
+    plan_text,
+    read_mission_file,
+    waypoints_text,
+)
 
 pytestmark = pytest.mark.sitl
+
+CIRCLE = dialect.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION
+HOME = place_of(Origin(), 0.0, 0.0, 0.0)[:2]
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +70,22 @@ def test_a_mission_of_elsewhere_is_flown_around_the_home_of_each_vehicle(
     assert fleet.gcs("mission", "download", "--out", again).returncode == 0
     pairs = zip(read_mission_file(held).items, read_mission_file(again).items, strict=True)
     assert max(abs(a.x - b.x) + abs(a.y - b.y) for a, b in pairs) < 10  # 0.1 m
+
+
+def test_fence_and_rally_points_of_a_plan_go_and_come_back(fleet: Up, tmp_path: Path) -> None:
+    path, again = tmp_path / "fenced.plan", tmp_path / "again.plan"
+    assert fleet.gcs("mission", "download", "--out", path).returncode == 0
+    circle = mission_item(0, CIRCLE, (9000.0,), *HOME, 0.0, 0)
+    rally = mission_item(0, dialect.MAV_CMD_NAV_RALLY_POINT, (), *HOME, 90.0)
+    path.write_text(plan_text(read_mission_file(path).items, [circle], [rally]))
+    answer = fleet.gcs_json("mission", "upload", path)
+    accepted = {"outcome": "accepted", "items": 7, "not_flown": [], "fence": 1, "rally": 1}
+    assert answer == [{"uav": i} | accepted for i in (1, 2, 3)]
+    done = fleet.gcs("mission", "download", "--uav", "2")
+    assert done.stdout.splitlines()[0] == "UAV 2 holds 7 items, a fence of 1 item, 1 rally point"
+    assert "  fence   0 inclusion circle, radius 9000 m" in done.stdout.splitlines()
+    assert fleet.gcs("mission", "download", "--out", again).returncode == 0
+    assert again.read_text() == path.read_text()
 
 
 def test_what_show_refuses_the_vehicles_refuse_for_the_same_reason(

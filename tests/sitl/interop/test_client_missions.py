@@ -11,6 +11,7 @@ from flying import scenario_tree, standing
 from mavproxy import MavProxy
 from mavsdk import Autopilot, ComponentType, Configuration, Mavsdk, System
 from mavsdk.plugins.action import Action
+from mavsdk.plugins.geofence import Circle, FenceType, Geofence, GeofenceData, Point, Polygon
 from mavsdk.plugins.mission import Mission, MissionItem, MissionPlan
 from mavsdk.plugins.mission_raw import MissionItem as RawItem
 from mavsdk.plugins.mission_raw import MissionRaw
@@ -26,6 +27,7 @@ pytestmark = pytest.mark.sitl
 
 TIMEOUT_S = 180.0
 ORIGIN = Origin()
+HOME = place_of(ORIGIN, 0.0, 0.0, 0.0)[:2]
 
 
 @pytest.fixture
@@ -126,6 +128,28 @@ def test_mavsdk_transfers_raw_missions(system: System) -> None:
     assert [(i.command, i.x, i.y, i.z) for i in found[1:]] == [
         (i.command, i.x, i.y, i.z) for i in items[1:]
     ]
+
+
+def test_mavsdk_sets_and_reads_fence_and_rally_points(system: System) -> None:
+    corners = ((-2000.0, -2000.0), (-2000.0, 2000.0), (2000.0, 2000.0), (2000.0, -2000.0))
+    stay_in = Polygon([Point(*degrees(*corner)) for corner in corners], FenceType.INCLUSION)
+    stay_out = Circle(Point(*degrees(1000.0, 0.0)), 80.0, FenceType.EXCLUSION)
+    Geofence(system).upload_geofence(GeofenceData([stay_in], [stay_out]))
+    raw = MissionRaw(system)
+    fence = raw.download_geofence()
+    assert [(item.command, item.param1) for item in fence] == [(5001, 4.0)] * 4 + [(5004, 80.0)]
+    place = place_of(ORIGIN, 500.0, -300.0, 0.0)[:2]
+    rally = [RawItem(0, 3, 5100, 0, 1, 0.0, 0.0, 0.0, 0.0, *place, 90.0, 2)]
+    raw.upload_rally_points(rally)
+    found = raw.download_rallypoints()
+    assert [(item.command, item.x, item.y, item.z) for item in found] == [(5100, *place, 90.0)]
+    raw.upload_geofence(fence)
+    assert [item.seq for item in raw.download_geofence()] == [0, 1, 2, 3, 4]
+    with pytest.raises(Exception, match=r"(?i)invalid|error|unsupported"):  # home is outside
+        raw.upload_geofence([RawItem(0, 0, 5004, 0, 1, 80.0, 0, 0, 0, *HOME, 0.0, 1)])
+    assert len(raw.download_geofence()) == 5
+    Geofence(system).clear_geofence()
+    assert raw.download_geofence() == []
 
 
 def test_mavproxy_flies_waypoints_and_places(fleet: Standing, tmp_path: Path) -> None:

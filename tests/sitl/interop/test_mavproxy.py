@@ -25,7 +25,7 @@ def mavproxy(fleet: Standing, tmp_path_factory: pytest.TempPathFactory) -> Itera
         running.wait_for(r"Received \d\d parameters")
         yield running
         running.ask("status", r"MAV Errors: 0")
-        for word in ("breach", "Traceback", "BAD_DATA", "UNKNOWN_"):
+        for word in ("fence breach", "Traceback", "BAD_DATA", "UNKNOWN_"):
             assert word not in running.text, word
 
 
@@ -71,6 +71,35 @@ def test_missions(mavproxy: MavProxy, tmp_path: Path) -> None:
     mavproxy.say("wp set 2", r"waypoint 2")
     mavproxy.say("mode AUTO", r"AP: mode AUTO")
     mavproxy.say("wp clear", r"Got MISSION_ACK: TYPE_MISSION: ACCEPTED")
+    mavproxy.ask("wp list", r"Requesting 0 waypoints")
+
+
+FENCE = """QGC WPL 110
+0	0	0	5001	3	0	0	0	-35.30	149.10	0	1
+1	0	0	5001	3	0	0	0	-35.30	149.25	0	1
+2	0	0	5001	3	0	0	0	-35.45	149.20	0	1
+3	0	0	5004	50	0	0	0	-35.31	149.18	0	1
+"""
+RALLY = """QGC WPL 110
+0	0	3	5100	0	0	0	0	-35.35	149.17	100	1
+"""
+
+
+def test_fence_and_rally_points(mavproxy: MavProxy, tmp_path: Path) -> None:
+    for word, text, count, listed in (
+        ("fence", FENCE, 4, r"5004 0 -35\.31\d+ 149\.1[78]\d+ 0\.0\d* p1=50\.0"),
+        ("rally", RALLY, 1, r"5100 3 -35\.35\d+ 149\.1[67]\d+ 100\.0"),
+    ):
+        loaded, saved = tmp_path / f"{word}.txt", tmp_path / f"{word}.out"
+        loaded.write_text(text)
+        mavproxy.say(f"{word} load {loaded}", rf"Got MISSION_ACK: TYPE_{word.upper()}: ACCEPTED")
+        mavproxy.ask(f"{word} list", listed)
+        mavproxy.say(f"{word} save {saved}", rf"Saved {count} {word} items to .*{word}\.out")
+        assert len(saved.read_text().splitlines()) == count + 1
+    mavproxy.say("fence enable", r"fence enabled")
+    mavproxy.say("fence disable", r"fence disabled")
+    mavproxy.say("fence clear", r"Got MISSION_ACK: TYPE_FENCE: ACCEPTED")
+    mavproxy.say("rally clear", r"Got MISSION_ACK: TYPE_RALLY: ACCEPTED")
     mavproxy.ask("wp list", r"Requesting 0 waypoints")
 
 

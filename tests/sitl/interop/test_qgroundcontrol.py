@@ -16,7 +16,9 @@ from standing import Standing
 
 from mavlink_defs import dialect
 from mavlink_defs.framing.frames import FramePacker, parse
+from mavlink_defs.mission_files import mission_item
 from mavlink_defs.profile import segments_to_items
+from mavlink_defs.services.mission import MissionItem
 
 pytestmark = pytest.mark.sitl
 
@@ -104,6 +106,11 @@ def test_1_autopilot_version(qgc: QGroundControl) -> None:
     assert version.flight_sw_version >> 8 == 0x000100
     assert version.uid > 0
     assert not version.capabilities & dialect.MAV_PROTOCOL_CAPABILITY_FTP
+    for capability in (
+        dialect.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE,
+        dialect.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY,
+    ):
+        assert version.capabilities & capability  # else it asks for neither
 
 
 def test_2_standard_modes_and_component_information_are_not_offered(qgc: QGroundControl) -> None:
@@ -130,20 +137,37 @@ def test_3_parameters(qgc: QGroundControl) -> None:
         qgc.wait_for("PARAM_VALUE", param_index=index)
 
 
+def areas() -> tuple[list[MissionItem], list[MissionItem]]:
+    """A fence and rally points as GeoFenceManager and RallyPointManager send them."""
+    corners = [(-353000000, 1491000000), (-353000000, 1492500000), (-354500000, 1492000000)]
+    corner = dialect.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION
+    fence = [mission_item(k, corner, (3.0,), *place, 0.0, 0) for k, place in enumerate(corners)]
+    circle = dialect.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION
+    fence.append(mission_item(3, circle, (50.0,), -353100000, 1491800000, 0.0, 0))
+    rally = mission_item(0, dialect.MAV_CMD_NAV_RALLY_POINT, (), -353500000, 1491700000, 100.0)
+    return fence, [rally]
+
+
 def test_4_mission_geofence_and_rally_points(qgc: QGroundControl, fleet: Standing) -> None:
-    items = segments_to_items(fleet.scenario.segments(), UAV, AUTOPILOT)
-    qgc.send(dialect.MAVLink_mission_count_message(UAV, AUTOPILOT, len(items), 0))
-    for item in items:
-        qgc.wait_for("MISSION_REQUEST_INT", seq=item.seq)
-        qgc.send(item)
-    assert qgc.wait_for("MISSION_ACK").type == dialect.MAV_MISSION_ACCEPTED
-    for mission_type, expected in enumerate((len(items), 0, 0)):
+    parts = (segments_to_items(fleet.scenario.segments(), UAV, AUTOPILOT), *areas())
+    for mission_type, items in enumerate(parts):
+        count = dialect.MAVLink_mission_count_message(UAV, AUTOPILOT, len(items), mission_type)
+        qgc.send(count)
+        for item in items:
+            qgc.wait_for("MISSION_REQUEST_INT", seq=item.seq, mission_type=mission_type)
+            item.target_system, item.target_component = UAV, AUTOPILOT
+            item.mission_type = mission_type
+            qgc.send(item)
+        ack = qgc.wait_for("MISSION_ACK", mission_type=mission_type)
+        assert ack.type == dialect.MAV_MISSION_ACCEPTED
+    for mission_type, expected in enumerate(map(len, parts)):
         qgc.send(dialect.MAVLink_mission_request_list_message(UAV, AUTOPILOT, mission_type))
         assert qgc.wait_for("MISSION_COUNT", mission_type=mission_type).count == expected
         for seq in range(expected):
             request = dialect.MAVLink_mission_request_int_message(UAV, AUTOPILOT, seq, mission_type)
             qgc.send(request)
-            qgc.wait_for("MISSION_ITEM_INT", seq=seq)
+            found = qgc.wait_for("MISSION_ITEM_INT", seq=seq, mission_type=mission_type)
+            assert found.command == parts[mission_type][seq].command
         qgc.send(dialect.MAVLink_mission_ack_message(UAV, AUTOPILOT, 0, mission_type))
 
 

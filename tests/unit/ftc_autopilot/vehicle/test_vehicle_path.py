@@ -57,7 +57,7 @@ class PathBench(Bench):
         return self.vehicle.gcs_messages()
 
     def mission_state(self) -> int:
-        current: Any = self.vehicle._mission.current()
+        current: Any = self.vehicle._plan.mission.current()
         return int(current.mission_state)
 
     def texts(self, messages: list[Any]) -> str:
@@ -115,7 +115,7 @@ def test_commands_are_announced_where_they_are_passed_and_downloaded_as_sent(
     trigger = mission_item(6, dialect.MAV_CMD_DO_DIGICAM_CONTROL)
     sent = (HOME, TRIANGLE[0], servo, later, camera, waypoint(5, 3000.0, 3000.0), trigger)
     assert bench.upload_items(sent) == dialect.MAV_MISSION_ACCEPTED
-    held = bench.vehicle._mission.server.items
+    held = bench.vehicle._plan.mission.server.items
     assert [str(item.to_dict()) for item in held[1:]] == [str(item.to_dict()) for item in sent[1:]]
     bench.fly()
     bench.command(START)
@@ -128,6 +128,17 @@ def test_commands_are_announced_where_they_are_passed_and_downloaded_as_sent(
     assert told == "item 4: DO_SET_CAM_TRIGG_DIST 25"
     told = bench.texts(bench.go_to(float(bench.path.record["passed"][2]) + 1.0))
     assert told == "item 6: DO_DIGICAM_CONTROL"
+
+
+def test_a_fence_is_disabled_where_the_mission_says_so(bench: PathBench) -> None:
+    disable = mission_item(1, dialect.MAV_CMD_DO_FENCE_ENABLE, (0.0,))
+    bench.upload_items((HOME, disable, waypoint(2, 3000.0, 0.0)))
+    fence = bench.vehicle._plan.fence
+    fence._record["enable"] = 1
+    bench.fly()
+    bench.command(START)
+    assert "fence disabled" in bench.texts(bench.go_to(10.0))
+    assert not fence.enabled
 
 
 def test_what_is_flown_otherwise_is_said_once(bench: PathBench) -> None:
@@ -147,7 +158,7 @@ def test_a_restarted_vehicle_announces_no_command_twice(bench: PathBench) -> Non
     bench.fly()
     bench.command(START)
     assert "item 1" in bench.texts(bench.go_to(10.0))
-    mission = bench.vehicle._mission
+    mission = bench.vehicle._plan.mission
     mission.resume(mission.server.items, 2)
     assert "item 1" not in bench.texts(bench.go_to(20.0))
 
@@ -331,7 +342,7 @@ def test_home_can_be_set(bench: PathBench) -> None:
     home: Any = bench.vehicle.telemetry[0].make(dialect.MAVLINK_MSG_ID_HOME_POSITION)
     assert position.relative_alt == 0
     assert (home.latitude, home.longitude) == (position.lat, position.lon)
-    item = bench.vehicle._mission.server.items[0]
+    item = bench.vehicle._plan.mission.server.items[0]
     assert (item.x, item.y, item.z) == (home.latitude, home.longitude, 734.0)
     bench.put(8000.0, 2000.0, 150.0)
     bench.command(SET_MODE, 1.0, RTL)
@@ -374,7 +385,7 @@ def test_a_takeoff_at_the_head_is_passed(bench: PathBench, first: int) -> None:
     takeoff = mission_item(1, dialect.MAV_CMD_NAV_TAKEOFF, (15.0, 0.0, 0.0, math.nan), 0, 0, 50.0)
     items = (HOME, takeoff, waypoint(2, 3000.0, 0.0), waypoint(3, 3000.0, 3000.0))
     assert bench.upload_items(items) == dialect.MAV_MISSION_ACCEPTED
-    held = bench.vehicle._mission.server.items[1]
+    held = bench.vehicle._plan.mission.server.items[1]
     assert (held.command, held.param1, held.z) == (dialect.MAV_CMD_NAV_TAKEOFF, 15.0, 50.0)
     bench.fly()
     bench.command(dialect.MAV_CMD_DO_SET_MISSION_CURRENT, float(first))
@@ -416,5 +427,5 @@ def test_a_mission_that_cannot_be_flown_is_refused_and_the_old_one_stays(bench: 
     assert bench.upload_items((HOME, land)) == dialect.MAV_MISSION_UNSUPPORTED
     mixed = mission_item(2, dialect.MAV_CMD_FTC_REFERENCE_SEGMENT)
     assert bench.upload_items((HOME, TRIANGLE[0], mixed)) == dialect.MAV_MISSION_UNSUPPORTED
-    assert len(bench.vehicle._mission.server.items) == 4
+    assert len(bench.vehicle._plan.mission.server.items) == 4
     assert len(bench.path.items) == 4

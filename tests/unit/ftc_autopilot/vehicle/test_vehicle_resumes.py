@@ -105,7 +105,7 @@ def test_profile_mode_arming_and_parameters_come_back(scenario1: Scenario, tmp_p
     second = Process(scenario1, tmp_path / "checkpoint")
     assert (second.vehicle.modes.mode, second.vehicle.modes.armed) == (AUTO, True)
     assert second.downloaded() == first.downloaded()
-    assert second.vehicle._mission.server.current == first.vehicle._mission.server.current
+    assert second.vehicle._plan.mission.server.current == first.vehicle._plan.mission.server.current
     (value,) = of_type(
         second.say(dialect.MAVLink_param_request_read_message(UAV, 1, b"K1_ROLL", -1)),
         "PARAM_VALUE",

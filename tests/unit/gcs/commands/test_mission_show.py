@@ -138,7 +138,8 @@ def test_the_outline_of_a_path_follows_its_arcs() -> None:
 
 
 FENCE = OTHERS / "fence_and_rally.plan"
-TOLD = "a fence of 1 circle and 0 polygons, 1 rally point, a cruise speed of 15 m/s"
+TOLD = "a cruise speed of 15 m/s"
+LEFT = "a fence (the key fence takes it), 1 rally point (the key rally takes them), "
 
 
 def test_what_vehicles_do_not_take_of_a_plan_is_told(tmp_path: Path) -> None:
@@ -151,12 +152,45 @@ def test_what_vehicles_do_not_take_of_a_plan_is_told(tmp_path: Path) -> None:
         result = CliRunner().invoke(app, ["mission", "show", str(file), "--json"])
         assert result.exit_code == 0, result.output
         [line] = result.stderr.splitlines()
-        assert line.startswith(f"{plan}: not flown: {TOLD}")
-        assert json.loads(result.stdout)["not_flown"][0] == TOLD.partition(", ")[0]
+        told = TOLD if file == FENCE else LEFT + TOLD
+        assert line.startswith(f"{plan}: not flown: {told}")
+        assert json.loads(result.stdout)["not_flown"][0] == told.partition(", ")[0]
     # what has nothing else is told of nothing
     copy.write_text(plan_text(items((2000.0, 0.0))))
     result = CliRunner().invoke(app, ["mission", "show", str(copy), "--json"])
     assert (result.stderr, json.loads(result.stdout)["not_flown"]) == ("", [])
+
+
+def test_fence_and_rally_points_are_drawn_and_said(tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["mission", "show", str(FENCE)])
+    assert result.exit_code == 0, result.output
+    for line in (
+        "fence: inclusion circle of item 0",
+        "the mission leaves the fence on the way to item 1",
+        "R: 1 rally point",
+    ):
+        assert line in result.stdout.splitlines()
+    drawn = [line for line in result.stdout.splitlines() if "│" in line or "┤" in line]
+    assert len(drawn) > 15
+    assert all(sum(mark in line for line in drawn) >= 1 for mark in "RH14⡇")
+    scenario = tmp_path / "mine.yaml"
+    scenario.write_text(
+        f"extends: paper/scenario1\nprofile: null\nmission: {{file: {FENCE}}}\n"
+        f"fence: {{file: {FENCE}, action: report}}\nrally: {{file: {FENCE}}}\n"
+    )
+    shown = CliRunner().invoke(app, ["mission", "show", str(scenario)])
+    assert shown.stdout == result.stdout
+    assert "fence" not in shown.stderr
+
+
+def test_a_fence_that_vehicles_refuse_is_refused(tmp_path: Path) -> None:
+    plan = json.loads(FENCE.read_text())
+    plan["geoFence"]["circles"][0]["circle"]["center"] = [-35.0, 149.1652]
+    path = tmp_path / "far.plan"
+    path.write_text(json.dumps(plan))
+    status, text = show(path)
+    assert status == 2
+    assert text == f"{path}: fence: Item 0: home is 40138 m outside the inclusion circle of item 0"
 
 
 def test_a_scenario_keeps_nothing_of_what_is_told() -> None:

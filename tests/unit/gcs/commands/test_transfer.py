@@ -44,6 +44,10 @@ class OneVehicle:
     async def download_mission(self) -> tuple[Any, ...]:
         return (mission_item(0, dialect.MAV_CMD_NAV_WAYPOINT),)
 
+    async def download_fence(self) -> tuple[Any, ...]:
+        text = "UAV 3 refused the download of its fence"
+        raise CommandRefused(text, dialect.MAV_MISSION_UNSUPPORTED)
+
     async def set_param(self, name: str, value: float) -> None:
         text = f"UAV 3 refused {name} = {value:g}"
         raise CommandRefused(text, dialect.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE)

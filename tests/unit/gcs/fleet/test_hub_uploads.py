@@ -8,7 +8,18 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lossy_network import GCS, OTHER_GCS, VEHICLE
-from mission_bench import ACCEPTED, CANCELLED, contents, count, item, mission, validate
+from mission_bench import (
+    ACCEPTED,
+    CANCELLED,
+    FENCE,
+    MISSION,
+    Servers,
+    contents,
+    count,
+    item,
+    mission,
+    validate,
+)
 
 from gcs.fleet.hub import Hub
 from gcs.fleet.uploads import HOLD_S
@@ -241,3 +252,32 @@ def test_nobody_else_cancels_or_clears_meanwhile() -> None:
         sky.arrive(sky.in_air.pop(0))
         sky.settle()
     assert sky.stations[0].told == [ACCEPTED]
+
+
+def test_stations_with_one_address_upload_two_types_at_a_time() -> None:
+    """The hub holds the uploads apart: none waits for the other, and each has its own answers."""
+    hub, servers = Hub([1]), Servers()
+    of_vehicle, packer = FramePacker(*VEHICLE), FramePacker(*GCS)
+    hub.route(of_vehicle.pack(dialect.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3)), UPLINK, 0.0)
+    peers = {kind: ("127.0.0.1", 2001 + kind) for kind in (MISSION, FENCE)}
+    heard: dict[int, list[str]] = {kind: [] for kind in peers}
+
+    def say(kind: int, message: Any) -> None:
+        frame = packer.pack(message)
+        assert hub.route(frame, peers[kind], 0.0) == [UPLINK]
+        servers.receive(Sky._parsed(frame), 0.0)
+        for answer in servers.messages_to_send():
+            assert answer.mission_type == kind
+            assert hub.route(of_vehicle.pack(answer), UPLINK, 0.0) == [peers[kind]]
+            heard[kind].append(answer.get_type())
+
+    for kind in peers:
+        say(kind, count(2, kind))
+    for seq in range(2):
+        for kind in peers:
+            one = item(seq)
+            one.mission_type = kind
+            say(kind, one)
+    expected = ["MISSION_REQUEST_INT", "MISSION_REQUEST_INT", "MISSION_ACK"]
+    assert heard == dict.fromkeys(peers, expected)
+    assert [len(servers.servers[kind].items) for kind in peers] == [2, 2]

@@ -16,6 +16,7 @@ from gcs.station.vehicle_state import LOST_S, VehicleState
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.framing.frames import FramePacker, parse, text_chunks
+from mavlink_defs.mission_files import mission_item
 from mavlink_defs.profile import Segment, segments_to_items
 from mavlink_defs.services.machine import SystemId
 
@@ -26,6 +27,7 @@ STANDBY, ACTIVE, BOOT = (
 )
 FAULT = actuator_fault(2, 0.9, 0.0, 0.0, 19.0, 22.0)
 NONE = 0xFFFFFFFF
+FENCE, RALLY = dialect.MAV_MISSION_TYPE_FENCE, dialect.MAV_MISSION_TYPE_RALLY
 
 
 def heartbeat(status: int = STANDBY, armed: bool = False, mode: int = 12) -> MAVLink_message:
@@ -232,6 +234,8 @@ def test_faults_are_asked_for_at_first_and_whenever_they_may_have_changed() -> N
     state = bench.state()
     assert state.is_asking_due(0.0)
     state.learn_mission((), 0.0)
+    assert state.is_asking_due(0.0)
+    state.learn_areas(FENCE, (), 0.0)
     assert state.learn_faults((), 0.0) == []
     assert not state.is_asking_due(1.0)
     bench.say(ack(dialect.MAV_CMD_FTC_SET_FAULT), 1.0)
@@ -252,6 +256,7 @@ def test_the_profile_is_asked_for_again_when_someone_uploaded_one() -> None:
     bench = Bench(1)
     state = bench.state()
     state.learn_faults((), 0.0)
+    state.learn_areas(FENCE, (), 0.0)
     segment = Segment(0.0, 40.0, 0.0, 0.0, 0.0, ramp=False)
     assert texts(state.learn_mission(tuple(segments_to_items([segment], 1, 1)), 0.0)) == [
         ("profile", "holds profile of 1 segments")
@@ -261,11 +266,28 @@ def test_the_profile_is_asked_for_again_when_someone_uploaded_one() -> None:
     assert state.is_asking_due(1.0)
 
 
+def test_fence_and_rally_points_are_asked_for_again_when_someone_uploaded_some() -> None:
+    bench = Bench(1)
+    state = bench.state()
+    state.learn_faults((), 0.0)
+    state.learn_mission((), 0.0)
+    circle = mission_item(0, dialect.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION, (80.0,))
+    assert texts(state.learn_areas(FENCE, (circle,), 0.0)) == [("profile", "holds fence of 1 item")]
+    assert state.learn_areas(FENCE, (circle,), 0.0) == []
+    assert state.learn_areas(RALLY, (), 0.0) == []
+    assert not state.is_asking_due(1.0)
+    bench.say(dialect.MAVLink_mission_ack_message(254, 1, dialect.MAV_MISSION_ACCEPTED, 1), 1.0)
+    assert state.is_asking_due(1.0)
+    assert texts(state.learn_areas(FENCE, (), 1.0)) == [("profile", "holds no fence")]
+    assert state.areas == {FENCE: (), RALLY: ()}
+
+
 def test_the_profile_is_asked_for_again_when_its_length_is_another_one() -> None:
     bench = Bench(1)
     state = bench.state()
     state.learn_faults((), 0.0)
     state.learn_mission((), 0.0)
+    state.learn_areas(FENCE, (), 0.0)
     for seq, total, is_due in ((1, 3, False), (2, 3, False), (2, 5, True)):
         bench.say(dialect.MAVLink_mission_current_message(seq, total), 1.0)
         assert state.is_asking_due(1.0) == is_due

@@ -21,6 +21,7 @@ from gcs.station.mission import Mission, is_same
 from gcs.station.navigation import KnownHome, home_of
 from gcs.tui.app import Dashboard
 from gcs.tui.curves import Palette
+from gcs.tui.map_areas import EXCLUSION, INCLUSION, map_areas
 from gcs.tui.map_drawing import MapWindow, Scene, draw_map, scene_of, wind_text
 from gcs.tui.mission_list import MissionList, WrittenPlaceError, read_place
 from gcs.tui.missions import MapView, MissionsPanel
@@ -105,6 +106,39 @@ def drive(work: Callable[[Dashboard, Pilot[None]], Any], station: Station) -> No
         await work(app, pilot)
 
     at_screen(live(station), begun, (120, 40))
+
+
+def test_the_map_shows_fence_and_rally_points() -> None:
+    fence = (
+        mission_item(0, dialect.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION, (500.0,), *place(100.0, 0.0)),
+        mission_item(1, dialect.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION, (50.0,), *place(0.0, 300.0)),
+    )
+    rally = (mission_item(0, dialect.MAV_CMD_NAV_RALLY_POINT, (), *place(-200.0, 100.0)),)
+    shown = map_areas(fence, rally, ORIGIN, (1000.0, 0.0))
+    assert [outline.kind for outline in shown.outlines] == [INCLUSION, EXCLUSION]
+    assert shown.outlines[0].line.max(axis=0) == pytest.approx((1600.0, 500.0), abs=2.0)
+    assert shown.rally[0] == pytest.approx((800.0, 100.0), abs=0.1)
+    scene = Scene(home=(1000.0, 0.0), areas=shown)
+    assert scene.places.max() == pytest.approx(1600.0, abs=2.0)
+    drawn = drawing(scene)
+    assert "R" in drawn
+    assert "H" in drawn
+    assert "⠁" in drawn or "⡇" in drawn
+    assert map_areas(fence[:1] * 2, (), ORIGIN).outlines
+    assert map_areas((mission_item(0, 16),), (), ORIGIN).outlines == ()
+
+
+def place(north: float, east: float) -> tuple[int, int]:
+    return place_of(ORIGIN, north, east, 0.0)[:2]
+
+
+def drawing(scene: Scene) -> str:
+    colour = (0, 0, 0)
+    palette = Palette(colour, colour, colour, (colour,) * 4, colour, colour)
+    plotext.clear_figure()
+    plotext.plotsize(60, 20)
+    draw_map(plotext, scene, MapWindow(), (60, 20), palette)
+    return str(plotext.uncolorize(plotext.build()))
 
 
 def test_the_list_shows_items_and_progress() -> None:

@@ -12,6 +12,7 @@ from mission_bench import (
     ALL,
     CANCELLED,
     FENCE,
+    MISSION,
     RALLY,
     Vehicle,
     ack,
@@ -194,16 +195,56 @@ class TestServerClear:
         assert vehicle.server.mission_current().total == 0xFFFF
 
     @pytest.mark.parametrize("mission_type", [FENCE, RALLY])
-    def test_fence_and_rally_are_empty(self, mission_type: int) -> None:
+    def test_fence_and_rally_are_lists_of_their_own(self, mission_type: int) -> None:
         vehicle = Vehicle(segments=2)
-        clear = MAVLink_mission_clear_all_message(*VEHICLE, mission_type)
         ask = MAVLink_mission_request_list_message(*VEHICLE, mission_type)
-        assert vehicle.answers(count(0, mission_type)) == ack(ACCEPTED)
-        assert vehicle.answers(clear) == ack(ACCEPTED)
         assert vehicle.answers(ask) == [("MISSION_COUNT", 0)]
-        unsupported = ack(dialect.MAV_MISSION_UNSUPPORTED)
-        assert vehicle.answers(count(1, mission_type)) == unsupported
+        assert vehicle.upload(mission(2), mission_type=mission_type) == ACCEPTED
+        assert vehicle.answers(ask) == [("MISSION_COUNT", 3)]
+        assert vehicle.answers(request(0, mission_type)) == [("MISSION_ITEM_INT", 0)]
+        other = RALLY if mission_type == FENCE else FENCE
+        clear = MAVLink_mission_clear_all_message(*VEHICLE, other)
+        assert vehicle.answers(clear) == ack(ACCEPTED)
+        assert vehicle.answers(ask) == [("MISSION_COUNT", 3)]
+        assert vehicle.answers(count(0, mission_type)) == ack(ACCEPTED)
+        assert vehicle.answers(ask) == [("MISSION_COUNT", 0)]
         assert len(vehicle.server.items) == 3
+        assert vehicle.server.current == 0
+
+    def test_no_item_of_a_fence_is_the_current_one(self) -> None:
+        vehicle = Vehicle()
+        vehicle.upload(mission(2), mission_type=FENCE)
+        vehicle.servers.receive(over_the_wire(request(0, FENCE), GCS), 0.0)
+        (sent,) = vehicle.servers.messages_to_send()
+        assert (sent.current, sent.mission_type) == (0, FENCE)
+
+    def test_all_types_are_cleared_with_one_answer(self) -> None:
+        vehicle = Vehicle(segments=2)
+        for mission_type in (FENCE, RALLY):
+            vehicle.upload(mission(2), mission_type=mission_type)
+        assert vehicle.answers(MAVLink_mission_clear_all_message(*VEHICLE, ALL)) == ack(ACCEPTED)
+        assert not any(server.items for server in vehicle.servers.servers.values())
+
+    def test_all_types_stay_while_another_station_uploads_one(self) -> None:
+        vehicle = Vehicle(segments=2)
+        vehicle.answers(count(2, RALLY), OTHER_GCS)
+        denied = ack(dialect.MAV_MISSION_DENIED)
+        assert vehicle.answers(MAVLink_mission_clear_all_message(*VEHICLE, ALL)) == denied
+        assert len(vehicle.server.items) == 3
+        assert vehicle.answers(MAVLink_mission_clear_all_message(*OTHER_VEHICLE, ALL)) == []
+
+    def test_two_types_are_uploaded_at_the_same_time(self) -> None:
+        vehicle = Vehicle()
+        for kind, source in ((MISSION, GCS), (FENCE, OTHER_GCS), (RALLY, GCS)):
+            assert vehicle.answers(count(3, kind), source) == [("MISSION_REQUEST_INT", 0)]
+        for seq in range(3):
+            for kind, source in ((MISSION, GCS), (FENCE, OTHER_GCS), (RALLY, GCS)):
+                item = mission(2)[seq]
+                item.mission_type = kind
+                (answer,) = vehicle.answers(item, source)
+                expected = ("MISSION_REQUEST_INT", seq + 1) if seq < 2 else ("MISSION_ACK", 0)
+                assert answer == expected
+        assert all(len(server.items) == 3 for server in vehicle.servers.servers.values())
 
     def test_unknown_type_is_unsupported(self) -> None:
         vehicle = Vehicle(segments=2)

@@ -1,0 +1,320 @@
+"""Fences: areas to stay in and areas to stay out of, checked, and how far inside a place is.
+
+The items belong to MAV_MISSION_TYPE_FENCE (https://mavlink.io/en/services/mission.html#fence).
+As in ArduPlane a place is inside if it is in every inclusion area and in no exclusion area. All
+rests on one number, the clearance: the distance to the nearest edge, positive inside [m].
+"""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from ftc_autopilot.common.geography import Origin
+from ftc_autopilot.guidance.fence_parameters import ALT_MAX, ALT_MIN, AREAS, AROUND_HOME
+from ftc_autopilot.guidance.limits import FlightLimits
+from ftc_autopilot.guidance.mission_items import param
+from ftc_autopilot.guidance.mission_places import (
+    ANYWHERE_M,
+    RELATIVE_FRAMES,
+    Home,
+    check_height,
+    height_of,
+    north_east_of,
+)
+from ftc_autopilot.guidance.path import point_at
+from mavlink_defs import dialect
+from mavlink_defs.config.problems import counted
+from mavlink_defs.float32 import decimal_of_float32
+from mavlink_defs.plan_fence import CIRCLES, POLYGONS, RALLY_POINT, RETURN_POINT
+from mavlink_defs.profile import ItemError
+from mavlink_defs.services.mission import MissionItem
+
+_MIN_CORNERS = 3
+_MIN_AREA_M2 = 1.0
+_LOOK_M = 5.0
+"""Way along a path between two looks at a fence that is near [m]."""
+_FINAL_M = 2000.0  # of a path that goes on without an end
+
+FencePlace: TypeAlias = tuple[float, float]
+"""North and east of the origin [m]."""
+
+
+@dataclass(frozen=True)
+class FenceArea:
+    """A circle, or a polygon whose edges neither cross nor touch.
+
+    Attributes:
+        item: Number of its first item.
+        stay_in: Whether it is an inclusion area.
+        corners: North and east of its corners, or of the centre of a circle, shape (k, 2) [m].
+        radius: Of a circle; 0 for a polygon [m].
+    """
+
+    item: int
+    stay_in: bool
+    corners: np.ndarray
+    radius: float = 0.0
+
+    def clearance(self, place: FencePlace) -> float:
+        """Return the distance to the edge, negative where one must not be [m]."""
+        north, east = place
+        if self.radius:
+            north_m, east_m = self.corners[0].tolist()
+            inside = self.radius - math.hypot(north - north_m, east - east_m)
+        else:
+            inside = _inside_by(self.corners, north, east)
+        return inside if self.stay_in else -inside
+
+    @property
+    def text(self) -> str:
+        """What it is: "inclusion circle of item 3"."""
+        kind = "inclusion" if self.stay_in else "exclusion"
+        return f"{kind} {'circle' if self.radius else 'polygon'} of item {self.item}"
+
+
+class Fence(NamedTuple):
+    """Areas, and where to go after a breach if the fence names a place; neither: no fence."""
+
+    areas: tuple[FenceArea, ...] = ()
+    return_point: FencePlace | None = None
+
+    def nearest(self, place: FencePlace) -> tuple[float, FenceArea | None]:
+        """Return the least clearance, and the area that has it; infinite without areas."""
+        found = [(area.clearance(place), area) for area in self.areas]
+        return min(found, key=lambda pair: pair[0], default=(math.inf, None))
+
+
+class RallyPoint(NamedTuple):
+    """A place to circle at in place of home: north, east, height above the origin [m], number."""
+
+    north_m: float
+    east_m: float
+    height_m: float
+    item: int = 0
+
+
+def decode_fence(items: Sequence[MissionItem], origin: Origin, home: Home | None = None) -> Fence:
+    """Return the fence that items describe.
+
+    Args:
+        items: Of MAV_MISSION_TYPE_FENCE, numbered from 0.
+        origin: Of the simulation's world.
+        home: Must be inside, as RTL leads there; None: that is not checked.
+
+    Raises:
+        ItemError: An item is none of a fence, or describes none.
+    """
+    areas: list[FenceArea] = []
+    point: tuple[int, FencePlace] | None = None
+    at = 0
+    while at < len(items):
+        item = items[at]
+        _check_frame(item)
+        if item.command in POLYGONS:
+            area = _polygon(items, at, origin)
+            areas.append(area)
+            at += int(param(item, 1))
+            continue
+        place = north_east_of(item.x, item.y, origin, item.seq)
+        if item.command in CIRCLES:
+            areas.append(_circle(item, place))
+        elif item.command == RETURN_POINT and point is None:
+            point = item.seq, place
+        elif item.command == RETURN_POINT:
+            raise ItemError(item.seq, dialect.MAV_MISSION_INVALID, "is a second return point")
+        else:
+            text = f"command {item.command} is none of a fence"
+            raise ItemError(item.seq, dialect.MAV_MISSION_UNSUPPORTED, text)
+        at += 1
+    if home is not None:
+        _check_inside(areas, "home", (home.north_m, home.east_m))
+    if point is not None:
+        _check_inside(areas, "the return point", point[1], point[0])
+    return Fence(tuple(areas), None if point is None else point[1])
+
+
+def decode_rally(
+    items: Sequence[MissionItem], origin: Origin, home: Home, limits: FlightLimits
+) -> tuple[RallyPoint, ...]:
+    """Return the rally points that items describe.
+
+    Args:
+        items: Of MAV_MISSION_TYPE_RALLY, numbered from 0.
+        origin: Of the simulation's world.
+        home: What relative altitudes count from.
+        limits: What guidance may ask of the aircraft.
+
+    Raises:
+        ItemError: An item is no rally point, or cannot be flown to.
+    """
+    points = []
+    for item in items:
+        if item.command != RALLY_POINT:
+            text = f"command {item.command} is no rally point"
+            raise ItemError(item.seq, dialect.MAV_MISSION_UNSUPPORTED, text)
+        place = north_east_of(item.x, item.y, origin, item.seq)
+        height = height_of(item.frame, decimal_of_float32(item.z), origin, home, item.seq)
+        check_height(height, home, limits, item.seq)
+        points.append(RallyPoint(*place, height, item.seq))
+    return tuple(points)
+
+
+def clearances(
+    fence: Fence, parameters: np.void, kinds: int, home: Home, place: tuple[float, float, float]
+) -> Iterator[tuple[int, float, str]]:
+    """Yield all that is watched of a fence: FENCE_BREACH, how far inside a place is, what if < 0.
+
+    Args:
+        fence: The areas.
+        parameters: Record of `fence_parameters.FenceRecords`.
+        kinds: What is watched, as of `FenceParameters.type`.
+        home: What heights and the circle around home count from.
+        place: North, east and height above the origin [m].
+    """
+    north, east, height = place
+    above, p = height - home.height_m, parameters
+    if kinds & ALT_MIN:
+        low = float(p["alt_min_m"])
+        yield dialect.FENCE_BREACH_MINALT, above - low, f"below {low:g} m"
+    if kinds & ALT_MAX:
+        high = float(p["alt_max_m"])
+        yield dialect.FENCE_BREACH_MAXALT, high - above, f"above {high:g} m"
+    if kinds & AROUND_HOME:
+        radius = float(p["radius_m"])
+        inside = radius - math.hypot(north - home.north_m, east - home.east_m)
+        yield dialect.FENCE_BREACH_BOUNDARY, inside, f"more than {radius:g} m from home"
+    clear, area = fence.nearest((north, east))
+    if kinds & AREAS and area is not None:
+        where = "outside" if area.stay_in else "within"
+        yield dialect.FENCE_BREACH_BOUNDARY, clear, f"{where} the {area.text}"
+
+
+def leaves_at(path: np.void, clearance: Callable[[float, float, float], float]) -> int | None:
+    """Return the number of the item on the way to which a path leaves a fence; None: it does not.
+
+    A way as long as the clearance cannot lead outside, so the path is looked at where it might be;
+    what is outside for less than `_LOOK_M` may be missed.
+
+    Args:
+        path: Record of dtype `ftc_autopilot.guidance.path.PATH`.
+        clearance: Of north, east and height above the origin [m].
+    """
+    for leg in range(int(path["count"])):
+        s, end = (float(at) for at in path["start"][leg : leg + 2])
+        if math.isinf(end):
+            curvature = abs(float(path["curvature"][leg]))
+            end = s + (2.0 * math.pi / curvature if curvature else _FINAL_M)
+        while s < end:
+            point = point_at(path, s)
+            clear = clearance(float(point.north), float(point.east), float(point.height))
+            if clear < 0.0:
+                return int(path["item"][leg])
+            s += max(clear, _LOOK_M)
+    return None
+
+
+def _polygon(items: Sequence[MissionItem], at: int, origin: Origin) -> FenceArea:
+    """Return the polygon that begins with an item, each of whose items says how many there are."""
+    first = items[at]
+    count = param(first, 1)
+    if not (_MIN_CORNERS <= count < math.inf and count == int(count)):
+        text = f"polygon of {count:g} corners, must be a whole number, at least {_MIN_CORNERS}"
+        raise ItemError(first.seq, dialect.MAV_MISSION_INVALID_PARAM1, text)
+    own = items[at : at + int(count)]
+    for k, item in enumerate(own):
+        if item.command != first.command or param(item, 1) != count:
+            text = f"polygon of {count:g} corners ends after {counted(k, 'corner')}"
+            raise ItemError(item.seq, dialect.MAV_MISSION_INVALID_PARAM1, text)
+        _check_frame(item)
+    if len(own) < count:
+        text = f"polygon of {count:g} corners ends after {counted(len(own), 'corner')}"
+        raise ItemError(own[-1].seq, dialect.MAV_MISSION_INVALID_PARAM1, text)
+    places = [north_east_of(item.x, item.y, origin, item.seq) for item in own]
+    distinct = [k for k, place in enumerate(places) if place != places[k - 1]]  # some close it
+    corners = np.array([places[k] for k in distinct]).reshape(-1, 2)
+    if (crossing := crossing_edges(corners)) is not None:
+        i, k = (own[distinct[edge]].seq for edge in crossing)
+        text = f"polygon's edges from items {i} and {k} cross or touch"
+        raise ItemError(k, dialect.MAV_MISSION_INVALID, text)
+    if len(corners) < _MIN_CORNERS or abs(_area_m2(corners)) < _MIN_AREA_M2:
+        text = "polygon encloses no area"
+        raise ItemError(first.seq, dialect.MAV_MISSION_INVALID, text)
+    return FenceArea(first.seq, POLYGONS[first.command], corners)
+
+
+def _circle(item: MissionItem, place: FencePlace) -> FenceArea:
+    radius = decimal_of_float32(item.param1)
+    if not 0.0 < radius <= ANYWHERE_M:
+        text = f"radius {radius:g} m, must be above 0 and at most {ANYWHERE_M:g} m"
+        raise ItemError(item.seq, dialect.MAV_MISSION_INVALID_PARAM1, text)
+    return FenceArea(item.seq, CIRCLES[item.command], np.array([place]), radius)
+
+
+def _check_frame(item: MissionItem) -> None:
+    if item.frame not in RELATIVE_FRAMES | {
+        dialect.MAV_FRAME_GLOBAL,
+        dialect.MAV_FRAME_GLOBAL_INT,
+    }:
+        text = f"frame {item.frame} is not supported, must be global, absolute or relative"
+        raise ItemError(item.seq, dialect.MAV_MISSION_UNSUPPORTED_FRAME, text)
+
+
+def _check_inside(
+    areas: Sequence[FenceArea], what: str, place: FencePlace, seq: int | None = None
+) -> None:
+    """Refuse a place that an area excludes: the item is `seq`, or the area's."""
+    for area in areas:
+        if (clear := area.clearance(place)) < 0.0:
+            by = f"{-clear:.0f} m"
+            text = f"{what} is {by} outside the {area.text}"
+            if not area.stay_in:
+                text = f"{what} is {by} within the {area.text}"
+            item = area.item if seq is None else seq
+            raise ItemError(item, dialect.MAV_MISSION_INVALID, text)
+
+
+def _inside_by(corners: np.ndarray, north: float, east: float) -> float:
+    """Return the distance from the edges of a polygon, positive inside by the even-odd rule [m]."""
+    begin = corners - np.array([north, east])
+    end = np.roll(begin, -1, axis=0)
+    along = end - begin
+    share = np.clip(-(begin * along).sum(axis=1) / np.square(along).sum(axis=1), 0.0, 1.0)
+    distance = float(np.hypot(*(begin + share[:, None] * along).T).min())
+    passes = (begin[:, 1] > 0.0) != (end[:, 1] > 0.0)  # the line to the north of the place
+    turns = begin[passes, 0] * along[passes, 1] - begin[passes, 1] * along[passes, 0]
+    is_inside = np.count_nonzero(turns * along[passes, 1] > 0.0) % 2
+    return distance if is_inside else -distance
+
+
+def crossing_edges(corners: np.ndarray) -> tuple[int, int] | None:
+    """Return two edges of a polygon that meet though they are not neighbours; None: none do.
+
+    Two edges meet if their bounding boxes do, and each has the other's ends on both sides.
+
+    Args:
+        corners: Shape (k, 2); edge i leads from corner i to the next.
+    """
+    begin, end = corners, np.roll(corners, -1, axis=0)
+    low, high = np.minimum(begin, end), np.maximum(begin, end)
+
+    def side(points: np.ndarray) -> np.ndarray:
+        """Return on which side of every edge (row) points (column) lie."""
+        along, to = (end - begin)[:, None], points[None] - begin[:, None]
+        sides: np.ndarray = np.sign(along[..., 0] * to[..., 1] - along[..., 1] * to[..., 0])
+        return sides
+
+    apart = side(begin) * side(end) <= 0.0
+    boxes = ((low[:, None] <= high[None]) & (low[None] <= high[:, None])).all(axis=2)
+    count = len(corners)
+    i, k = np.nonzero(np.triu(apart & apart.T & boxes, 2))
+    is_far = ~((i == 0) & (k == count - 1))
+    return (int(i[is_far][0]), int(k[is_far][0])) if is_far.any() else None
+
+
+def _area_m2(corners: np.ndarray) -> float:
+    own = corners - corners[:1]
+    following = np.roll(own, -1, axis=0)
+    return 0.5 * float((own[:, 0] * following[:, 1] - own[:, 1] * following[:, 0]).sum())

@@ -1,0 +1,81 @@
+"""Parameters of fence and rally points, with the names and the meaning that they have in ArduPlane.
+
+https://ardupilot.org/plane/docs/parameters.html#fence-parameters and #rally-parameters.
+"""
+
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+from pydantic import Field
+
+from ftc_autopilot.common.records import fill, record_dtype
+from mavlink_defs.config.models import Model
+from mavlink_defs.config.quantity import quantity, whole
+
+ALT_MAX, AROUND_HOME, AREAS, ALT_MIN = 1, 2, 4, 8
+"""Bits of `FenceParameters.type`."""
+
+ActionName = Literal["report", "rtl", "loiter", "guided"]
+REPORT, TO_RTL, TO_LOITER, TO_GUIDED = ACTION_NUMBERS = 0, 1, 4, 6
+"""FENCE_ACTION of each `ActionName`: ArduPlane's; 4 is what stops a copter."""
+
+
+class FenceParameters(Model):
+    """What of a fence is watched, and what a breach does."""
+
+    enable: bool = Field(default=False, description="Whether the fence is watched.")
+    type: int = whole(
+        "",
+        "What is watched, summed up: 1 greatest height, 2 circle around home, 4 areas, "
+        "8 least height.",
+        AREAS,
+        ge=0,
+        le=ALT_MAX + AROUND_HOME + AREAS + ALT_MIN,
+    )
+    action: ActionName = Field(
+        default="rtl",
+        description="What a breach does: it is reported, and the mode becomes RTL, LOITER, or "
+        "GUIDED to the return point.",
+    )
+    alt_max_m: float = quantity("m", "Greatest height above home.", 100.0, ge=-1e5, le=1e5)
+    alt_min_m: float = quantity("m", "Least height above home.", -10.0, ge=-1e5, le=1e5)
+    radius_m: float = quantity("m", "Radius of the circle around home.", 300.0, gt=0.0, le=1e5)
+    margin_m: float = quantity(
+        "m", "How far inside a breach is over, and how far from limits heights are flown.", 2.0,
+        ge=0.0, le=1e3,
+    )  # fmt: skip
+    ret_rally: bool = Field(
+        default=False, description="Whether GUIDED leads where RTL does, not to the return point."
+    )
+    ret_alt_m: float = quantity(
+        "m", "Height above home at the return point; 0: the present one, within the limits.", 0.0,
+        ge=0.0, le=1e5,
+    )  # fmt: skip
+
+
+class RallyParameters(Model):
+    """Which of the rally points, and home, RTL leads to."""
+
+    limit_km: float = quantity(
+        "km", "Farthest rally point that is used; farther ones: home; 0: any.", 5.0, ge=0.0, le=1e3
+    )
+    incl_home: bool = Field(
+        default=False, description="Whether home is used if it is nearer than all rally points."
+    )
+
+
+class FenceRecords(NamedTuple):
+    """The numbers in force, as of the two models, shape (1,); the action is FENCE_ACTION."""
+
+    fence: np.ndarray
+    rally: np.ndarray
+
+
+def fence_records(fence: FenceParameters, rally: RallyParameters) -> FenceRecords:
+    """Return records of parameters, which commands and the parameter protocol change."""
+    models = FenceParameters, RallyParameters
+    made = FenceRecords(*(np.zeros(1, record_dtype(model)) for model in models))
+    for record, model in zip(made, (fence, rally), strict=True):
+        fill(record[0], model)
+    made.fence["action"] = ACTION_NUMBERS[get_args(ActionName).index(fence.action)]
+    return made
