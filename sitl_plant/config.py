@@ -14,6 +14,7 @@ from mavlink_defs.origin import Origin
 from sitl_plant.actuators.config import ActuatorServos, servo_problems
 from sitl_plant.air.config import Disturbance, Wind
 from sitl_plant.airframe.config import Aircraft, Uncertainty
+from sitl_plant.airframe.gear import Ground
 from sitl_plant.sensing.config import Navigation, Sensors
 from sitl_plant.sensing.observability import navigation_problems, sensor_problems
 from sitl_plant.simulators.config import OwnPlant, PlantSection, plant_problems
@@ -30,17 +31,42 @@ def truth_problems(
 
 
 class InitialState(Model):
-    """State at t = 0: v = [V, 0, 0] through the air, no rotation."""
+    """State at t = 0: v = [V, 0, 0] through the air, no rotation; or at rest on the ground."""
 
     north_m: float = quantity("m", "North.")
     east_m: float = quantity("m", "East.")
-    altitude_m: float = quantity(
-        "m", "Height above the ground, a plane through the origin.", ge=0.0
+    on_ground: bool = Field(
+        default=False,
+        strict=True,
+        description="Whether it stands at rest on its wheels or launcher, in place of altitude, "
+        "airspeed, roll and pitch.",
     )
-    airspeed_m_s: float = quantity("m/s", "Airspeed V.", gt=0.0)
+    altitude_m: float = quantity("m", "Height above the origin.", 0.0, ge=0.0)
+    airspeed_m_s: float = quantity("m/s", "Airspeed V.", 0.0, ge=0.0)
     roll_deg: float = quantity("deg", "Roll angle.", 0.0, ge=-180.0, le=180.0)
     pitch_deg: float = quantity("deg", "Pitch angle.", 0.0, gt=-89.0, lt=89.0)
     yaw_deg: float = quantity("deg", "Yaw angle.", 0.0, ge=-180.0, le=180.0)
+
+    @model_validator(mode="after")
+    def _where(self) -> "InitialState":
+        keys = {"altitude_m": "m", "airspeed_m_s": "m/s"}
+        if self.on_ground:
+            text = "expected nothing of an aircraft that stands on the ground"
+            set_by = self.model_fields_set & {*keys, "roll_deg", "pitch_deg"}
+            zero = {name for name in set_by if getattr(self, name) == 0.0}
+            Problems.check(
+                ((name,), f"{text}, got {getattr(self, name)!r}") for name in sorted(set_by - zero)
+            )
+            return self
+        Problems.check(
+            ((name,), f"missing; expected a number in {unit}, or 'on_ground: true'")
+            for name, unit in keys.items()
+            if name not in self.model_fields_set
+        )
+        if self.airspeed_m_s == 0.0:
+            text = "expected > 0 m/s, or 'on_ground: true', got 0.0"
+            raise Problems([(("airspeed_m_s",), text)])
+        return self
 
 
 Seed = Annotated[int, whole("", "Seed of all that is random.", ge=0, le=2**32 - 1)]
@@ -54,6 +80,18 @@ class PlantUav(Model):
     aircraft: Aircraft = Field(description="The true aircraft.")
     servos: ActuatorServos = Field(default=ActuatorServos(), description="Its servos.")
     plant: PlantSection = Field(default=OwnPlant(), description="What flies it.")
+
+    @model_validator(mode="after")
+    def _starts_on_its_gear(self) -> "PlantUav":
+        Problems.check(start_problems(self.initial, self.aircraft))
+        return self
+
+
+def start_problems(initial: InitialState, aircraft: Aircraft) -> Iterator[tuple[Loc, str]]:
+    """Yield that an aircraft without gear cannot stand on the ground."""
+    if initial.on_ground and aircraft.gear is None:
+        text = "the aircraft has no gear to stand on: add `gear` to the aircraft"
+        yield ("initial", "on_ground"), f"{text}, such as 'gear: {{kind: tricycle}}'"
 
 
 class PlantConfig(Model):
@@ -78,6 +116,7 @@ class PlantConfig(Model):
         default=Disturbance(), description="Disturbances of every aircraft."
     )
     wind: Wind = Field(default=Wind(), description="Motion of the air.")
+    ground: Ground = Field(default=Ground(), description="The ground.")
     sensors: Sensors = Field(default=Sensors(), description="Sensors of every aircraft.")
     navigation: Navigation = "true_state"
     origin: Origin = Field(default=Origin(), description="Where north = east = down = 0 is.")

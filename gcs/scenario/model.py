@@ -77,8 +77,9 @@ from mavlink_defs.services.mission import MissionItem
 from sitl_plant.actuators.config import ActuatorServos, Servos
 from sitl_plant.air.config import Disturbance, Wind
 from sitl_plant.airframe.config import Aircraft, Uncertainty, true_aircraft
+from sitl_plant.airframe.gear import Ground, Runway
 from sitl_plant.ardupilot.config import ArduPilot
-from sitl_plant.config import PlantConfig, PlantUav, Seed
+from sitl_plant.config import PlantConfig, PlantUav, Seed, start_problems
 from sitl_plant.sensing.config import Navigation, Sensors
 from sitl_plant.sensing.units import FAULT_NAMES, units_of
 from sitl_plant.simulators.config import OwnPlant, PlantSection
@@ -107,6 +108,10 @@ class Scenario(Model):
         default=Disturbance(), description="Disturbances of every aircraft."
     )
     wind: Wind = Field(default=Wind(), description="Motion of the air.")
+    ground: Ground = Field(default=Ground(), description="The ground.")
+    runway: Runway | None = Field(
+        default=None, description="A runway on it; none: the ground is the same everywhere."
+    )
     servos: Servos = Field(
         default=Servos(), description="Servos of every aircraft that has none of its own."
     )
@@ -172,6 +177,7 @@ class Scenario(Model):
             signing_key=self.links.signing_key,
             disturbance=self.disturbance,
             wind=self.wind,
+            ground=self.ground,
             sensors=self.sensors,
             navigation=self.navigation,
             origin=self.origin,
@@ -326,8 +332,14 @@ class Scenario(Model):
             for i, text in repeated([getattr(uav, key) for uav in self.uavs]):
                 yield ("uavs", i, key), text
         for i, uav in enumerate(self.uavs):
-            limits = (uav.aircraft or self.aircraft).airspeed_limits
-            yield from airspeed_problems(("uavs", i, "initial"), uav.initial.airspeed_m_s, limits)
+            aircraft = uav.aircraft or self.aircraft
+            for loc, text in start_problems(uav.initial, aircraft):
+                yield ("uavs", i, *loc), text
+            if not uav.initial.on_ground:
+                place = ("uavs", i, "initial")
+                yield from airspeed_problems(
+                    place, uav.initial.airspeed_m_s, aircraft.airspeed_limits
+                )
 
     @property
     def _silence_s(self) -> float | None:
