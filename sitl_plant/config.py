@@ -14,7 +14,7 @@ from mavlink_defs.origin import Origin
 from sitl_plant.actuators.config import ActuatorServos, servo_problems
 from sitl_plant.air.config import Disturbance, Wind
 from sitl_plant.airframe.config import Aircraft, Uncertainty
-from sitl_plant.airframe.gear import Ground
+from sitl_plant.airframe.gear import Ground, Runway
 from sitl_plant.sensing.config import Navigation, Sensors
 from sitl_plant.sensing.observability import navigation_problems, sensor_problems
 from sitl_plant.simulators.config import OwnPlant, PlantSection, plant_problems
@@ -117,6 +117,7 @@ class PlantConfig(Model):
     )
     wind: Wind = Field(default=Wind(), description="Motion of the air.")
     ground: Ground = Field(default=Ground(), description="The ground.")
+    runway: Runway | None = Field(default=None, description="A runway on it.")
     sensors: Sensors = Field(default=Sensors(), description="Sensors of every aircraft.")
     navigation: Navigation = "true_state"
     origin: Origin = Field(default=Origin(), description="Where north = east = down = 0 is.")

@@ -1,6 +1,7 @@
 """Computing the figures of one flight: events, savings, intervals, tracking errors."""
 
 from collections.abc import Iterable, Iterator
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from gcs.results.figures import (
     FlightSummary,
     UavSummary,
 )
+from gcs.results.ground import GroundSummary, TouchdownSummary
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES, in_degrees
 from gcs.results.recording import Ending, Recording
 from gcs.results.tally import FINAL_S, Decision, Tally
@@ -126,7 +128,16 @@ def _summarise_uav(
         path=None if tally.following is None else tally.following.summary(i),
         lowest_altitude_m=_finite(-own["highest_down"]),
         control_failure=_failure(own, step_us),
+        ground=_on_ground(ending.contacts[i] if ending.contacts else None),
     )
+
+
+def _on_ground(facts: dict[str, Any] | None) -> GroundSummary | None:
+    """Return what the plant said of an aircraft on the ground."""
+    if facts is None:
+        return None
+    worst = facts["worst"]
+    return GroundSummary(**{**facts, "worst": worst and TouchdownSummary(**worst)})
 
 
 def _failure(own: np.void, step_us: int) -> ControlFailure | None:

@@ -178,6 +178,7 @@ class Scenario(Model):
             disturbance=self.disturbance,
             wind=self.wind,
             ground=self.ground,
+            runway=self.runway,
             sensors=self.sensors,
             navigation=self.navigation,
             origin=self.origin,

@@ -84,6 +84,8 @@ GEAR = np.dtype(
         ("drift_max", "f8"),  # m/s
         ("launch_speed", "f8"),  # m/s
         ("launch_length", "f8"),  # m
+        ("runway", "f8", (4,)),  # north, east of its threshold, length, half its width [m]; 0: none
+        ("runway_heading", "f8"),  # rad
         # what changes
         ("launch_s", "f8"),  # time on the launcher, 0: held, -1: not on it
         ("brake", "f8"),  # 0 to 1, as commanded
@@ -96,6 +98,8 @@ GEAR = np.dtype(
         ("strikes", "i8"),  # bit per point: it has touched
         ("touchdowns", "i8"),
         ("worst", TOUCHDOWN),  # the one with the largest sink
+        ("off_runway", "i8"),  # 1: it has been on the ground beside its runway
+        ("off_centre", "f8"),  # farthest from its centre line on the ground [m]
     ]
 )
 """An aircraft's gear, the ground under it, and what happens between the two."""
@@ -105,6 +109,8 @@ SINK, BANK, DRIFT, WING, NOSE, BODY = range(1, 7)
 Reaction: TypeAlias = tuple[Vec3, Vec3]
 """Force [N] and moment about the centre of gravity [N m], body axes."""
 
+_AHEAD = math.sqrt(3.0)
+"""Speed along the x axis by that across it, where the flow is 30° beside the axis."""
 _NONE: Vec3 = (0.0, 0.0, 0.0)
 
 
@@ -245,8 +251,9 @@ def beside_the_ground(
 ) -> tuple[Vec3, Vec3, Air]:
     """Return disturbances of the motion with the ground's, and the air around the aircraft.
 
-    Air that comes from behind, as a tail wind at rest, has coefficients that no file says anything
-    about: it counts as if it came from ahead, with its drag turned round.
+    Of air from the side or behind, as wind around an aircraft that stands, no file says anything:
+    it counts as if it came from 30° at most beside the x axis, at the same airspeed, with the force
+    along this axis in proportion to the motion along it.
 
     Args:
         state: State of the aircraft.
@@ -262,10 +269,13 @@ def beside_the_ground(
     d_v = add(d_v, scale(1.0 / aircraft["m"], F))
     d_omega = add(d_omega, mul(mat3(aircraft["J_inv"]), M))
     through = sub(v, surrounding[0])
-    if through[0] < 0.0:
-        turned = (-through[0], through[1], through[2])
+    least = _AHEAD * max(abs(through[1]), abs(through[2]))
+    if through[0] < least:
+        turned = (max(abs(through[0]), least), through[1], through[2])
+        turned = scale(norm(through) / norm(turned), turned)
         air = aerodynamics(turned, sub(omega, surrounding[1]), aircraft)
-        d_v = add(d_v, (-2.0 * force(air, delta)[0] / aircraft["m"], 0.0, 0.0))
+        excess = (through[0] / turned[0] - 1.0) * force(air, delta)[0]
+        d_v = add(d_v, (excess / aircraft["m"], 0.0, 0.0))
         surrounding = sub(v, turned), surrounding[1]
     return d_v, d_omega, surrounding
 
@@ -279,13 +289,14 @@ def rudder_share(rudder: float, aircraft: AircraftRecord) -> float:
 
 @compiled
 def note_contact(
-    before: State, t: float, load: float, aircraft: AircraftRecord, gear: np.void
+    before: State, t: float, place: Vec3, load: float, aircraft: AircraftRecord, gear: np.void
 ) -> None:
-    """Note what a period has brought an aircraft on the ground, and whether it is a crash.
+    """Note what a step has brought an aircraft on the ground, and whether it is a crash.
 
     Args:
-        before: State when the period began.
+        before: State when the step began.
         t: That time [s].
+        place: Position at its end, NED [m].
         load: Force of the ground at its end [N].
         aircraft: The aircraft.
         gear: Its gear; points that touch are noted.
@@ -294,6 +305,10 @@ def note_contact(
     gear["load"] = load / (aircraft["m"] * aircraft["g"])
     if load > 0.0 and not stood:
         _note_touchdown(before, t, gear)
+    if load > 0.0:
+        _note_place(place, gear)
+    if gear["crash"] != 0:
+        return
     touching, lies = gear["touching"], gear["belly"] == 1
     if touching[_BODY] == 1:
         gear["crash"] = BODY
@@ -323,6 +338,20 @@ def _note_touchdown(before: State, t: float, gear: np.void) -> None:
         gear["crash"] = BANK
     elif abs(drift) > gear["drift_max"]:
         gear["crash"] = DRIFT
+
+
+@compiled
+def _note_place(place: Vec3, gear: np.void) -> None:
+    """Note where an aircraft that touches the ground is, beside its runway or not."""
+    north, east, length, half_width = gear["runway"]
+    if length == 0.0:
+        return
+    c, s = math.cos(gear["runway_heading"]), math.sin(gear["runway_heading"])
+    along = c * (place[0] - north) + s * (place[1] - east)
+    across = c * (place[1] - east) - s * (place[0] - north)
+    gear["off_centre"] = max(gear["off_centre"], abs(across))
+    if along < 0.0 or along > length or abs(across) > half_width:
+        gear["off_runway"] = 1
 
 
 @compiled

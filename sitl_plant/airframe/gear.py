@@ -89,7 +89,7 @@ class Gear(Model):
         le=1.0,
     )
     damping_ratio: float = quantity(
-        "", "Damping of the heave on them as a share of the critical one.", 0.35, ge=0.05, le=1.0
+        "", "Damping of the heave on them as a share of the critical one.", 0.7, ge=0.05, le=2.0
     )
     rolling_friction: float | None = quantity(
         "", "Friction of rolling wheels, or of a belly; none: 0.03, or 0.4.", None, ge=0.0, le=2.0

@@ -1,6 +1,7 @@
 """An aircraft's gear as the compiled code sees it, how it stands at rest, and how a crash reads."""
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -20,18 +21,21 @@ from sitl_plant.airframe.contact import (
     ground_reaction,
     hold_points,
 )
-from sitl_plant.airframe.gear import Gear, Ground
+from sitl_plant.airframe.gear import Gear, Ground, Runway
 from sitl_plant.airframe.rigid_body import R1, load_state
 
 _ACCURACY = 0.2
 """Step of the integration by the inverse of the fastest motion on the ground."""
 
 
-def new_gear(aircraft: Aircraft, ground: Ground) -> np.void:
+def new_gear(aircraft: Aircraft, ground: Ground, runway: Runway | None) -> np.void:
     """Return the gear of an aircraft above the ground, dtype `GEAR`."""
     record: np.void = np.zeros(1, GEAR)[0]
     record["normal"] = ground.normal
     record["launch_s"] = -1.0
+    if runway is not None:
+        record["runway"] = runway.north_m, runway.east_m, runway.length_m, runway.width_m / 2.0
+        record["runway_heading"] = math.radians(runway.heading_deg)
     gear = aircraft.gear
     if gear is None:
         return record
@@ -178,3 +182,38 @@ def describe_crash(gear: np.void) -> str:
         return f"it hit the ground, {text} {abs(value):.1f} {unit} (limit {most:.1f} {unit})"
     struck = {WING: "a wing tip struck", NOSE: "the nose struck", BODY: "it fell onto"}
     return f"{struck[code]} the ground"
+
+
+def contact_facts(gear: np.void) -> dict[str, Any] | None:
+    """Return what became of an aircraft on the ground, as plain data; None of one without gear.
+
+    The keys are those of `gcs.results.ground.GroundSummary`.
+    """
+    if not gear["has"]:
+        return None
+    worst, landed = gear["worst"], bool(gear["touchdowns"])
+    outcome = "in the air"
+    if gear["launch_s"] >= 0.0:
+        outcome = "on the launcher"
+    elif gear["load"] > 0.0:
+        outcome = "landed" if gear["flew"] and landed else "on the ground"
+        if outcome == "landed" and worst["sink"] > gear["sink_hard"]:
+            outcome = "landed hard"
+        outcome = "off the runway" if gear["off_runway"] else outcome
+    touchdown = {
+        "time_s": float(worst["time"]),
+        "sink_m_s": float(worst["sink"]),
+        "bank_deg": math.degrees(worst["bank"]),
+        "pitch_deg": math.degrees(worst["pitch"]),
+        "drift_m_s": float(worst["drift"]),
+        "speed_m_s": float(worst["speed"]),
+        "north_m": float(worst["position"][0]),
+        "east_m": float(worst["position"][1]),
+    }
+    return {
+        "outcome": "crashed" if gear["crash"] else outcome,
+        "reason": describe_crash(gear) if gear["crash"] else None,
+        "touchdowns": int(gear["touchdowns"]),
+        "worst": touchdown if landed else None,
+        "off_centre_m": float(gear["off_centre"]) if gear["runway"][2] else None,
+    }

@@ -1,7 +1,7 @@
 """All aircraft of a plant: their states, commands and faults as arrays."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,7 +30,7 @@ from sitl_plant.airframe.contact import (
 )
 from sitl_plant.airframe.gear import Ground
 from sitl_plant.airframe.rigid_body import R1
-from sitl_plant.airframe.standing import describe_crash, new_gear, stand
+from sitl_plant.airframe.standing import contact_facts, describe_crash, new_gear, stand
 from sitl_plant.airframe.stops import position_of, range_of
 from sitl_plant.config import InitialState, PlantConfig, PlantUav
 from sitl_plant.loop.period import (
@@ -117,7 +117,7 @@ def new_plant_state(config: PlantConfig) -> PlantState:
         own["turbulence"] = turbulence_around(
             config.wind, uav.initial.altitude_m, uav.aircraft.wing_span_m
         )
-        own["gear"] = new_gear(uav.aircraft, config.ground)
+        own["gear"] = new_gear(uav.aircraft, config.ground, config.runway)
         own["state"] = _initial_state(uav, own, config.ground)
         own["faults"] = no_faults(ACTUATOR_FAULTS, 1)[0]
     estimated = config.navigation == "estimated"
@@ -333,13 +333,18 @@ def _end(fleet: PlantState, step: int, step_us: int) -> int:
             advance_turbulence(uav["turbulence"], V, dt, seed, system, step + 1)
             sample_air(fleet, i, time_s(step + 1, step_us))
         hit_ground = uav["outside"]["grounded"] == 1
-        if uav["gear"]["near"] == 1:
+        if uav["gear"]["near"] == 1 or uav["gear"]["launch_s"] >= 0.0:
             left = is_lost_on_ground(uav["state"], uav["air"][:3])
         else:
             left = is_lost(uav["state"], uav["air"][:3])
         if lost < 0 and (hit_ground or left):
             lost = i
     return lost
+
+
+def contacts_of(fleet: PlantState) -> list[dict[str, Any] | None]:
+    """Return what became of each aircraft on the ground, see `contact_facts`."""
+    return [contact_facts(gear) for gear in fleet.uavs["gear"]]
 
 
 def loss_of(fleet: PlantState, i: int) -> str:

@@ -152,14 +152,15 @@ def _step_on_ground(
     """
     gear, aircraft = environment.gear, environment.aircraft
     count = math.ceil(dt / gear["longest_step"])
-    h, before, state, load = dt / count, load_state(x), load_state(x), 0.0
+    h, state = dt / count, load_state(x)
     for k in range(count):
-        state = rk4_step(state, t + k * h, h, disturbed, environment, t)
+        before, now = state, t + k * h
+        state = rk4_step(before, now, h, disturbed, environment, t)
         moved = positions(environment.servos, (k + 1) * h)
-        real = apply_faults(moved, t + (k + 1) * h, t, environment.faults, aircraft)
+        real = apply_faults(moved, now + h, t, environment.faults, aircraft)
         load = hold_points(state, rudder_share(real[RUDDER], aircraft), gear)
+        note_contact(before, now, state[0], load, aircraft, gear)
     store_state(state, x)
-    note_contact(before, t, load, aircraft, gear)
 
 
 @compiled
