@@ -21,10 +21,11 @@ from sitl_plant.simulators.config import OwnPlant, PlantSection, plant_problems
 
 
 def truth_problems(
-    plant: PlantSection, disturbance: Disturbance, uncertainty: Uncertainty
+    plant: PlantSection, disturbance: Disturbance, uncertainty: Uncertainty, ground: Ground
 ) -> Iterator[tuple[Loc, str]]:
     """Yield place and text of what changes the plant's own equations, which a simulator has not."""
-    for name, given in (("disturbance", disturbance), ("uncertainty", uncertainty)):
+    sections = (("disturbance", disturbance), ("uncertainty", uncertainty), ("ground", ground))
+    for name, given in sections:
         if given != type(given)():
             text = "changes the plant's own equations, but plant.kind is"
             yield (name,), f"{text} {plant.kind!r}: leave it out (null removes a base's)"
@@ -143,6 +144,6 @@ class PlantConfig(Model):
             steps = plant_problems(uav.plant, self.step_us)
             problems += [(("uavs", i, *loc), text) for loc, text in steps]
         for plant in [uav.plant for uav in self.uavs if not isinstance(uav.plant, OwnPlant)][:1]:
-            problems += truth_problems(plant, self.disturbance, Uncertainty())
+            problems += truth_problems(plant, self.disturbance, Uncertainty(), self.ground)
         Problems.check(problems)
         return self

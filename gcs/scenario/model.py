@@ -311,7 +311,12 @@ class Scenario(Model):
                 self.sensors, self.navigation, self.servos, self.uavs, self.step_us
             ),
             lambda: simulator_problems(
-                self.plant, self.disturbance, self.uncertainty, self.uavs, self.step_us
+                self.plant,
+                self.disturbance,
+                self.uncertainty,
+                self.ground,
+                self.uavs,
+                self.step_us,
             ),
             lambda: network_problems(self.network, self._ids),
             lambda: slot_problems(

@@ -95,7 +95,6 @@ GEAR = np.dtype(
         ("held", "f8", (N_POINTS, 3)),  # where friction holds a point that touches, NED [m]
         ("load", "f8"),  # of the ground, as a share of the weight
         ("crash", "i8"),  # one of CRASHES, 0: none
-        ("strikes", "i8"),  # bit per point: it has touched
         ("touchdowns", "i8"),
         ("worst", TOUCHDOWN),  # the one with the largest sink
         ("off_runway", "i8"),  # 1: it has been on the ground beside its runway
@@ -199,7 +198,6 @@ def hold_points(state: State, rudder: float, gear: np.void) -> float:
         for axis in range(3):
             gear["held"][i, axis] = p[axis] + kept[axis]
         gear["touching"][i] = 1
-        gear["strikes"] |= 1 << i
         load += touch.pressed
     return load
 
@@ -316,6 +314,37 @@ def note_contact(
         gear["crash"] = WING
     elif touching[_NOSE] == 1 and not lies:
         gear["crash"] = NOSE
+
+
+@compiled
+def note_outside(
+    before: np.ndarray,
+    t: float,
+    after: np.ndarray,
+    load: float,
+    aircraft: AircraftRecord,
+    gear: np.void,
+) -> None:
+    """Note the same of an aircraft that a simulator has flown over a period near the ground.
+
+    Its wheels are the simulator's, what else touches the ground is judged by its place here.
+
+    Args:
+        before: State when the period began, shape (12,).
+        t: That time [s].
+        after: State at its end, shape (12,).
+        load: Force of the ground on its wheels, as a share of the weight.
+        aircraft: The aircraft.
+        gear: Its gear.
+    """
+    p, _, phi, _ = load_state(after)
+    n = mul_t(R1(phi), vec3(gear["normal"]))
+    lowered = -height_above_ground(p, gear)
+    for i in range(N_POINTS):
+        is_wheel = i < WHEELS
+        touches = load > 0.0 if is_wheel else lowered + dot(n, vec3(gear["at"][i])) > 0.0
+        gear["touching"][i] = touches
+    note_contact(load_state(before), t, p, load * aircraft["m"] * aircraft["g"], aircraft, gear)
 
 
 @compiled
