@@ -46,6 +46,7 @@ from scripts.docs_table import table
 from sitl_plant.actuators.config import EngineServo, Servos, SurfaceServo
 from sitl_plant.air.config import Disturbance, Dryden, Sinusoid, Wind
 from sitl_plant.airframe.config import Aircraft, Uncertainty
+from sitl_plant.airframe.gear import Gear, Ground, Runway
 from sitl_plant.airframe.propulsion import Propulsion
 from sitl_plant.ardupilot.config import ArduPilot
 from sitl_plant.sensing.config import (
@@ -66,6 +67,9 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "scenario": Scenario,
     "aircraft": Aircraft,
     "propulsion": Propulsion,
+    "gear": Gear,
+    "ground": Ground,
+    "runway": Runway,
     "jsbsim": JsbSimPlant,
     "plugin": PluginPlant,
     "uncertainty": Uncertainty,

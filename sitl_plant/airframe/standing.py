@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from mavlink_defs.runtime.jit import in_python
+from sitl_plant.airframe import contact, rigid_body
 from sitl_plant.airframe.aircraft import AircraftRecord, aircraft_record
 from sitl_plant.airframe.config import Aircraft
 from sitl_plant.airframe.contact import (
@@ -18,12 +20,11 @@ from sitl_plant.airframe.contact import (
     THIRD,
     WHEELS,
     WING,
-    ground_reaction,
-    hold_points,
 )
 from sitl_plant.airframe.gear import Gear, Ground, Runway
-from sitl_plant.airframe.rigid_body import R1, load_state
 
+_R1, _load_state = in_python(rigid_body.R1), in_python(rigid_body.load_state)
+_ground_reaction, _hold_points = in_python(contact.ground_reaction), in_python(contact.hold_points)
 _ACCURACY = 0.2
 """Step of the integration by the inverse of the fastest motion on the ground."""
 
@@ -126,8 +127,8 @@ def stand(
         return state
 
     def unrest(x: np.ndarray) -> np.ndarray:
-        force, moment = ground_reaction(load_state(standing(x)), 0.0, flat)
-        down = float((R1((x[1], x[2], 0.0)) @ np.array(force))[2])
+        force, moment = _ground_reaction(_load_state(standing(x)), 0.0, flat)
+        down = float((_R1((x[1], x[2], 0.0)) @ np.array(force))[2])
         return np.array([down + weight, moment[0], moment[1]])
 
     x = _unloaded(gear)
@@ -142,7 +143,7 @@ def stand(
     at = np.array([north_m, east_m, 0.0])
     at[2] = -(gear["normal"] @ at) / gear["normal"][2]
     state[:3] = at + state[2] * gear["normal"]
-    gear["load"] = hold_points(load_state(state), 0.0, gear) / weight
+    gear["load"] = _hold_points(_load_state(state), 0.0, gear) / weight
     gear["near"] = 1
     return state
 
@@ -162,7 +163,7 @@ def _turned(state: np.ndarray, normal: np.ndarray, yaw_rad: float) -> np.ndarray
     along = ahead - (ahead @ normal) * normal
     along /= np.linalg.norm(along)
     plane = np.column_stack([along, np.cross(normal, along), normal])
-    R = plane @ np.array(R1((float(state[6]), float(state[7]), 0.0)))
+    R = plane @ np.array(_R1((float(state[6]), float(state[7]), 0.0)))
     state[6] = math.atan2(R[2, 1], R[2, 2])
     state[7] = -math.asin(min(max(R[2, 0], -1.0), 1.0))
     state[8] = math.atan2(R[1, 0], R[0, 0])

@@ -147,7 +147,7 @@ def _step_on_ground(
 ) -> None:
     """Advance an aircraft near the ground, in steps that its gear is slow against.
 
-    Disturbances act in each of these as over the whole period. Arguments are those of
+    Disturbances act in each of these as over the whole period. Arguments are as of
     `step_aircraft`.
     """
     gear, aircraft = environment.gear, environment.aircraft

@@ -7,8 +7,9 @@ import numpy as np
 
 from mavlink_defs.constants import SURFACES
 from mavlink_defs.runtime.foreign import ForeignCode
+from mavlink_defs.runtime.jit import in_python
+from sitl_plant.airframe import contact
 from sitl_plant.airframe.config import Aircraft
-from sitl_plant.airframe.contact import note_outside
 from sitl_plant.config import InitialState, PlantConfig, PlantUav
 from sitl_plant.loop.fleet import ADVANCE, PlantState
 from sitl_plant.simulators import new_simulator
@@ -16,6 +17,7 @@ from sitl_plant.simulators.base import GroundSimulator, Motion, Simulator, Simul
 from sitl_plant.simulators.config import OwnPlant
 from sitl_plant.vec3 import Vec3
 
+_note_outside = in_python(contact.note_outside)
 _REACHED_DEG = 0.1  # stops this far beyond a simulator's are the same: files have round numbers
 
 
@@ -79,7 +81,7 @@ class Outside:
             outside["specific_force"][i] = motion.specific_force
             if uav["gear"]["near"]:
                 t = uav["message"]["time_usec"] / 1e6
-                note_outside(before, t, uav["state"], motion.load, uav["aircraft"], uav["gear"])
+                _note_outside(before, t, uav["state"], motion.load, uav["aircraft"], uav["gear"])
         outside["advanced"] = 1
         self._begun = True
 
