@@ -139,10 +139,11 @@ class Gear(Model):
     def standing_problems(self, span_m: float) -> Iterator[str]:
         """Yield why an aircraft with a wing span [m] cannot stand on it."""
         main, third = self.main(span_m), self.third(span_m)
-        if main[0] * third[0] >= 0.0:
+        behind, ahead = self.arms(span_m) if main[0] != third[0] else (0.0, 0.0)
+        if behind * ahead >= 0.0:
             yield (
                 "expected main_m and third_m on both sides of the centre of gravity, so that it "
-                f"stands, got x = {main[0]:g} and {third[0]:g} m"
+                f"stands, got {behind:.3g} and {ahead:.3g} m before it"
             )
             return
         slope = (third[2] - main[2]) / (third[0] - main[0])
@@ -155,6 +156,13 @@ class Gear(Model):
                     f"{self.deflection(span_m):.3g} m, got {clearance:.3g} m"
                 )
                 return
+
+    def arms(self, span_m: float) -> tuple[float, float]:
+        """Return how far main and third wheel are before the centre of gravity, at rest [m]."""
+        main, third = self.main(span_m), self.third(span_m)
+        pitch = math.atan((main[2] - third[2]) / (main[0] - third[0]))
+        c, s = math.cos(pitch), math.sin(pitch)
+        return c * main[0] + s * main[2], c * third[0] + s * third[2]
 
     def main(self, span_m: float) -> tuple[float, float, float]:
         """Return the place of the right main wheel of an aircraft with a wing span [m]."""

@@ -65,14 +65,12 @@ def _place(record: np.void, gear: Gear, span_m: float) -> None:
 
 def _fill(record: np.void, gear: Gear, model: AircraftRecord) -> None:
     """Write springs, dampers and frictions: under the weight all wheels give way alike."""
-    weight, deflection = float(model["m"] * model["g"]), gear.deflection(float(model["b"]))
-    ahead, behind = record["at"][THIRD, 0], record["at"][0, 0]
+    span_m = float(model["b"])
+    behind, ahead = gear.arms(span_m)
     third = -behind / (ahead - behind)
-    shares = np.array([(1.0 - third) / 2.0, (1.0 - third) / 2.0, third])
-    record["stiffness"] = weight / deflection
-    record["stiffness"][:WHEELS] *= shares
-    masses = [_mass_at(r, model) for r in record["at"]]
-    masses[:WHEELS] = shares * model["m"]
+    masses = np.array([_mass_at(r, model) for r in record["at"]])
+    masses[:WHEELS] = np.array([(1.0 - third) / 2.0, (1.0 - third) / 2.0, third]) * model["m"]
+    record["stiffness"] = masses * model["g"] / gear.deflection(span_m)
     record["damping"] = 2.0 * gear.damping_ratio * np.sqrt(record["stiffness"] * masses)
     rolling, side, braked = gear.frictions
     record["rolling"], record["side"] = max(rolling, 0.4), max(side, 0.4)
@@ -151,8 +149,7 @@ def stand(
 def _unloaded(gear: np.void) -> np.ndarray:
     """Return down [m], roll and pitch [rad] at which three wheels have the static deflection."""
     main, third = gear["at"][0], gear["at"][THIRD]
-    pitch = math.atan2(main[2] - third[2], main[0] - third[0])
-    pitch = math.remainder(pitch, math.pi)
+    pitch = math.atan((main[2] - third[2]) / (main[0] - third[0]))
     below = -math.sin(pitch) * main[0] + math.cos(pitch) * main[2]
     return np.array([-0.99 * below, 0.0, pitch])
 
@@ -188,7 +185,7 @@ def describe_crash(gear: np.void) -> str:
 def contact_facts(gear: np.void) -> dict[str, Any] | None:
     """Return what became of an aircraft on the ground, as plain data; None of one without gear.
 
-    The keys are those of `gcs.results.ground.GroundSummary`.
+    Its keys are as in `gcs.results.ground.GroundSummary`.
     """
     if not gear["has"]:
         return None

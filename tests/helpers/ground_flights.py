@@ -58,7 +58,7 @@ def flown(plant: PlantState, step_us: int, seconds: float) -> tuple[np.ndarray, 
 
 
 def energy(x: np.ndarray, aircraft: np.void) -> float:
-    """Kinetic energy and that of the height [J]."""
+    """Kinetic energy, and what the height adds [J]."""
     v, omega = x[3:6], x[9:12]
     moving = aircraft["m"] * (v @ v) + omega @ aircraft["J"] @ omega
     return float(0.5 * moving - aircraft["m"] * aircraft["g"] * x[2])

@@ -27,7 +27,7 @@ def problem(model: Any, tree: dict[str, Any]) -> str:
         ({"main_m": (0.1, 0.2, 0.3)}, "expected main_m and third_m on both sides of the centre"),
         ({"main_m": (-0.1, -0.2, 0.3)}, "main_m: expected the right one, y > 0 m, got -0.2"),
         ({"nose_m": (0.9, 0.0, 0.5)}, "expected nose_m above the ground at rest"),
-        ({"third_m": (0.6, 0.0, -0.4)}, "expected the centre of gravity above the ground at rest"),
+        ({"third_m": (0.6, 0.0, -0.4)}, "above the ground at rest, by two static deflections"),
         ({"sink_hard_m_s": 3.0, "sink_max_m_s": 2.0}, "expected >= sink_hard_m_s = 3.0 m/s"),
         ({"kind": "skids"}, "kind"),
         ({"launcher": {}}, "speed_m_s"),
