@@ -332,6 +332,11 @@ def _off_centre(uav: UavSummary) -> float | None:
     return None if uav.ground is None else uav.ground.off_centre_m
 
 
+def _landed(uav: UavSummary) -> int | None:
+    """Return 1 of one that landed within its limits, 0 of another with gear."""
+    return None if uav.ground is None else int(uav.ground.outcome == "landed")
+
+
 def _on_path(name: str) -> Callable[[UavSummary], float | None]:
     return lambda uav: None if uav.path is None else getattr(uav.path, name)
 
@@ -350,6 +355,7 @@ UAV_FIGURES: list[Figure[UavSummary]] = [
         for name, unit in {"sink_m_s": "m/s", "bank_deg": "deg", "drift_m_s": "m/s"}.items()
     ),
     Figure("off_centre_m", "m", _off_centre),
+    Figure("landed", "", _landed, str, "higher", whole=True),
     _count("messages", lambda uav: uav.actuator_messages),
     _count("neighbour_messages", lambda uav: uav.neighbour_messages),
     _share("neighbour_saving", lambda uav: uav.neighbour_saving),

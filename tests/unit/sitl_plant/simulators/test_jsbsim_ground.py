@@ -53,7 +53,7 @@ def test_it_stands_brakes_and_steers() -> None:
     assert rolled[-1, 3] > 3.0
     assert rolled[-1, 8] - before[8] < -0.2  # a positive rudder turns to the left
     uav["controls"][2:], uav["gear"]["brake"] = 0.0, 1.0
-    braked = flown(fleet, outside, 3.0)
+    braked = flown(fleet, outside, 6.0)
     assert np.abs(braked[-1, 3:6]).max() < 0.01
     found = contact_facts(uav["gear"])
     assert found is not None
@@ -61,11 +61,10 @@ def test_it_stands_brakes_and_steers() -> None:
 
 
 def test_it_lands_or_crashes() -> None:
-    for pitch, outcome in ((3.0, "landed"), (-6.0, "crashed")):
+    for altitude, pitch, outcome in ((2.0, 2.0, "landed"), (4.0, -6.0, "crashed")):
         fleet, outside = standing(
-            north_m=0.0, east_m=0.0, altitude_m=4.0, airspeed_m_s=38.0, pitch_deg=pitch
+            north_m=0.0, east_m=0.0, altitude_m=altitude, airspeed_m_s=36.0, pitch_deg=pitch
         )
-        fleet.uavs[0]["controls"][1] = -0.03
         fleet.uavs[0]["gear"]["flew"] = 1
         flown(fleet, outside, 6.0)
         found = contact_facts(fleet.uavs[0]["gear"])
