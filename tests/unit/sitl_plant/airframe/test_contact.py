@@ -105,6 +105,17 @@ def test_a_drop_follows_the_closed_form_of_a_spring_and_damper(step_us: int) -> 
     assert np.abs(states[:, 2] - exact).max() < 2e-5 * deflection
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_a_drop_comes_to_rest_at_long_steps(name: str) -> None:
+    plant = standing(aircraft_with(name, vacuum=True), 10_000)
+    rest = plant.uavs[0]["state"].copy()
+    thrown(plant, above=0.02, w=0.5, p=0.2, roll=0.02)
+    states, loss = flown(plant, 10_000, 4.0)
+    assert loss is None
+    assert np.abs(states[-1, 3:6]).max() < 2e-2
+    assert np.abs(states[-1] - rest)[[2, 6, 7]].max() < 1e-2
+
+
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("step_us", [1000, 10_000])
 def test_no_bounce_gives_energy(seed: int, step_us: int) -> None:
@@ -177,6 +188,17 @@ def test_friction_decelerates_the_roll(brake: float) -> None:
     share = (ahead - height * nose) / (ahead + behind + height * (main - nose))
     expected = g * (main * share + nose * (1.0 - share))
     assert (states[1499, 3] - states[2499, 3]) / 1.0 == pytest.approx(expected, rel=0.01)
+
+
+def test_what_has_braked_to_a_stop_stays_there() -> None:
+    plant = standing(aircraft_with("pa28", vacuum=True))
+    plant.uavs[0]["gear"]["brake"] = 1.0
+    thrown(plant, u=2.0)
+    states, loss = flown(plant, 1000, 4.0)
+    assert loss is None
+    assert states[-1, 0] > 0.4
+    assert states[-1, 0] > 0.8 * states[:, 0].max()  # but for springs that swing back
+    assert np.abs(states[-1, 3:6]).max() < 0.02
 
 
 def test_a_wheel_holds_its_track_across_the_wind_and_ice_does_not() -> None:
