@@ -170,14 +170,14 @@ class Recording:
     def ending(self) -> Ending:
         """What is known of the flight besides its steps."""
         return Ending(
-            self.mode,
-            len(self.states),
-            self.repeats,
-            self.wall_s,
-            self.loss,
-            self.restarts,
-            self.plugin_failed,
-            self.contacts,
+            mode=self.mode,
+            steps=len(self.states),
+            repeats=self.repeats,
+            wall_s=self.wall_s,
+            loss=self.loss,
+            restarts=self.restarts,
+            plugin_failed=self.plugin_failed,
+            contacts=self.contacts,
         )
 
     @property

@@ -7,7 +7,7 @@ x forward, y right, z down, from the centre of gravity.
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -35,15 +35,26 @@ class _Shape(NamedTuple):
     steer_deg: float
 
 
+_ON_WHEELS: dict[str, Any] = {
+    "nose": (0.25, 0.0, 0.04),
+    "deflection": 0.1,
+    "rolling_friction": 0.03,
+    "side_friction": 0.6,
+    "brake_friction": 0.4,
+    "steer_deg": 20.0,
+}
 _SHAPES = {
-    "tricycle": _Shape(
-        (-0.03, 0.125, 0.11), (0.17, 0.0, 0.11), (0.25, 0.0, 0.04), 0.1, 0.03, 0.6, 0.4, 20.0
-    ),
-    "tailwheel": _Shape(
-        (0.04, 0.125, 0.12), (-0.42, 0.0, 0.05), (0.25, 0.0, 0.04), 0.1, 0.03, 0.6, 0.4, 20.0
-    ),
+    "tricycle": _Shape(main=(-0.03, 0.125, 0.11), third=(0.17, 0.0, 0.11), **_ON_WHEELS),
+    "tailwheel": _Shape(main=(0.04, 0.125, 0.12), third=(-0.42, 0.0, 0.05), **_ON_WHEELS),
     "belly": _Shape(
-        (-0.06, 0.04, 0.06), (0.12, 0.0, 0.06), (0.25, 0.0, 0.0), 0.05, 0.4, 0.4, 0.4, 0.0
+        main=(-0.06, 0.04, 0.06),
+        third=(0.12, 0.0, 0.06),
+        nose=(0.25, 0.0, 0.0),
+        deflection=0.05,
+        rolling_friction=0.4,
+        side_friction=0.4,
+        brake_friction=0.4,
+        steer_deg=0.0,
     ),
 }
 
@@ -255,7 +266,7 @@ class Runway(Model):
         """Return whether places are on it."""
         along, across = self.along_and_across(north_m, east_m)
         is_beside = np.abs(across) > self.width_m / 2.0
-        return ~((along < 0.0) | (along > self.length_m) | is_beside)
+        return np.logical_not((along < 0.0) | (along > self.length_m) | is_beside)
 
 
 def _scaled(shares: tuple[float, float, float], span_m: float) -> tuple[float, float, float]:

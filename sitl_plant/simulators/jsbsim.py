@@ -107,7 +107,8 @@ class JsbSim:
         self._yaw = 0.0
         self._surfaces: Sequence[Surface] = ()
         at_rest: Vec3 = (0.0, 0.0, 0.0)
-        start = Motion((0.0, 0.0, -altitude_m), (_TEST_AIRSPEED_M_S, 0.0, 0.0), *[at_rest] * 3)
+        place, ahead = (0.0, 0.0, -altitude_m), (_TEST_AIRSPEED_M_S, 0.0, 0.0)
+        start = Motion(place, ahead, at_rest, at_rest, at_rest)
         self.reset(start)
         if section.thrust == "force":
             self._push_at_the_centre_of_gravity()

@@ -1,6 +1,5 @@
 """One aircraft on the ground, by the plant's own equations."""
 
-import math
 from typing import Any
 
 import numpy as np
@@ -17,9 +16,8 @@ AT_REST = {"north_m": 0.0, "east_m": 0.0, "on_ground": True}
 def aircraft_with(name: str = "c172p", *, vacuum: bool = False, **gear: Any) -> Aircraft:
     """A bundled aircraft whose gear has other values, or none with `kind=None`."""
     tree = load_aircraft(name).model_dump()
-    tree["gear"] = {**tree["gear"], "launcher": None, **gear} if gear.get("kind", "") else None
-    if "kind" not in gear:
-        tree["gear"] = {**load_aircraft(name).model_dump()["gear"], "launcher": None, **gear}
+    has_gear = gear.get("kind", "") is not None
+    tree["gear"] = {**tree["gear"], "launcher": None, **gear} if has_gear else None
     if vacuum:
         tree["air_density_kg_m3"] = 1e-12
     return Aircraft.model_validate(tree)
@@ -29,7 +27,7 @@ def standing(
     aircraft: Aircraft, step_us: int = 1000, yaw_deg: float = 0.0, **sections: Any
 ) -> PlantState:
     """A plant with one aircraft that stands at the origin."""
-    initial = InitialState(**{**AT_REST, "yaw_deg": yaw_deg})
+    initial = InitialState.model_validate({**AT_REST, "yaw_deg": yaw_deg})
     uav = PlantUav(id=1, initial=initial, aircraft=aircraft)
     keys = {"bind": "127.0.0.1:1", "uavs": (uav,), "step_us": step_us, **sections}
     return new_plant_state(PlantConfig.model_validate(keys))
@@ -69,7 +67,3 @@ def mirrored(x: np.ndarray) -> np.ndarray:
     signs = np.ones(12)
     signs[[1, 4, 6, 8, 9, 11]] = -1.0
     return x * signs
-
-
-def degrees(angle: float) -> float:
-    return math.degrees(angle)

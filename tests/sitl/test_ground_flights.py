@@ -41,8 +41,8 @@ def test_the_ground_is_the_same_over_udp_and_in_process(tmp_path: Path) -> None:
     folders = [tmp_path / name for name in ("udp", "inside")]
     fly_well(file, "--out", str(folders[0]), "--record", "npz", "--free-ports")
     fly_well(file, "--out", str(folders[1]), "--record", "npz", "--in-process")
-    states = [arrays_of(folder / "trajectory.npz")["state"] for folder in folders]
-    assert np.array_equal(*states)
+    over_udp, inside = (arrays_of(folder / "trajectory.npz")["state"] for folder in folders)
+    assert np.array_equal(over_udp, inside)
     found = [[uav["ground"] for uav in summary_of(folder)["uavs"]] for folder in folders]
     assert found[0] == found[1]
     rolled, landed, beside = found[0]
