@@ -82,17 +82,21 @@ class PlantUav(Model):
     servos: ActuatorServos = Field(default=ActuatorServos(), description="Its servos.")
     plant: PlantSection = Field(default=OwnPlant(), description="What flies it.")
 
-    @model_validator(mode="after")
-    def _starts_on_its_gear(self) -> "PlantUav":
-        Problems.check(start_problems(self.initial, self.aircraft))
-        return self
 
-
-def start_problems(initial: InitialState, aircraft: Aircraft) -> Iterator[tuple[Loc, str]]:
-    """Yield that an aircraft without gear cannot stand on the ground."""
-    if initial.on_ground and aircraft.gear is None:
+def start_problems(
+    initial: InitialState, aircraft: Aircraft, ground: Ground
+) -> Iterator[tuple[Loc, str]]:
+    """Yield why an aircraft cannot start where it is to."""
+    gear = aircraft.gear
+    if gear is None and initial.on_ground:
         text = "the aircraft has no gear to stand on: add `gear` to the aircraft"
         yield ("initial", "on_ground"), f"{text}, such as 'gear: {{kind: tricycle}}'"
+    lowest = ground.altitude_m(initial.north_m, initial.east_m)
+    if gear is not None:
+        lowest += gear.main(aircraft.wing_span_m)[2]
+    if not initial.on_ground and initial.altitude_m < lowest:
+        text = f"expected >= {lowest:.4g} m, above the ground there with its wheels, or"
+        yield ("initial", "altitude_m"), f"{text} 'on_ground: true', got {initial.altitude_m!r}"
 
 
 class PlantConfig(Model):
@@ -129,6 +133,15 @@ class PlantConfig(Model):
     def _ids_unique(self) -> "PlantConfig":
         Problems.check(
             (("uavs", i, "id"), text) for i, text in repeated([uav.id for uav in self.uavs])
+        )
+        return self
+
+    @model_validator(mode="after")
+    def _starts_above_the_ground(self) -> "PlantConfig":
+        Problems.check(
+            (("uavs", i, *loc), text)
+            for i, uav in enumerate(self.uavs)
+            for loc, text in start_problems(uav.initial, uav.aircraft, self.ground)
         )
         return self
 

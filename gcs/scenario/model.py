@@ -339,7 +339,7 @@ class Scenario(Model):
                 yield ("uavs", i, key), text
         for i, uav in enumerate(self.uavs):
             aircraft = uav.aircraft or self.aircraft
-            for loc, text in start_problems(uav.initial, aircraft):
+            for loc, text in start_problems(uav.initial, aircraft, self.ground):
                 yield ("uavs", i, *loc), text
             if not uav.initial.on_ground:
                 place = ("uavs", i, "initial")

@@ -266,7 +266,7 @@ class Runway(Model):
         """Return whether places are on it."""
         along, across = self.along_and_across(north_m, east_m)
         is_beside = np.abs(across) > self.width_m / 2.0
-        return np.logical_not((along < 0.0) | (along > self.length_m) | is_beside)
+        return np.asarray(~((along < 0.0) | (along > self.length_m) | is_beside))
 
 
 def _scaled(shares: tuple[float, float, float], span_m: float) -> tuple[float, float, float]:

@@ -25,6 +25,7 @@ from sitl_plant.airframe.gear import Gear, Ground, Runway
 
 _R1, _load_state = in_python(rigid_body.R1), in_python(rigid_body.load_state)
 _ground_reaction, _hold_points = in_python(contact.ground_reaction), in_python(contact.hold_points)
+_STRUCK = {WING: "wing tip", NOSE: "nose", BODY: "body"}
 _ACCURACY = 0.2
 """Step of the integration by the inverse of the fastest motion on the ground."""
 
@@ -178,8 +179,7 @@ def describe_crash(gear: np.void) -> str:
     if code in limits:
         text, value, most, unit = limits[code]
         return f"it hit the ground, {text} {abs(value):.1f} {unit} (limit {most:.1f} {unit})"
-    struck = {WING: "a wing tip struck", NOSE: "the nose struck", BODY: "it fell onto"}
-    return f"{struck[code]} the ground"
+    return f"it hit the ground with its {_STRUCK[code]}"
 
 
 def contact_facts(gear: np.void) -> dict[str, Any] | None:

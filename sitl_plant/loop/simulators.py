@@ -64,6 +64,8 @@ class Outside:
             simulator.reset(_motion(uav["state"]))
             motion = simulator.read()
         uav["outside"]["specific_force"] = motion.specific_force
+        if not isinstance(simulator, GroundSimulator):  # it must not touch the ground
+            uav["gear"]["has"] = 0
 
     def advance(self) -> None:
         """Advance every simulator by one period, for which the fleet has begun."""
@@ -135,9 +137,9 @@ def simulator_of(uav: PlantUav, step_us: int) -> Simulator:
     gear, altitude_m = uav.aircraft.gear, uav.initial.altitude_m
     fastest_m_s = None if gear is None else uav.aircraft.airspeed_max_m_s
     simulator = new_simulator(uav.plant, altitude_m, step_us, fastest_m_s)
-    if gear is not None and not isinstance(simulator, GroundSimulator):
-        text = f"UAV {uav.id}: its simulator has no ground, which the aircraft's gear takes"
-        raise SimulatorError(text, "leave out aircraft.gear (null removes a base's)")
+    if uav.initial.on_ground and not isinstance(simulator, GroundSimulator):
+        text = f"UAV {uav.id}: its simulator has no ground to stand on"
+        raise SimulatorError(text, "give initial.altitude_m and airspeed_m_s in place of on_ground")
     if uav.initial.on_ground and gear is not None and gear.launcher is not None:
         text = f"UAV {uav.id}: expected an aircraft without a launcher on a simulator's ground"
         raise SimulatorError(text, "leave out on_ground, or aircraft.gear.launcher")

@@ -27,7 +27,7 @@ SCENARIO = {
             "initial": {
                 "north_m": -40.0,
                 "east_m": 8.0,
-                "altitude_m": 1.5,
+                "altitude_m": 0.45,
                 "airspeed_m_s": 28.0,
             },
         },

@@ -255,24 +255,29 @@ def test_left_and_right_are_alike() -> None:
 @pytest.mark.parametrize(
     ("name", "gear", "state", "text"),
     [
-        ("pa28", {"side_friction": 1.5}, {"u": 20.0, "v": 6.0}, "a wing tip struck the ground"),
+        (
+            "pa28",
+            {"side_friction": 1.5},
+            {"u": 20.0, "v": 6.0},
+            "it hit the ground with its wing tip",
+        ),
         (
             "paper",
             {"kind": "tailwheel", "third_m": None, "brake_friction": 1.5},
             {"u": 15.0},
-            "the nose struck the ground",
+            "it hit the ground with its nose",
         ),
         (
             "paper",
             {"sink_max_m_s": 9.0},
             {"above": 1.5, "roll": 3.1, "u": 20.0},
-            "a wing tip struck the ground",
+            "it hit the ground with its wing tip",
         ),
         (
             "aerosonde",
             {"sink_max_m_s": 9.0},
             {"above": 2.0, "roll": 3.14, "u": 20.0},
-            "it fell onto",
+            "it hit the ground with its body",
         ),
         ("c172p", {}, {"above": 0.1, "w": 50.0}, "it hit the ground, sinking at"),
     ],

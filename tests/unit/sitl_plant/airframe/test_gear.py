@@ -70,6 +70,20 @@ def test_an_aircraft_without_gear_cannot_start_on_the_ground(scenario1: Scenario
     assert expected in problem(Scenario, tree)
 
 
+@pytest.mark.parametrize(("ground", "least"), [({}, 0.2156), ({"slope_deg": 10.0}, 3.742)])
+def test_nobody_starts_in_the_ground(
+    scenario1: Scenario, ground: dict[str, Any], least: float
+) -> None:
+    tree = scenario1.model_dump() | {"aircraft": load_aircraft("paper").model_dump()}
+    tree["ground"] = ground
+    place = {"north_m": 20.0, "east_m": 0.0, "airspeed_m_s": 40.0}
+    tree["uavs"][0]["initial"] = {**place, "altitude_m": least + 0.01}
+    Scenario.model_validate(tree)
+    tree["uavs"][0]["initial"] = {**place, "altitude_m": least - 0.01}
+    expected = f"uavs[0].initial.altitude_m: expected >= {least:.4g} m, above the ground there"
+    assert expected in problem(Scenario, tree)
+
+
 def test_the_ground_of_a_simulator_is_level(scenario1: Scenario) -> None:
     tree = scenario1.model_dump() | {"plant": {"kind": "jsbsim", "aircraft": "c172p"}}
     tree |= {"ground": {"slope_deg": 2.0}, "disturbance": {}, "uncertainty": {}}
