@@ -15,6 +15,7 @@ from sitl_plant.simulators.jsbsim_units import FT, LBF
 
 _THROTTLES = tuple(k / 10 for k in range(11))
 _AIRSPEEDS = (0.5, 0.75, 1.0, 1.25, 1.5)  # of the one that it starts at
+_STANDING_FPS = 1.0
 _FROM_REST = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the highest one
 _ALL = -1.0  # engines
 _BOTH_MAGNETOS = 3.0
@@ -73,18 +74,16 @@ class Engine:
         fdm = self._fdm
         body = [(f"ic/{axis}-fps", fdm[f"ic/{axis}-fps"]) for axis in "uvw"]
         throttles = [node.get_double_value() for node in self._throttles]
-        V = self._airspeed()
+        V, speeds, shares = self._airspeed(), [speed for _, speed in body], _AIRSPEEDS
         self._near = 0.75 * V, 1.25 * V
-        self._airspeeds = [share * V for share in _AIRSPEEDS]
-        if self._fastest is not None:
+        if V < _STANDING_FPS and self._fastest is not None:
+            V, speeds, shares = self._fastest, [self._fastest, 0.0, 0.0], _FROM_REST
             self._near = 0.0, math.inf
-            self._airspeeds = [share * self._fastest for share in _FROM_REST]
+        self._airspeeds = [share * V for share in shares]
         self._thrusts = []
-        for airspeed in self._airspeeds:
-            for key, speed in body:
-                fdm[key] = airspeed / V * speed if V > 0.0 else 0.0
-            if V == 0.0:
-                fdm["ic/u-fps"] = airspeed
+        for share in shares:
+            for (key, _), speed in zip(body, speeds, strict=True):
+                fdm[key] = share * speed
             made = []
             for throttle in _THROTTLES:
                 fdm.run_ic()
