@@ -24,6 +24,7 @@ from ftc_autopilot.guidance.formation import Formation, FormationParameters, Slo
 from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
 from ftc_autopilot.guidance.laws.base import GuidanceParameters
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
+from ftc_autopilot.guidance.runway import RunwayParameters
 from ftc_autopilot.vehicle.param_table import law_tunables, trigger_tunables, tunables
 from ftc_lab.campaigns import distributions
 from ftc_lab.campaigns.faults import DrawnFault, DrawnSensorFault
@@ -97,6 +98,7 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "uavs": ScenarioUav,
     "network": Network,
     "guidance": PathFollowing,
+    "runway_guidance": RunwayParameters,
     "formation": Formation,
     "slot": Slot,
     "profile": ProfileSegment,

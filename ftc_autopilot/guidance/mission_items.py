@@ -31,9 +31,9 @@ LOITER, LOITER_TURNS, LOITER_TIME = (
 )
 SPEED, DELAY = dialect.MAV_CMD_DO_CHANGE_SPEED, dialect.MAV_CMD_CONDITION_DELAY
 JUMP, SET_HOME = dialect.MAV_CMD_DO_JUMP, dialect.MAV_CMD_DO_SET_HOME
-TAKEOFF = dialect.MAV_CMD_NAV_TAKEOFF
+TAKEOFF, LAND = dialect.MAV_CMD_NAV_TAKEOFF, dialect.MAV_CMD_NAV_LAND
 
-PLACES = {WAYPOINT, LOITER, LOITER_TURNS, LOITER_TIME, RETURN}
+PLACES = {WAYPOINT, LOITER, LOITER_TURNS, LOITER_TIME, RETURN, LAND}
 """Commands that lead to a place."""
 COMMANDS = PLACES | {TAKEOFF, SPEED, DELAY, JUMP, SET_HOME}
 """All that a path is made of."""
@@ -41,7 +41,6 @@ COMMANDS = PLACES | {TAKEOFF, SPEED, DELAY, JUMP, SET_HOME}
 _MAX_TURNS = 1000
 _MAX_S = 86_400
 
-_FLIES_ONLY = "flights begin and end in the air"
 _NO_PAYLOAD = "there is no payload; leave it out"
 _REASONS = {
     dialect.MAV_CMD_NAV_LOITER_TO_ALT: "give NAV_LOITER_TURNS (18), or a waypoint, that height",
@@ -72,11 +71,8 @@ _REASONS = {
         ),
         _NO_PAYLOAD,
     ),
-    dialect.MAV_CMD_NAV_LAND: _FLIES_ONLY,
-    dialect.MAV_CMD_NAV_TAKEOFF: _FLIES_ONLY,
-    dialect.MAV_CMD_NAV_LAND_LOCAL: _FLIES_ONLY,
-    dialect.MAV_CMD_NAV_TAKEOFF_LOCAL: _FLIES_ONLY,
-    dialect.MAV_CMD_DO_LAND_START: _FLIES_ONLY,
+    dialect.MAV_CMD_NAV_LAND_LOCAL: "give NAV_LAND (21)",
+    dialect.MAV_CMD_NAV_TAKEOFF_LOCAL: "give NAV_TAKEOFF (22)",
     dialect.MAV_CMD_NAV_VTOL_TAKEOFF: "the aircraft cannot hover",
     dialect.MAV_CMD_NAV_VTOL_LAND: "the aircraft cannot hover",
     dialect.MAV_CMD_NAV_DELAY: "the aircraft cannot hover",
@@ -168,7 +164,7 @@ def decode_items(
         if item.command not in COMMANDS:
             raise ItemError(seq, dialect.MAV_MISSION_UNSUPPORTED, refusal(item.command))
         if item.command == TAKEOFF and any(t.item.command in PLACES for t in targets):
-            text = f"{refusal(TAKEOFF)}; it is taken as past before the first place only"
+            text = "a takeoff stands before the first place only"
             raise ItemError(seq, dialect.MAV_MISSION_UNSUPPORTED, text)
         _check_params(item, limits, len(items) - 1)
         target = _placed(item, origin, home, limits)
@@ -215,6 +211,8 @@ def _check_params(item: MissionItem, limits: FlightLimits, last: int) -> None:
 def _placed(item: MissionItem, origin: Origin, home: Home, limits: FlightLimits) -> MissionTarget:
     """Return an item whose params are good with its place and height."""
     command = item.command
+    if command == TAKEOFF:
+        return MissionTarget(item, height=_take_off_height(item, origin, home))
     flown_to = command in PLACES and command != RETURN
     if not flown_to and (command != SET_HOME or param(item, 1) == 1.0):
         return MissionTarget(item)
@@ -225,8 +223,34 @@ def _placed(item: MissionItem, origin: Origin, home: Home, limits: FlightLimits)
     if not flown_to:
         return MissionTarget(item, place, height)
     check_height(height, home, limits, item.seq)
+    if command == LAND:
+        return _landing(item, place, height, limits)
     within = param(item, 2) if command == WAYPOINT else 0.0
     return MissionTarget(item, place, height, within, param(item, 3))
+
+
+def _landing(
+    item: MissionItem,
+    place: tuple[float, float] | None,
+    height: float,
+    limits: FlightLimits,
+) -> MissionTarget:
+    """Return a landing; its height is the one of the centre of gravity at touchdown."""
+    if limits.runway is None or not limits.runway.lands:
+        text = "the aircraft has no gear to land on; add `gear: {kind: tricycle}` to it, or"
+        raise ItemError(item.seq, dialect.MAV_MISSION_UNSUPPORTED, f"{text} `{{kind: belly}}`")
+    if place is None:
+        text = "the place of touchdown is not given"
+        raise ItemError(item.seq, dialect.MAV_MISSION_INVALID_PARAM5_X, text)
+    return MissionTarget(item, place, height + limits.runway.height, length=math.inf)
+
+
+def _take_off_height(item: MissionItem, origin: Origin, home: Home) -> float:
+    """Return the height of a takeoff; NaN if it has none, as one that is past may have."""
+    try:
+        return height_of(item.frame, decimal_of_float32(item.z), origin, home, item.seq)
+    except ItemError:
+        return math.nan
 
 
 def _param(item: MissionItem, number: int) -> float:

@@ -16,9 +16,11 @@ from typing import NamedTuple
 
 from ftc_autopilot.guidance.legs import Circle, Leg, Pose, approach, distance, tangent_course
 from ftc_autopilot.guidance.limits import FlightLimits, tightest_turn, turn_radius
-from ftc_autopilot.guidance.mission_items import MissionTarget
+from ftc_autopilot.guidance.mission_items import LAND, TAKEOFF, MissionTarget
 from ftc_autopilot.guidance.mission_places import Home
 from ftc_autopilot.guidance.path import MAX_LEGS, NO_LOOP
+from ftc_autopilot.guidance.runway_legs import landing_legs, take_off_legs
+from ftc_autopilot.guidance.runway_marks import NO_MARKS, RunwayMarks
 from ftc_autopilot.guidance.targets import Targets, order_of
 from mavlink_defs import dialect
 from mavlink_defs.profile import ItemError
@@ -34,18 +36,20 @@ _SAME_M = 1e-3
 
 
 class Start(NamedTuple):
-    """Where a path begins, and how."""
+    """Where a path begins, and how; one that stands on the ground has to take off."""
 
     pose: Pose
     height: float  # [m]
     airspeed: float  # until the mission says another [m/s]
+    stands: bool = False
 
 
 class MissionPath(NamedTuple):
-    """Legs, and which of them follows the last one."""
+    """Legs, which of them follows the last one, and what of them is runway."""
 
     legs: tuple[Leg, ...]
     loop: int = NO_LOOP
+    marks: RunwayMarks = NO_MARKS
 
 
 def mission_path(
@@ -75,7 +79,11 @@ def mission_path(
     if start is not None:
         begin = (*start.pose[:2], start.height)
         targets = Targets(order, limits, home, begin, start.airspeed)
-        return _Builder(targets, limits, start, levels=True).path()
+        builder = _Builder(targets, limits, start, levels=True)
+        take_off = next((t for t in order.visits[0] if t.item.command == TAKEOFF), None)
+        if start.stands and take_off is not None:
+            builder.take_off(take_off._replace(airspeed=start.airspeed))
+        return builder.path()
     begin = (home.north_m, home.east_m, home.height_m)
     targets = Targets(order, limits, home, begin, limits.cruise_m_s)
     return _Builder(targets, limits, _from_home(targets, begin, limits), levels=False).path()
@@ -129,6 +137,13 @@ class _Builder:
         self._begun: list[Leg] = []  # what follows a corner's middle
         self._circle: MissionTarget | None = None  # what is left
         self._legs: list[Leg] = []
+        self._marks = NO_MARKS
+
+    def take_off(self, target: MissionTarget) -> None:
+        """Begin with a take-off."""
+        self._legs = take_off_legs(self._pose, self._height, target, self._limits)
+        self._pose, self._height, self._levels = self._legs[-1].end, target.height, False
+        self._marks = RunwayMarks(climb=len(self._legs), climb_to=target.height)
 
     def path(self) -> MissionPath:
         """Return the path."""
@@ -139,12 +154,13 @@ class _Builder:
             self._add_way(k, target)
             same = self._target.index_of_same(k)
             if same is not None and self._alike(begins[same], begins[k]):
-                return MissionPath(tuple(self._legs[: begins[k]]), begins[same])
+                return MissionPath(tuple(self._legs[: begins[k]]), begins[same], self._marks)
             self._add_circle(target)
             if len(self._legs) > MAX_LEGS:
                 raise self._too_long(target, k)
             k += 1
-        return MissionPath(tuple(self._legs))
+        loop = self._marks.final if self._marks.landing else NO_LOOP
+        return MissionPath(tuple(self._legs), loop, self._marks)
 
     def _too_long(self, target: MissionTarget, k: int) -> ItemError:
         item = target.item.seq
@@ -195,7 +211,28 @@ class _Builder:
                 first, second = arc.cut(0.5 * arc.length_m)
                 pieces.append(first)
                 self._begun, self._pose = [second], second.end
-        self._add_climb(target, pieces)
+        if target.item.command == LAND:
+            self._add_landing(target, pieces)
+        else:
+            self._add_climb(target, pieces)
+
+    def _add_landing(self, target: MissionTarget, pieces: list[Leg]) -> None:
+        """Add the way to the line of a landing, the landing, and the way around again."""
+        if not pieces or pieces[-1].curvature_1_m != 0.0:
+            text = "no straight line leads to it; move the item before away"
+            raise ItemError(target.item.seq, dialect.MAV_MISSION_INVALID, text)
+        *way, line = pieces
+        self._add(target, way, 0.0)
+        final = len(self._legs)
+        legs, marks = landing_legs(line, self._height, target, self._limits)
+        self._legs += legs
+        self._marks = marks._replace(
+            climb=self._marks.climb,
+            climb_to=self._marks.climb_to,
+            final=final,
+            landing=final + marks.landing,
+            around=final + marks.around,
+        )
 
     def _way(self, target: MissionTarget) -> list[Leg]:
         """Return arc and line to a target from where the path is."""

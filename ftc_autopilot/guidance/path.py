@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ftc_autopilot.guidance.legs import Leg
+from ftc_autopilot.guidance.runway_marks import NO_MARKS, RunwayMarks
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import hypot
 
@@ -38,6 +39,14 @@ PATH = np.dtype(
         ("climb", "f8", (MAX_LEGS,)),
         ("airspeed", "f8", (MAX_LEGS,)),
         ("item", "i8", (MAX_LEGS,)),
+        # take-off and landing: path parameters [m] and heights of the centre of gravity [m]
+        ("climb_to", "f8"),  # height that the take-off climbs to
+        ("take_off", "f8"),  # end of the take-off, 0: there is none
+        ("final", "f8"),  # where the line of the landing begins
+        ("landing", "f8"),  # touchdown, 0: there is no landing
+        ("around", "f8"),  # where the way around begins that leads to `final` again
+        ("around_at", "f8"),  # its height
+        ("flare", "f8"),  # height at which the flare begins
     ]
 )
 
@@ -55,12 +64,13 @@ class PathPoint(NamedTuple):
     leg: int
 
 
-def path_record(legs: Sequence[Leg], loop: int = NO_LOOP) -> np.void:
+def path_record(legs: Sequence[Leg], loop: int = NO_LOOP, marks: RunwayMarks = NO_MARKS) -> np.void:
     """Return a path as a record of dtype `PATH`; its id is a hash of the rest, not 0.
 
     Args:
         legs: At most `MAX_LEGS`; only the last one may be infinite, and then nothing follows it.
         loop: Leg that follows the last one, or `NO_LOOP`.
+        marks: What of it is runway.
     """
     record: np.void = np.zeros(1, PATH)[0]
     record["count"], record["loop"] = len(legs), loop
@@ -70,6 +80,11 @@ def path_record(legs: Sequence[Leg], loop: int = NO_LOOP) -> np.void:
         record["height"][k], record["climb"][k] = leg.height_m, leg.climb
         record["airspeed"][k], record["item"][k] = leg.airspeed_m_s, leg.item
         record["start"][k + 1] = record["start"][k] + leg.length_m
+    record["climb_to"], record["take_off"] = marks.climb_to, record["start"][marks.climb]
+    if marks.landing:
+        for name in ("final", "landing", "around"):
+            record[name] = record["start"][getattr(marks, name)]
+        record["around_at"], record["flare"] = marks.around_at, marks.flare
     record["id"] = zlib.crc32(record.tobytes()) or 1
     return record
 

@@ -7,6 +7,7 @@ from typing import NamedTuple, TypeAlias
 from ftc_autopilot.guidance.limits import FlightLimits, airspeeds_for, tightest_turn, turn_radius
 from ftc_autopilot.guidance.mission_items import (
     JUMP,
+    LAND,
     LOITER,
     LOITER_TIME,
     LOITER_TURNS,
@@ -79,7 +80,7 @@ def order_of(mission: Sequence[MissionTarget], first: int = 1) -> Order:
         if command in PLACES:
             visits.append(tuple(visit))
             visit.clear()
-            if command in {LOITER, RETURN}:
+            if command in {LOITER, RETURN, LAND}:
                 break
             if jump is not None and len(visits) > MAX_VISITS:
                 text = f"jumps make more than {MAX_VISITS} places of the mission"
@@ -172,7 +173,7 @@ class Targets:
                     home = Home(north, east, before.height)
         to = to._replace(airspeed=before.airspeed_there, changes=tuple(changes), home=home)
         command = to.item.command
-        if command == WAYPOINT and to.radius == 0.0:
+        if command == LAND or (command == WAYPOINT and to.radius == 0.0):
             return to
         radius = self._radius(to, airspeed)
         if command == RETURN:

@@ -55,12 +55,14 @@ class Itinerary:
         length_m: Of the whole path up to where it repeats or has no end [m].
         time_s: The same, in still air [s].
         repeats: Number of the item from which on all repeats for ever; None: it does not.
+        lands: Whether it ends with a landing.
     """
 
     stages: tuple[Stage, ...]
     length_m: float
     time_s: float
     repeats: int | None
+    lands: bool = False
 
 
 def load_mission(name: Path | str) -> tuple[tuple[MissionItem, ...], tuple[str, ...]]:
@@ -100,12 +102,13 @@ def dry_run(name: Path | str, items: Sequence[MissionItem], fleet: Scenario) -> 
     except ItemError as error:
         raise ConfigError(name, [Problem((), str(error))]) from error
     stages = tuple(_stages(path))
-    loop = int(path["loop"])
+    loop, lands = int(path["loop"]), bool(path["landing"] > 0.0)
     return Itinerary(
         stages,
         sum(stage.length_m for stage in stages),
         sum(stage.time_s for stage in stages),
-        None if loop == NO_LOOP else int(path["item"][loop]),
+        None if loop == NO_LOOP or lands else int(path["item"][loop]),
+        lands,
     )
 
 
@@ -124,8 +127,17 @@ def outline(path: np.void) -> list[tuple[float, float, float]]:
     return [(point.north, point.east, point.height) for point in points]
 
 
+def _flown(path: np.void) -> int:
+    """Return the number of legs; of a landing those up to touchdown, not the way around again."""
+    count = int(path["count"])
+    if path["landing"] > 0.0:
+        return int(np.searchsorted(path["start"][:count], path["landing"]))
+    return count
+
+
 def _stages(path: np.void) -> Iterator[Stage]:
-    for item, group in groupby(range(int(path["count"])), key=lambda k: int(path["item"][k])):
+    flown = range(_flown(path))
+    for item, group in groupby(flown, key=lambda k: int(path["item"][k])):
         legs = list(group)
         lengths = np.diff(path["start"])[legs]
         finite = np.isfinite(lengths)

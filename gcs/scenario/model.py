@@ -29,6 +29,7 @@ from ftc_autopilot.guidance.formation import Formation
 from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.guidance.planner import Planner
+from ftc_autopilot.guidance.runway import RunwayParameters, figures_of
 from ftc_autopilot.plugins.loading import calling, without_code
 from gcs.scenario.aircraft_checks import (
     aircraft_law_problems,
@@ -128,6 +129,9 @@ class Scenario(Model):
     guidance: Guidance = Field(
         default=PathFollowing(), description="Guidance law of every UAV on a path."
     )
+    runway_guidance: RunwayParameters = Field(
+        default=RunwayParameters(), description="Take-off and landing of every UAV."
+    )
     plugins: Annotated[dict[str, str], AtMost(100)] = Field(
         default={},
         description="Digest of the code of each plug-in, by its name: filled in when the scenario "
@@ -220,6 +224,7 @@ class Scenario(Model):
             trigger=self.trigger,
             formation_trigger=links.formation.trigger,
             guidance=self.guidance,
+            runway_guidance=self._on_runway,
             plugins=plugins_of(self.controller, self.trigger, self.guidance),
             formation=self.formation,
             leader_access=self.network.leader_access.get(uav_id, 0.0),
@@ -285,7 +290,15 @@ class Scenario(Model):
             uav_id: For the aircraft of this UAV; None: for the scenario's.
         """
         aircraft = self.aircraft if uav_id is None else self.aircraft_of(uav_id)
-        return Planner(aircraft, self.guidance, self.origin, self.formation)
+        bandwidth = self.controller.reference_bandwidth_rad_s
+        runway = figures_of(self._on_runway, self.guidance, aircraft, bandwidth)
+        return Planner(aircraft, self.guidance, self.origin, self.formation, runway)
+
+    @property
+    def _on_runway(self) -> RunwayParameters:
+        """Take-off and landing on the runway, if there is one."""
+        own, runway = self.runway_guidance, self.runway
+        return own if runway is None else own.on(runway.length_m, runway.width_m)
 
     def fault_commands(self) -> list[tuple[int, Fault]]:
         """Return UAV id and fault of each fault, in the order of the file."""
@@ -326,7 +339,12 @@ class Scenario(Model):
             lambda: guidance_fit_problems(
                 self.guidance, map(self.aircraft_of, self._ids), self.formation
             ),
-            lambda: mission_problems(self.mission, map(self.planner, self._ids), self.origin),
+            lambda: mission_problems(
+                self.mission,
+                map(self.planner, self._ids),
+                [uav.initial for uav in self.uavs],
+                self.origin,
+            ),
             lambda: fault_problems(self.faults, self._fault_limits, self._fallible_sensors),
             lambda: self.links.port_problems(self._ids),
         )
