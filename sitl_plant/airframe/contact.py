@@ -58,9 +58,6 @@ TOUCHDOWN = np.dtype(
 )
 """A touchdown, by the last state in the air."""
 
-BRAKE = 4
-"""Where HIL_ACTUATOR_CONTROLS.controls has the brake, 0 to 1."""
-
 GEAR = np.dtype(
     [
         ("has", "i8"),  # 1: the aircraft has gear, 0: it must not touch the ground

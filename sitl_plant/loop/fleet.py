@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mavlink_defs.constants import N_CHANNELS, THROTTLE
+from mavlink_defs.constants import BRAKE, N_CHANNELS, THROTTLE
 from mavlink_defs.faults.actuators import ACTUATOR_FAULTS, MAX_FAULTS
 from mavlink_defs.faults.table import FAULT, FaultTable, no_faults
 from mavlink_defs.framing.codec import SIM_STATE, SIM_STEP
@@ -22,7 +22,6 @@ from sitl_plant.air.turbulence import TURBULENCE, advance_turbulence, start_turb
 from sitl_plant.air.wind import air_around, new_wind, turbulence_around
 from sitl_plant.airframe.aircraft import AIRCRAFT, aircraft_record
 from sitl_plant.airframe.contact import (
-    BRAKE,
     GEAR,
     height_above_ground,
     launch,
