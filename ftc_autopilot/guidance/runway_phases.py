@@ -63,6 +63,7 @@ _REJECTED_S = 0.5
 _UNSTABLE_S = 1.0
 _CONTACT_S = 0.15
 _STOPPED_S = 1.0
+_THROWN_S = 0.5
 _ROTATION_S = 2.0
 """Times for which something is seen before it counts, and of the rotation [s]."""
 _ROTATED_MORE = math.radians(2.0)
@@ -263,7 +264,7 @@ def _approach(
         if state["doubt"] > _UNSTABLE_S:
             _give_up(state, reason)
         return
-    pushed = -now.motion.specific_force[2] > _PUSH * norm_gravity(now)
+    pushed = -now.motion.specific_force[2] > _PUSH * gravity_of(now)
     low = above < max(_LIFTED * figures["span"], 0.3)
     touches = low and (sink < 0.5 * figures["touchdown"] or pushed)
     state["doubt"] = state["doubt"] + now.dt if touches else 0.0
@@ -275,7 +276,7 @@ def _approach(
 
 
 @compiled
-def norm_gravity(now: Situation) -> float:
+def gravity_of(now: Situation) -> float:
     """Return the acceleration of gravity [m/s²]."""
     x, y, z = now.motion.gravity
     return math.sqrt(x * x + y * y + z * z)
@@ -356,8 +357,10 @@ def _take_off(
     state["thrust"], state["brake"] = min(needed, most), 0.0
     if figures["starts"] == FROM_LAUNCHER:
         state["thrust"], state["pitch"] = available_thrust(V, aircraft), motion.phi[1]
-        thrown = 0.5 * figures["stall"] < V and motion.specific_force[0] < norm_gravity(now)
-        if thrown or figures["stall"] < V:
+        moves = hypot(now.velocity[0], now.velocity[1]) > STANDS * figures["stall"]
+        state["doubt"] = state["doubt"] + now.dt if moves else 0.0
+        let_go = motion.specific_force[0] < gravity_of(now) or state["doubt"] > _THROWN_S
+        if moves and let_go:
             _enter(state, CLIMBING)
         return
     if figures["rotate"] < V:
