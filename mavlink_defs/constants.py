@@ -23,6 +23,8 @@ AILERON, ELEVATOR, RUDDER = FTC_ACTUATOR_AILERON, FTC_ACTUATOR_ELEVATOR, FTC_ACT
 """The channels of the surfaces."""
 THROTTLE = FTC_ACTUATOR_THROTTLE
 """The channel of the thrust."""
+BRAKE = 4
+"""Index of the brakes in HIL_ACTUATOR_CONTROLS.controls, 0 to 1, which are no actuator channel."""
 
 SIMULATOR_COMPONENT = MAV_COMP_ID_USER1
 """Component id of an aircraft inside the plant; its system id is the UAV's."""
@@ -49,9 +51,15 @@ Faults call the last two gps and airspeed, as MAVLink does.
 LAST_SYSTEM = 250
 """Largest system id of a UAV."""
 
-AUTO, RTL, LOITER, GUIDED = 10, 11, 12, 15
+AUTO, RTL, LOITER, TAKEOFF, GUIDED = 10, 11, 12, 13, 15
 """custom_mode numbers of ArduPlane."""
-MODE_NAMES = {AUTO: "AUTO", RTL: "RTL", LOITER: "LOITER", GUIDED: "GUIDED"}
+MODE_NAMES = {
+    AUTO: "AUTO",
+    RTL: "RTL",
+    LOITER: "LOITER",
+    TAKEOFF: "TAKEOFF",
+    GUIDED: "GUIDED",
+}
 
 MAX_DATAGRAM = 65535
 """Size of the longest UDP payload, rounded up [bytes]."""

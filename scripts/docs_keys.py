@@ -29,6 +29,7 @@ from ftc_autopilot.guidance.formation import Formation, FormationParameters, Slo
 from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
 from ftc_autopilot.guidance.laws.base import GuidanceParameters
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
+from ftc_autopilot.guidance.runway import RunwayParameters
 from ftc_autopilot.vehicle.param_table import (
     fence_tunables,
     law_tunables,
@@ -57,6 +58,7 @@ from scripts.docs_table import table
 from sitl_plant.actuators.config import EngineServo, Servos, SurfaceServo
 from sitl_plant.air.config import Disturbance, Dryden, Sinusoid, Wind
 from sitl_plant.airframe.config import Aircraft, Uncertainty
+from sitl_plant.airframe.gear import Gear, Ground, Runway
 from sitl_plant.airframe.propulsion import Propulsion
 from sitl_plant.ardupilot.config import ArduPilot
 from sitl_plant.sensing.config import (
@@ -77,6 +79,9 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "scenario": Scenario,
     "aircraft": Aircraft,
     "propulsion": Propulsion,
+    "gear": Gear,
+    "ground": Ground,
+    "runway": Runway,
     "jsbsim": JsbSimPlant,
     "plugin": PluginPlant,
     "uncertainty": Uncertainty,
@@ -104,6 +109,7 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "uavs": ScenarioUav,
     "network": Network,
     "guidance": PathFollowing,
+    "runway_guidance": RunwayParameters,
     "formation": Formation,
     "slot": Slot,
     "profile": ProfileSegment,

@@ -14,33 +14,60 @@ from mavlink_defs.origin import Origin
 from sitl_plant.actuators.config import ActuatorServos, servo_problems
 from sitl_plant.air.config import Disturbance, Wind
 from sitl_plant.airframe.config import Aircraft, Uncertainty
+from sitl_plant.airframe.gear import Ground, Runway
 from sitl_plant.sensing.config import Navigation, Sensors
 from sitl_plant.sensing.observability import navigation_problems, sensor_problems
 from sitl_plant.simulators.config import OwnPlant, PlantSection, plant_problems
 
 
 def truth_problems(
-    plant: PlantSection, disturbance: Disturbance, uncertainty: Uncertainty
+    plant: PlantSection, disturbance: Disturbance, uncertainty: Uncertainty, ground: Ground
 ) -> Iterator[tuple[Loc, str]]:
     """Yield place and text of what changes the plant's own equations, which a simulator has not."""
-    for name, given in (("disturbance", disturbance), ("uncertainty", uncertainty)):
+    sections = (("disturbance", disturbance), ("uncertainty", uncertainty), ("ground", ground))
+    for name, given in sections:
         if given != type(given)():
             text = "changes the plant's own equations, but plant.kind is"
             yield (name,), f"{text} {plant.kind!r}: leave it out (null removes a base's)"
 
 
 class InitialState(Model):
-    """State at t = 0: v = [V, 0, 0] through the air, no rotation."""
+    """State at t = 0: v = [V, 0, 0] through the air, no rotation; or at rest on the ground."""
 
     north_m: float = quantity("m", "North.")
     east_m: float = quantity("m", "East.")
-    altitude_m: float = quantity(
-        "m", "Height above the ground, a plane through the origin.", ge=0.0
+    on_ground: bool = Field(
+        default=False,
+        strict=True,
+        description="Whether it stands at rest on its wheels or launcher, in place of altitude, "
+        "airspeed, roll and pitch.",
     )
-    airspeed_m_s: float = quantity("m/s", "Airspeed V.", gt=0.0)
+    altitude_m: float = quantity("m", "Height above the origin.", 0.0, ge=0.0)
+    airspeed_m_s: float = quantity("m/s", "Airspeed V.", 0.0, ge=0.0)
     roll_deg: float = quantity("deg", "Roll angle.", 0.0, ge=-180.0, le=180.0)
     pitch_deg: float = quantity("deg", "Pitch angle.", 0.0, gt=-89.0, lt=89.0)
     yaw_deg: float = quantity("deg", "Yaw angle.", 0.0, ge=-180.0, le=180.0)
+
+    @model_validator(mode="after")
+    def _where(self) -> "InitialState":
+        keys = {"altitude_m": "m", "airspeed_m_s": "m/s"}
+        if self.on_ground:
+            text = "expected nothing of an aircraft that stands on the ground"
+            set_by = self.model_fields_set & {*keys, "roll_deg", "pitch_deg"}
+            zero = {name for name in set_by if getattr(self, name) == 0.0}
+            Problems.check(
+                ((name,), f"{text}, got {getattr(self, name)!r}") for name in sorted(set_by - zero)
+            )
+            return self
+        Problems.check(
+            ((name,), f"missing; expected a number in {unit}, or 'on_ground: true'")
+            for name, unit in keys.items()
+            if name not in self.model_fields_set
+        )
+        if self.airspeed_m_s == 0.0:
+            text = "expected > 0 m/s, or 'on_ground: true', got 0.0"
+            raise Problems([(("airspeed_m_s",), text)])
+        return self
 
 
 Seed = Annotated[int, whole("", "Seed of all that is random.", ge=0, le=2**32 - 1)]
@@ -54,6 +81,22 @@ class PlantUav(Model):
     aircraft: Aircraft = Field(description="The true aircraft.")
     servos: ActuatorServos = Field(default=ActuatorServos(), description="Its servos.")
     plant: PlantSection = Field(default=OwnPlant(), description="What flies it.")
+
+
+def start_problems(
+    initial: InitialState, aircraft: Aircraft, ground: Ground
+) -> Iterator[tuple[Loc, str]]:
+    """Yield why an aircraft cannot start where it is to."""
+    gear = aircraft.gear
+    if gear is None and initial.on_ground:
+        text = "the aircraft has no gear to stand on: add `gear` to the aircraft"
+        yield ("initial", "on_ground"), f"{text}, such as 'gear: {{kind: tricycle}}'"
+    lowest = ground.altitude_m(initial.north_m, initial.east_m)
+    if gear is not None:
+        lowest += gear.main(aircraft.wing_span_m)[2]
+    if not initial.on_ground and initial.altitude_m < lowest:
+        text = f"expected >= {lowest:.4g} m, above the ground there with its wheels, or"
+        yield ("initial", "altitude_m"), f"{text} 'on_ground: true', got {initial.altitude_m!r}"
 
 
 class PlantConfig(Model):
@@ -78,6 +121,8 @@ class PlantConfig(Model):
         default=Disturbance(), description="Disturbances of every aircraft."
     )
     wind: Wind = Field(default=Wind(), description="Motion of the air.")
+    ground: Ground = Field(default=Ground(), description="The ground.")
+    runway: Runway | None = Field(default=None, description="A runway on it.")
     sensors: Sensors = Field(default=Sensors(), description="Sensors of every aircraft.")
     navigation: Navigation = "true_state"
     origin: Origin = Field(default=Origin(), description="Where north = east = down = 0 is.")
@@ -88,6 +133,15 @@ class PlantConfig(Model):
     def _ids_unique(self) -> "PlantConfig":
         Problems.check(
             (("uavs", i, "id"), text) for i, text in repeated([uav.id for uav in self.uavs])
+        )
+        return self
+
+    @model_validator(mode="after")
+    def _starts_above_the_ground(self) -> "PlantConfig":
+        Problems.check(
+            (("uavs", i, *loc), text)
+            for i, uav in enumerate(self.uavs)
+            for loc, text in start_problems(uav.initial, uav.aircraft, self.ground)
         )
         return self
 
@@ -103,6 +157,6 @@ class PlantConfig(Model):
             steps = plant_problems(uav.plant, self.step_us)
             problems += [(("uavs", i, *loc), text) for loc, text in steps]
         for plant in [uav.plant for uav in self.uavs if not isinstance(uav.plant, OwnPlant)][:1]:
-            problems += truth_problems(plant, self.disturbance, Uncertainty())
+            problems += truth_problems(plant, self.disturbance, Uncertainty(), self.ground)
         Problems.check(problems)
         return self

@@ -12,6 +12,9 @@ from sitl_plant.airframe.rigid_body import R2_inv, gravity_body
 from sitl_plant.airframe.thrust import made_thrust, thrust_moment
 from sitl_plant.vec3 import Vec3, add, dot, mul, sub, vec3
 
+_LEAST_M_S = 0.1
+"""Airspeed below which it does not count as one [m/s]."""
+
 
 class MeasuredMotion(NamedTuple):
     """Measured motion, and the nominal model's view of the air."""
@@ -44,7 +47,7 @@ def motion_of(measured: np.void, aircraft: AircraftRecord, thrust: float = 0.0) 
     air = Aerodynamics(air.V, air.F, add(air.N, by_thrust), air.C, air.B, air.D)
     gravity = gravity_body(phi, aircraft["g"])
     force = vec3(measured["specific_force"])
-    V_dot = dot(v, add(force, gravity)) / air.V
+    V_dot = dot(v, add(force, gravity)) / max(air.V, _LEAST_M_S)
     return MeasuredMotion(
         v=v,
         phi=phi,

@@ -17,6 +17,7 @@ from ftc_autopilot.guidance.aircraft_limits import guidance_problems
 from ftc_autopilot.guidance.formation import Formation
 from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
+from ftc_autopilot.guidance.runway import RunwayParameters
 from ftc_autopilot.plugins.loading import calling, plugin_of
 from mavlink_defs.config.models import HostPort, Loc, Model, Problems, SystemId, repeated
 from mavlink_defs.config.quantity import quantity, whole
@@ -127,6 +128,9 @@ class ControllerConfig(Model):
     )
     guidance: Guidance = Field(
         default=PathFollowing(), description="Guidance law for paths, and its parameters."
+    )
+    runway_guidance: RunwayParameters = Field(
+        default=RunwayParameters(), description="Take-off and landing."
     )
     formation: Formation | None = Field(
         default=None, description="Formation on paths; none: it flies on the path itself."

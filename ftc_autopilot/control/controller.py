@@ -44,11 +44,12 @@ from ftc_autopilot.control.triggers import plugin as trigger_plugins
 from ftc_autopilot.control.triggers.base import TriggerParameters
 from ftc_autopilot.guidance.formation import FormationParameters
 from ftc_autopilot.guidance.laws import GUIDANCE_PARAMETERS, Guidance, guidance_record
+from ftc_autopilot.guidance.runway import RUNWAY_FIGURES, RunwayFigures, runway_record
 from ftc_autopilot.plugins.models import PLUGIN, owned
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.airframe.aircraft import AircraftRecord
-from sitl_plant.vec3 import Vec3
+from sitl_plant.vec3 import Vec3, clamp
 
 NO_INTERVAL = 2**32 - 1
 """Smallest interval of a channel with fewer than two events."""
@@ -76,6 +77,7 @@ PARAMETERS = np.dtype(
         ("formation_triggered", "i8"),  # 0: a neighbour message in every step
         ("formation_trigger", record_dtype(FormationTrigger)),
         ("guidance", GUIDANCE_PARAMETERS),
+        ("runway", RUNWAY_FIGURES),
         ("formation", record_dtype(FormationParameters)),
         *((kind, law.record()) for kind, law in LAWS.items()),
         (PLUGIN, PLUGIN_PARAMETERS),  # last, as of CONTROLLER
@@ -115,6 +117,7 @@ def parameter_record(
     formation: FormationTrigger | None = None,
     guidance: Guidance | None = None,
     in_space: FormationParameters | None = None,
+    runway: RunwayFigures | None = None,
 ) -> np.void:
     """Turn a UAV's configuration into a record of `PARAMETERS`.
 
@@ -137,6 +140,8 @@ def parameter_record(
         fill(record["formation_trigger"], formation)
     if guidance is not None:
         record["guidance"] = guidance_record(guidance)
+    if runway is not None:
+        record["runway"] = runway_record(runway)
     if in_space is not None:
         fill(record["formation"], in_space)
     controller.write_to(own_parameters(record, type(controller), controller.kind))
@@ -176,6 +181,7 @@ class Inputs(NamedTuple):
     seen: Seen
     command: np.ndarray  # unfiltered reference: airspeed [m/s], roll, pitch, yaw [rad], shape (4,)
     edges: np.ndarray  # what is known of each neighbour, dtype EDGE, shape (degree,)
+    bank_max: float  # of a heading that is held by bank [rad]; infinite: the law's own limit
 
 
 class Records(NamedTuple):
@@ -206,13 +212,18 @@ def control_step(inputs: Inputs, records: Records, may_send: bool = True) -> int
         message is due unless it is 0.
     """
     aircraft, parameters, state = records.aircraft, records.parameters, records.state
-    controls, signals = records.controls, records.signals
-    now = _step(inputs, aircraft, parameters, state)
-    for i in range(N_CHANNELS):
-        signals["predicted_exit"][i] = math.nan
-    signals["dead_steps"] = 0  # of a law without diagnosis, too
+    now = step_of(inputs, aircraft, parameters, state)
+    forget_signals(records.signals)
     flown = along_flight(now, aircraft["g"]) if now.by_bank != 0 else now
-    command = evaluate(flown, aircraft, parameters, state, signals)
+    command = evaluate(flown, aircraft, parameters, state, records.signals)
+    return finish_step(command, now, records, may_send)
+
+
+@inlined
+def finish_step(command: Command, now: Step, records: Records, may_send: bool) -> int:
+    """Send what a step commands, record it, advance the reference; as of `control_step`."""
+    aircraft, parameters, state = records.aircraft, records.parameters, records.state
+    controls, signals = records.controls, records.signals
     mask = 0
     if may_send:
         mask = transmit(command, now, aircraft, parameters, state, controls)
@@ -225,14 +236,22 @@ def control_step(inputs: Inputs, records: Records, may_send: bool = True) -> int
 
 
 @inlined
-def _step(
+def forget_signals(signals: SignalsRecord) -> None:
+    """Forget what only some laws write."""
+    for i in range(N_CHANNELS):
+        signals["predicted_exit"][i] = math.nan
+    signals["dead_steps"] = 0  # of a law without diagnosis, too
+
+
+@inlined
+def step_of(
     inputs: Inputs,
     aircraft: AircraftRecord,
     parameters: ParametersRecord,
     state: ControllerRecord,
 ) -> Step:
     """Return the step as the law sees it; the roll command is the heading's if bank holds that."""
-    t, dt, motion, seen, asked, edges = inputs
+    t, dt, motion, seen, asked, edges, bank_max = inputs
     command = state["command"]
     for i in range(4):
         command[i] = asked[i]
@@ -244,7 +263,8 @@ def _step(
         start_filter(np.array([motion.V, roll, pitch, yaw]), state["reference"])
     loop, bandwidth = heading_loop(parameters), parameters["common"]["reference_bandwidth_rad_s"]
     if loop.by_bank:
-        command[1] = bank_for(motion, state["reference"], bandwidth, loop, aircraft["g"])
+        bank = bank_for(motion, state["reference"], bandwidth, loop, aircraft["g"])
+        command[1] = clamp(bank, -bank_max, bank_max)
         if state["steps"] == 0:
             start_filter(command, state["reference"])
     reference, common = read_reference(state["reference"]), parameters["common"]

@@ -27,6 +27,8 @@ from ftc_autopilot.guidance.coordination import FORMATION, new_formation
 from ftc_autopilot.guidance.formation import LAYOUT, layout_record
 from ftc_autopilot.guidance.laws import GUIDANCE_STATE
 from ftc_autopilot.guidance.path import PATH
+from ftc_autopilot.guidance.runway import figures_of
+from ftc_autopilot.guidance.runway_phases import RUNWAY_STATE
 from ftc_autopilot.plugins.loading import calling
 from mavlink_defs.framing.codec import ACTUATORS, NEIGHBOUR
 from sitl_plant.airframe.aircraft import AIRCRAFT, aircraft_record
@@ -55,6 +57,7 @@ GUIDANCE = np.dtype(
         ("path_position", "f8"),  # path parameter then [m]
         ("unplaced", "i8"),  # 1: it has had no fix, and does not know where it is
         ("in_slot", "i8"),  # 1: a member of a formation flies in its slot, not on the path itself
+        ("runway", RUNWAY_STATE),
         ("law", GUIDANCE_STATE),
     ]
 )
@@ -120,6 +123,12 @@ def unbound_controllers(configs: Sequence[ControllerConfig]) -> Controllers:
             config.formation_trigger,
             for_aircraft(config.guidance, config.aircraft),
             config.formation,
+            figures_of(
+                config.runway_guidance,
+                config.guidance,
+                config.aircraft,
+                config.controller.reference_bandwidth_rad_s,
+            ),
         )
         if config.formation is not None:
             weights = {neighbour.id: neighbour.weight for neighbour in config.neighbours}

@@ -13,6 +13,8 @@ from ftc_autopilot.control import state_predictor
 from ftc_autopilot.control.controller import Inputs, Records, control_step, count_events
 from ftc_autopilot.control.controllers import NOT_STARTED, UAV, ReferenceSource
 from ftc_autopilot.control.edges import EDGE
+from ftc_autopilot.control.ground import ground_step
+from ftc_autopilot.control.laws import heading_loop
 from ftc_autopilot.control.neighbour_messages import (
     extrapolate,
     is_message_due,
@@ -27,13 +29,24 @@ from ftc_autopilot.guidance.laws import guide
 from ftc_autopilot.guidance.laws.base import Situation
 from ftc_autopilot.guidance.path import PATH, locate, point_at
 from ftc_autopilot.guidance.places import note_relayed, take_in
+from ftc_autopilot.guidance.runway_phases import (
+    FINAL,
+    FLARE,
+    advance,
+    bank_near_ground,
+    find_out,
+    nose_for,
+    note_path,
+    on_ground,
+    uses_runway,
+)
 from ftc_autopilot.plugins.models import PLUGIN
-from mavlink_defs.constants import N_CHANNELS, THROTTLE
+from mavlink_defs.constants import BRAKE, N_CHANNELS, THROTTLE
 from mavlink_defs.framing.codec import RELAYED_AT, REPORT_AT, SIM_STATE
 from mavlink_defs.runtime.jit import apart, compiled, inlined
 from mavlink_defs.runtime.memory import copy_record
 from sitl_plant.airframe.rigid_body import R1
-from sitl_plant.vec3 import mul, vec3
+from sitl_plant.vec3 import mul, norm, vec3
 
 _NO_SIGNALS = no_signals(1)
 _MAX_UPDATE_S = 0.1
@@ -222,11 +235,15 @@ def _control(
     on_path = guidance["follows"] == ReferenceSource.PATH
     placed = guidance["unplaced"] == 0  # else the command stays, and neighbours hear of no place
     _note_known(uav, edges, int(np.int64(measured["step"])), dt)
+    runway, figures = guidance["runway"], uav["parameters"]["runway"]
+    if runway["known"] == 0:
+        find_out(motion.V, norm(vec3(measured["velocity"])), figures, runway)
     if guidance["follows"] == ReferenceSource.PROFILE:
         profile_value(uav["profile"], clock, guidance["command"])
     elif on_path and placed:
         _guide(uav, edges, path, measured, motion, clock, dt)
-    inputs = Inputs(clock, dt, motion, seen, guidance["command"], edges)
+    bank_max = runway["bank_max"] if runway["bank_max"] > 0.0 else math.inf
+    inputs = Inputs(clock, dt, motion, seen, guidance["command"], edges, bank_max)
     records = Records(
         uav["aircraft"],
         uav["parameters"],
@@ -234,7 +251,10 @@ def _control(
         uav["actuators"]["controls"],
         uav["signals"],
     )
-    mask = control_step(inputs, records, may_send)
+    if on_ground(runway["phase"]):
+        mask = ground_step(inputs, records, runway, figures, may_send)
+    else:
+        mask = control_step(inputs, records, may_send)
     if on_path and placed and uav["layout"]["count"] > 0:
         own, layout = uav["own_state"], uav["layout"]
         tell_place(own, path["id"], measured, motion, dt, layout, uav["formation"])
@@ -278,6 +298,9 @@ def _guide(
         here=point_at(path, s),
         motion=motion,
         off=off,
+        level=math.nan,
+        over_ground=0,
+        nose=math.nan,
     )
     if uav["layout"]["count"] > 0:
         coordination = fly_in_formation(
@@ -295,11 +318,39 @@ def _guide(
             uav["formation"],
         )
         now = replaced(now, "coordination", coordination)
-    command = guide(now, path, uav["aircraft"], parameters["guidance"], guidance["law"])
-    for k in range(4):
-        guidance["command"][k] = command[k]
+    if uses_runway(path, guidance["runway"]):
+        _fly_near_ground(uav, path, now)
+    else:
+        command = guide(now, path, uav["aircraft"], parameters["guidance"], guidance["law"])
+        for k in range(4):
+            guidance["command"][k] = command[k]
     guidance["path_position"] = s
     guidance["guided_step"] = step
+
+
+@compiled
+def _fly_near_ground(uav: np.void, path: np.void, now: Situation) -> None:
+    """Update the command on a path that has a runway; a phase begins with a message."""
+    guidance, parameters, aircraft = uav["guidance"], uav["parameters"], uav["aircraft"]
+    runway, figures, command = guidance["runway"], parameters["runway"], guidance["command"]
+    limits, before = parameters["guidance"]["common"], runway["phase"]
+    if guidance["guided_step"] == NOT_STARTED:
+        note_path(path, runway)
+    now = replaced(now, "level", advance(now, path, aircraft, limits, figures, runway))
+    if on_ground(runway["phase"]):
+        command[0], command[1] = now.motion.V, 0.0
+        command[2], command[3] = runway["pitch"], runway["heading"]
+    else:
+        now = replaced(now, "over_ground", int(runway["phase"] in (FINAL, FLARE)))
+        if not heading_loop(parameters).by_bank:
+            now = replaced(now, "nose", nose_for(now, path, figures, runway))
+        flown = guide(now, path, aircraft, parameters["guidance"], guidance["law"])
+        for k in range(4):
+            command[k] = flown[k]
+        command[1] = bank_near_ground(flown[1], now, path, limits, figures, runway)
+    if runway["phase"] != before and (on_ground(before) or on_ground(runway["phase"])):
+        uav["controller"]["started"] = 0
+    uav["actuators"]["controls"][BRAKE] = runway["brake"] if on_ground(runway["phase"]) else 0.0
 
 
 PATH_PARTS = (_guide, tell_place)

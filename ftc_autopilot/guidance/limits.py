@@ -3,6 +3,7 @@
 import math
 from typing import NamedTuple
 
+from ftc_autopilot.guidance.runway import RunwayFigures
 from sitl_plant.airframe.aerodynamics import carried_linearly
 from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft
@@ -34,6 +35,7 @@ class FlightLimits(NamedTuple):
         fastest_m_s: Highest airspeed, also on the outside of a turn.
         lowest_m: Lowest place, above home.
         highest_m: Highest place, above home.
+        runway: Take-off and landing; None: neither is planned.
     """
 
     cruise_m_s: float
@@ -47,6 +49,7 @@ class FlightLimits(NamedTuple):
     fastest_m_s: float = math.inf
     lowest_m: float = -math.inf
     highest_m: float = math.inf
+    runway: RunwayFigures | None = None
 
 
 def level_airspeed(aircraft: Aircraft, incidence_rad: float) -> float:

@@ -35,11 +35,11 @@ SPEED, DELAY = dialect.MAV_CMD_DO_CHANGE_SPEED, dialect.MAV_CMD_CONDITION_DELAY
 DISTANCE = dialect.MAV_CMD_CONDITION_DISTANCE
 JUMP, SET_HOME = dialect.MAV_CMD_DO_JUMP, dialect.MAV_CMD_DO_SET_HOME
 JUMP_TO_TAG = dialect.MAV_CMD_DO_JUMP_TAG
-TAKEOFF = dialect.MAV_CMD_NAV_TAKEOFF
+TAKEOFF, LAND = dialect.MAV_CMD_NAV_TAKEOFF, dialect.MAV_CMD_NAV_LAND
 GROUND_DELAY = dialect.MAV_CMD_NAV_DELAY
 
 WAYPOINTS = {WAYPOINT} | FLOWN_STRAIGHT
-PLACES = WAYPOINTS | {LOITER, LOITER_TURNS, LOITER_TIME, LOITER_TO_ALT, RETURN}
+PLACES = WAYPOINTS | {LOITER, LOITER_TURNS, LOITER_TIME, LOITER_TO_ALT, RETURN, LAND}
 """Commands that lead to a place."""
 JUMPS = {JUMP, JUMP_TO_TAG}
 COMMANDS = PLACES | JUMPS | {TAKEOFF, GROUND_DELAY, SPEED, DELAY, DISTANCE, SET_HOME}
@@ -50,7 +50,6 @@ UNCHANGED, DEFAULT = -1.0, -2.0
 _MAX_TURNS = 1000
 _MAX_S = 86_400
 
-_FLIES_ONLY = "flights begin and end in the air"
 _HOVERS = "the aircraft cannot hover"
 _REASONS = {
     dialect.MAV_CMD_DO_CHANGE_ALTITUDE: "give the next place that altitude",
@@ -60,11 +59,8 @@ _REASONS = {
     dialect.MAV_CMD_DO_SET_MODE: "a mission is flown in AUTO; its end may be RTL (20)",
     dialect.MAV_CMD_DO_INVERTED_FLIGHT: "no law flies inverted; leave it out",
     dialect.MAV_CMD_NAV_GUIDED_ENABLE: "a station chooses GUIDED; leave it out",
-    dialect.MAV_CMD_NAV_LAND: _FLIES_ONLY,
-    dialect.MAV_CMD_NAV_TAKEOFF: _FLIES_ONLY,
-    dialect.MAV_CMD_NAV_LAND_LOCAL: _FLIES_ONLY,
-    dialect.MAV_CMD_NAV_TAKEOFF_LOCAL: _FLIES_ONLY,
-    dialect.MAV_CMD_DO_LAND_START: _FLIES_ONLY,
+    dialect.MAV_CMD_NAV_LAND_LOCAL: "give NAV_LAND (21)",
+    dialect.MAV_CMD_NAV_TAKEOFF_LOCAL: "give NAV_TAKEOFF (22)",
     dialect.MAV_CMD_NAV_VTOL_TAKEOFF: f"{_HOVERS}; give NAV_TAKEOFF (22)",
     dialect.MAV_CMD_NAV_VTOL_LAND: f"{_HOVERS}; leave it out",
     dialect.MAV_CMD_DO_VTOL_TRANSITION: f"{_HOVERS}; leave it out",
@@ -173,7 +169,11 @@ def decode_items(
             raise ItemError(seq, dialect.MAV_MISSION_UNSUPPORTED, refusal(item.command))
         on_ground = item.command in {TAKEOFF, GROUND_DELAY}
         if on_ground and any(t.item.command in PLACES for t in targets):
-            text = f"{refusal(item.command)}; it is taken as past before the first place only"
+            text = "a takeoff stands before the first place only"
+            if item.command == GROUND_DELAY:
+                text = (
+                    f"{refusal(item.command)}; a wait on the ground stands before the first place"
+                )
             raise ItemError(seq, dialect.MAV_MISSION_UNSUPPORTED, text)
         _check_params(item, limits, len(items) - 1, tags)
         target = _placed(item, origin, home, limits, height)
@@ -231,6 +231,8 @@ def _placed(
     there, is its height, `before`.
     """
     command = item.command
+    if command == TAKEOFF:
+        return MissionTarget(item, height=_take_off_height(item, origin, home))
     flown_to = command in PLACES and command != RETURN
     if not flown_to and (command != SET_HOME or param(item, 1) == 1.0):
         return MissionTarget(item)
@@ -245,9 +247,35 @@ def _placed(
     if not flown_to:
         return MissionTarget(item, place, height)
     check_height(height, home, limits, item.seq)
+    if command == LAND:
+        return _landing(item, place, height, limits)
     within = param(item, 2) if command == WAYPOINT else 0.0
     radius = 0.0 if command in FLOWN_STRAIGHT else param(item, 2 if command == LOITER_TO_ALT else 3)
     return MissionTarget(item, place, height, within, radius)
+
+
+def _landing(
+    item: MissionItem,
+    place: tuple[float, float] | None,
+    height: float,
+    limits: FlightLimits,
+) -> MissionTarget:
+    """Return a landing; its height is the one of the centre of gravity at touchdown."""
+    if limits.runway is None or not limits.runway.lands:
+        text = "the aircraft has no gear to land on; add `gear: {kind: tricycle}` to it, or"
+        raise ItemError(item.seq, dialect.MAV_MISSION_UNSUPPORTED, f"{text} `{{kind: belly}}`")
+    if place is None:
+        text = "the place of touchdown is not given"
+        raise ItemError(item.seq, dialect.MAV_MISSION_INVALID_PARAM5_X, text)
+    return MissionTarget(item, place, height + limits.runway.height, length=math.inf)
+
+
+def _take_off_height(item: MissionItem, origin: Origin, home: Home) -> float:
+    """Return the height of a takeoff; NaN if it has none, as one that is past may have."""
+    try:
+        return height_of(item.frame, decimal_of_float32(item.z), origin, home, item.seq)
+    except ItemError:
+        return math.nan
 
 
 def _param(item: MissionItem, number: int) -> float:

@@ -16,9 +16,11 @@ from typing import NamedTuple
 
 from ftc_autopilot.guidance.legs import Circle, Leg, Pose, approach, distance, tangent_course
 from ftc_autopilot.guidance.limits import FlightLimits, tightest_turn, turn_radius
-from ftc_autopilot.guidance.mission_items import MissionTarget
+from ftc_autopilot.guidance.mission_items import LAND, TAKEOFF, MissionTarget
 from ftc_autopilot.guidance.mission_places import Home
 from ftc_autopilot.guidance.path import MAX_COMMANDS, MAX_LEGS, NO_LOOP, PathCommand
+from ftc_autopilot.guidance.runway_legs import landing_legs, take_off_legs
+from ftc_autopilot.guidance.runway_marks import NO_MARKS, RunwayMarks
 from ftc_autopilot.guidance.targets import Targets, order_of
 from mavlink_defs import dialect
 from mavlink_defs.profile import ItemError
@@ -34,18 +36,20 @@ _SAME_M = 1e-3
 
 
 class Start(NamedTuple):
-    """Where a path begins, and how."""
+    """Where a path begins, and how; one that stands on the ground has to take off."""
 
     pose: Pose
     height: float  # [m]
     airspeed: float  # until the mission says another [m/s]
+    stands: bool = False
 
 
 class MissionPath(NamedTuple):
-    """Legs, which of them follows the last one, and what is passed."""
+    """Legs, which of them follows the last one, what of them is runway, and what is passed."""
 
     legs: tuple[Leg, ...]
     loop: int = NO_LOOP
+    marks: RunwayMarks = NO_MARKS
     commands: tuple[PathCommand, ...] = ()
 
 
@@ -76,7 +80,11 @@ def mission_path(
     if start is not None:
         begin = (*start.pose[:2], start.height)
         targets = Targets(order, limits, home, begin, start.airspeed)
-        return _Builder(targets, limits, start, levels=True).path()
+        builder = _Builder(targets, limits, start, levels=True)
+        take_off = next((t for t in order.visits[0] if t.item.command == TAKEOFF), None)
+        if start.stands and take_off is not None:
+            builder.take_off(take_off._replace(airspeed=start.airspeed))
+        return builder.path()
     begin = (home.north_m, home.east_m, home.height_m)
     targets = Targets(order, limits, home, begin, limits.cruise_m_s)
     return _Builder(targets, limits, _from_home(targets, begin, limits), levels=False).path()
@@ -131,6 +139,13 @@ class _Builder:
         self._circle: MissionTarget | None = None  # what is left
         self._legs: list[Leg] = []
         self._commands: list[PathCommand] = []
+        self._marks = NO_MARKS
+
+    def take_off(self, target: MissionTarget) -> None:
+        """Begin with a take-off."""
+        self._legs = take_off_legs(self._pose, self._height, target, self._limits)
+        self._pose, self._height, self._levels = self._legs[-1].end, target.height, False
+        self._marks = RunwayMarks(climb=len(self._legs), climb_to=target.height)
 
     def path(self) -> MissionPath:
         """Return the path."""
@@ -142,7 +157,7 @@ class _Builder:
             same = self._target.index_of_same(k)
             if same is not None and self._alike(begins[same], begins[k]):
                 legs = tuple(self._legs[: begins[k]])
-                return MissionPath(legs, begins[same], tuple(self._commands))
+                return MissionPath(legs, begins[same], self._marks, tuple(self._commands))
             self._note_commands(target, begins[k])
             self._add_circle(target)
             if len(self._legs) > MAX_LEGS:
@@ -150,7 +165,8 @@ class _Builder:
             if len(self._commands) > MAX_COMMANDS:
                 raise self._too_long(target, k, f"{MAX_COMMANDS} commands")
             k += 1
-        return MissionPath(tuple(self._legs), commands=tuple(self._commands))
+        loop = self._marks.final if self._marks.landing else NO_LOOP
+        return MissionPath(tuple(self._legs), loop, self._marks, tuple(self._commands))
 
     def _note_commands(self, target: MissionTarget, begin: int) -> None:
         """Note what is passed on the way to a target, which begins with a leg."""
@@ -211,7 +227,28 @@ class _Builder:
                 first, second = arc.cut(0.5 * arc.length_m)
                 pieces.append(first)
                 self._begun, self._pose = [second], second.end
-        self._add_climb(target, pieces)
+        if target.item.command == LAND:
+            self._add_landing(target, pieces)
+        else:
+            self._add_climb(target, pieces)
+
+    def _add_landing(self, target: MissionTarget, pieces: list[Leg]) -> None:
+        """Add the way to the line of a landing, the landing, and the way around again."""
+        if not pieces or pieces[-1].curvature_1_m != 0.0:
+            text = "no straight line leads to it; move the item before away"
+            raise ItemError(target.item.seq, dialect.MAV_MISSION_INVALID, text)
+        *way, line = pieces
+        self._add(target, way, 0.0)
+        final = len(self._legs)
+        legs, marks = landing_legs(line, self._height, target, self._limits)
+        self._legs += legs
+        self._marks = marks._replace(
+            climb=self._marks.climb,
+            climb_to=self._marks.climb_to,
+            final=final,
+            landing=final + marks.landing,
+            around=final + marks.around,
+        )
 
     def _way(self, target: MissionTarget) -> list[Leg]:
         """Return arc and line to a target from where the path is."""

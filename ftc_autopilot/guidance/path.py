@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ftc_autopilot.guidance.legs import Leg
+from ftc_autopilot.guidance.runway_marks import NO_MARKS, RunwayMarks
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import hypot
 
@@ -43,6 +44,14 @@ PATH = np.dtype(
         ("commands", "i8"),  # commands that are passed
         ("passed", "f8", (MAX_COMMANDS,)),  # s where each is [m], in order
         ("command", "i8", (MAX_COMMANDS,)),  # its item
+        # take-off and landing: path parameters [m] and heights of the centre of gravity [m]
+        ("climb_to", "f8"),  # height that the take-off climbs to
+        ("take_off", "f8"),  # end of the take-off, 0: there is none
+        ("final", "f8"),  # where the line of the landing begins
+        ("landing", "f8"),  # touchdown, 0: there is no landing
+        ("around", "f8"),  # where the way around begins that leads to `final` again
+        ("around_at", "f8"),  # its height
+        ("flare", "f8"),  # height at which the flare begins
     ]
 )
 
@@ -69,13 +78,17 @@ class PathCommand(NamedTuple):
 
 
 def path_record(
-    legs: Sequence[Leg], loop: int = NO_LOOP, commands: Sequence[PathCommand] = ()
+    legs: Sequence[Leg],
+    loop: int = NO_LOOP,
+    marks: RunwayMarks = NO_MARKS,
+    commands: Sequence[PathCommand] = (),
 ) -> np.void:
     """Return a path as a record of dtype `PATH`; its id is a hash of the rest, not 0.
 
     Args:
         legs: At most `MAX_LEGS`; only the last one may be infinite, and then nothing follows it.
         loop: Leg that follows the last one, or `NO_LOOP`.
+        marks: What of it is runway.
         commands: What is passed, in order; at most `MAX_COMMANDS`.
     """
     record: np.void = np.zeros(1, PATH)[0]
@@ -89,6 +102,11 @@ def path_record(
     record["commands"] = len(commands)
     for i, (leg_number, distance, item) in enumerate(commands):
         record["passed"][i], record["command"][i] = record["start"][leg_number] + distance, item
+    record["climb_to"], record["take_off"] = marks.climb_to, record["start"][marks.climb]
+    if marks.landing:
+        for name in ("final", "landing", "around"):
+            record[name] = record["start"][getattr(marks, name)]
+        record["around_at"], record["flare"] = marks.around_at, marks.flare
     record["id"] = zlib.crc32(record.tobytes()) or 1
     return record
 

@@ -11,16 +11,24 @@ from ftc_autopilot.guidance.formation import Formation
 from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.legs import Pose
 from ftc_autopilot.guidance.limits import FlightLimits, level_airspeed
-from ftc_autopilot.guidance.mission_items import LOITER, RETURN, MissionTarget, decode_items
+from ftc_autopilot.guidance.mission_items import (
+    LOITER,
+    RETURN,
+    TAKEOFF,
+    MissionTarget,
+    decode_items,
+)
 from ftc_autopilot.guidance.mission_path import Start, mission_path
 from ftc_autopilot.guidance.mission_places import Home
 from ftc_autopilot.guidance.path import path_record
+from ftc_autopilot.guidance.runway import STANDS, RunwayFigures
+from mavlink_defs import dialect
 from mavlink_defs.mission_files import mission_item
-from mavlink_defs.profile import AirspeedLimits
+from mavlink_defs.profile import AirspeedLimits, ItemError
 from mavlink_defs.services.mission import MissionItem
 from sitl_plant.airframe.config import Aircraft
 from sitl_plant.airframe.rigid_body import R1
-from sitl_plant.vec3 import mul, vec3
+from sitl_plant.vec3 import mul, norm, sub, vec3
 
 _CLIMB_RESERVE_DEG = 5.0
 """Climb that is kept for corrections [deg]."""
@@ -40,6 +48,7 @@ class Planner:
         guidance: Guidance,
         origin: Origin,
         formation: Formation | None = None,
+        runway: RunwayFigures | None = None,
     ) -> None:
         """Note the limits.
 
@@ -48,6 +57,7 @@ class Planner:
             guidance: Parameters of the guidance law.
             origin: Of the simulation's world.
             formation: What it flies in, if any.
+            runway: Its take-off and landing; None: neither is planned.
         """
         self._origin, self._in_formation = origin, formation is not None
         own = limits_of(guidance, aircraft)
@@ -65,6 +75,7 @@ class Planner:
             fastest_m_s=self.airspeeds.max_m_s,
             lowest_m=guidance.min_altitude_m,
             highest_m=guidance.max_altitude_m,
+            runway=runway,
         )
 
     def check(
@@ -92,7 +103,7 @@ class Planner:
         Raises:
             ItemError: It cannot be flown.
         """
-        start = None if self._in_formation else start_of(measured, self.limits.cruise_m_s)
+        start = None if self._in_formation else self.start_of(measured, self.limits.cruise_m_s)
         return self.path(items, start)
 
     def path(
@@ -114,7 +125,14 @@ class Planner:
             ItemError: It cannot be flown.
         """
         mission = decode_items(items, self._origin, home, self.limits)
-        return path_record(*mission_path(mission, self.limits, home, start, first))
+        path = mission_path(mission, self.limits, home, start, first)
+        if start is not None and start.stands and not path.marks.climb:
+            text = "the aircraft stands on the ground; begin with NAV_TAKEOFF (22)"
+            raise ItemError(first, dialect.MAV_MISSION_INVALID, text)
+        if self._in_formation and path.marks.landing:
+            text = "a formation does not land; leave the landing out, and land each by itself"
+            raise ItemError(int(path.legs[-1].item), dialect.MAV_MISSION_UNSUPPORTED, text)
+        return path_record(*path)
 
     def circle(
         self, start: Start, centre: tuple[float, float] | None, height: float, radius_m: float = 0.0
@@ -133,23 +151,43 @@ class Planner:
         circle = MissionTarget(mission_item(0, LOITER), centre, height, radius=radius_m)
         return path_record(*mission_path((circle,), self.limits, Home(), start))
 
+    def take_off(self, start: Start, height: float) -> np.void:
+        """Return the path of a take-off into a circle at its end.
+
+        Args:
+            start: Where it stands.
+            height: [m].
+
+        Raises:
+            ItemError: It does not stand, or cannot take off.
+        """
+        if not start.stands:
+            raise ItemError(0, dialect.MAV_MISSION_INVALID, "the aircraft is in the air")
+        take_off = MissionTarget(mission_item(1, TAKEOFF), height=height)
+        circle = MissionTarget(mission_item(2, LOITER), height=height)
+        return path_record(*mission_path((take_off, circle), self.limits, Home(), start))
+
     def way_home(self, start: Start, home: Home) -> np.void:
         """Return the path from a start into the circle around home."""
         return path_record(
             *mission_path((MissionTarget(mission_item(0, RETURN)),), self.limits, home, start)
         )
 
+    def start_of(self, measured: np.void, airspeed: float) -> Start:
+        """Return the start of a path at a measured state.
 
-def start_of(measured: np.void, airspeed: float) -> Start:
-    """Return the start of a path at a measured state.
-
-    Args:
-        measured: Record of dtype `mavlink_defs.framing.codec.SIM_STATE`.
-        airspeed: Until the mission says another [m/s].
-    """
-    north, east, down = map(float, measured["position"])
-    v_north, v_east, _ = mul(R1(vec3(measured["attitude"])), vec3(measured["velocity"]))
-    return Start(Pose(north, east, math.atan2(v_east, v_north)), -down, airspeed)
+        Args:
+            measured: Record of dtype `mavlink_defs.framing.codec.SIM_STATE`.
+            airspeed: Until the mission says another [m/s].
+        """
+        north, east, down = map(float, measured["position"])
+        attitude, velocity = vec3(measured["attitude"]), vec3(measured["velocity"])
+        v_north, v_east, _ = mul(R1(attitude), velocity)
+        stall = 0.0 if self.limits.runway is None else self.limits.runway.stall
+        through_air = norm(sub(velocity, vec3(measured["wind"])))
+        if through_air < stall and norm(velocity) < STANDS * stall:
+            return Start(Pose(north, east, attitude[2]), -down, airspeed, stands=True)
+        return Start(Pose(north, east, math.atan2(v_east, v_north)), -down, airspeed)
 
 
 def _farthest_right(formation: Formation) -> float:

@@ -12,6 +12,7 @@ from ftc_autopilot.guidance.mission_items import (
     DISTANCE,
     JUMP,
     JUMPS,
+    LAND,
     LOITER,
     LOITER_TIME,
     LOITER_TO_ALT,
@@ -93,7 +94,7 @@ def order_of(mission: Sequence[MissionTarget], first: int = 1) -> Order:
         if command in PLACES:
             visits.append(tuple(visit))
             visit.clear()
-            if command in {LOITER, RETURN}:
+            if command in {LOITER, RETURN, LAND}:
                 break
             if jump is not None and len(visits) > MAX_VISITS:
                 text = f"jumps make more than {MAX_VISITS} places of the mission"
@@ -209,7 +210,7 @@ class Targets:
             airspeed=before.airspeed_there, changes=changes, commands=commands, home=home
         )
         command, airspeed = to.item.command, to.airspeed_there
-        if command in WAYPOINTS and to.radius == 0.0:
+        if command == LAND or (command in WAYPOINTS and to.radius == 0.0):
             return to if to.place else to._replace(place=before.place)
         radius = self._radius(to, airspeed)
         if command == RETURN:

@@ -17,7 +17,9 @@ from ftc_autopilot.guidance.limits import tightest_turn
 from ftc_autopilot.guidance.mission_path import Start
 from ftc_autopilot.guidance.mission_places import Home, home_item
 from ftc_autopilot.guidance.path import NO_LOOP, PathPoint, commands_between, locate, point_at
-from ftc_autopilot.guidance.planner import Planner, start_of
+from ftc_autopilot.guidance.planner import Planner
+from ftc_autopilot.guidance.runway import figures_of
+from ftc_autopilot.guidance.runway_phases import STANDING, STOPPED
 from ftc_autopilot.hot.hot_state import HotState
 from mavlink_defs.profile import ItemError
 from mavlink_defs.services.mission import MissionItem
@@ -81,7 +83,11 @@ class FlightPath:
     def __init__(
         self, config: AutopilotConfig, hot: HotState, controllers: Controllers, home: VehicleHome
     ) -> None:
-        self.planner = Planner(config.aircraft, config.guidance, config.origin, config.formation)
+        bandwidth = config.controller.reference_bandwidth_rad_s
+        runway = figures_of(config.runway_guidance, config.guidance, config.aircraft, bandwidth)
+        self.planner = Planner(
+            config.aircraft, config.guidance, config.origin, config.formation, runway
+        )
         self.items: tuple[MissionItem, ...] = ()
         self.airspeed = self.planner.limits.cruise_m_s
         self._hot, self.home = hot, home
@@ -102,6 +108,26 @@ class FlightPath:
         """The path, of dtype `ftc_autopilot.guidance.path.PATH`."""
         path: np.void = self._paths[0]
         return path
+
+    @property
+    def phase(self) -> int:
+        """Phase of take-off or landing, of `ftc_autopilot.guidance.runway_phases`."""
+        return int(self._guidance["runway"]["phase"])
+
+    @property
+    def reason(self) -> int:
+        """Why the last take-off was rejected, or the last approach given up."""
+        return int(self._guidance["runway"]["reason"])
+
+    @property
+    def stands(self) -> bool:
+        """Whether the vehicle stands on the ground."""
+        return self.phase in (STANDING, STOPPED)
+
+    @property
+    def landed(self) -> bool:
+        """Whether it has flown its path to a landing."""
+        return self.phase == STOPPED and bool(self.record["landing"] > 0.0)
 
     @property
     def position(self) -> float:
@@ -202,12 +228,17 @@ class FlightPath:
         home = home or self.home.at
         items = items or self.items
         if not self._in_formation:
-            start = start_of(self._hot.measured, airspeed or self.planner.limits.cruise_m_s)
+            start = self._start(airspeed or self.planner.limits.cruise_m_s)
             return Way(self.planner.path(items, start, home, item))
         path = self.planner.path(items, home=home)
         legs = np.flatnonzero(path["item"][: path["count"]] >= item)
         leg = int(legs[0]) if len(legs) else 0
         return Way(path, float(path["start"][leg]), in_slot=True)
+
+    def take_off(self, height: float) -> Way:
+        """Return the way of a take-off, and a circle at a height above home [m] at its end."""
+        start = self._start(self.planner.limits.cruise_m_s)
+        return Way(self.planner.take_off(start, self.home.at.height_m + height))
 
     def circle_here(self, height: float | None = None) -> Way:
         """Return the circle at the present place, and height if no other is given [m]."""
@@ -251,6 +282,10 @@ class FlightPath:
         self._paths[0]["count"] = way.path["count"]
         begin_path(self._guidance, way.near, in_slot=way.in_slot)
 
+    def go_around(self) -> None:
+        """Give up the approach that is flown."""
+        self._guidance["runway"]["asked"] = 1
+
     def change_speed(self, airspeed: float) -> None:
         """Fly on at another airspeed, until the mission says another.
 
@@ -274,7 +309,7 @@ class FlightPath:
     # inside
 
     def _start(self, airspeed: float) -> Start:
-        return start_of(self._hot.measured, airspeed)
+        return self.planner.start_of(self._hot.measured, airspeed)
 
     def _within(self, path: np.void) -> float:
         """Return the path parameter, within the first round of a path that returns."""

@@ -54,6 +54,7 @@ class Mission:
         )
         self._reached: list[MAVLink_message] = []
         self._follows = False  # whether the current item is one that was flown
+        self._landed = False
         self._passed_leg = (0, 0)  # number of a path, and the leg of it that was flown last
         self._passed_to = (0, 0.0)  # number of a path, and how far its commands were announced [m]
         self._note_state()
@@ -101,7 +102,11 @@ class Mission:
             text = "Mission start: params 1 and 2 must be 0, a part cannot be flown"
             self._say(dialect.MAV_SEVERITY_WARNING, text)
             return dialect.MAV_RESULT_DENIED
-        result = self._modes.start_mission(1 if self._modes.started else self.server.current)
+        return self.start_at(1 if self._modes.started else self.server.current)
+
+    def start_at(self, seq: int) -> int:
+        """Fly the mission in AUTO from an item on, started or not; return MAV_RESULT."""
+        result = self._modes.start_mission(seq)
         self._follows = self._follows or result == _ACCEPTED
         self._note_state()
         return result
@@ -144,6 +149,9 @@ class Mission:
             self._modes.note_item(current)
             reached = self._passed()
             self._announce()
+            if self._modes.path.landed and not self._landed:
+                reached.append(current)
+            self._landed = self._modes.path.landed
         elif current != before:
             reached = range(max(before, 1), current)
         if self._follows:

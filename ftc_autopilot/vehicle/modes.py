@@ -19,7 +19,15 @@ from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.plugins.loading import calling
 from ftc_autopilot.vehicle.flight_path import FlightPath, Way
 from mavlink_defs import dialect
-from mavlink_defs.constants import AUTO, FORCE_DISARM, GUIDED, LOITER, MODE_NAMES, RTL
+from mavlink_defs.constants import (
+    AUTO,
+    FORCE_DISARM,
+    GUIDED,
+    LOITER,
+    MODE_NAMES,
+    RTL,
+    TAKEOFF,
+)
 from mavlink_defs.profile import ItemError, check_mission, items_to_segments
 from mavlink_defs.services.mission import MissionItem
 
@@ -56,6 +64,7 @@ class Modes:
         self._hot, self._controllers, self._say = hot, controllers, say
         self._guidance = controllers.uavs[0]["guidance"]
         self._autopilot = config.mav_autopilot
+        self._take_off_m = self._usual_take_off_m = config.runway_guidance.take_off_m
 
     # state
 
@@ -106,7 +115,7 @@ class Modes:
         """Return a HEARTBEAT with mode, arming and state."""
         flags = dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | dialect.MAV_MODE_FLAG_STABILIZE_ENABLED
         flags |= dialect.MAV_MODE_FLAG_GUIDED_ENABLED if self.mode != LOITER else 0
-        flags |= dialect.MAV_MODE_FLAG_AUTO_ENABLED if self.mode in {AUTO, RTL} else 0
+        flags |= dialect.MAV_MODE_FLAG_AUTO_ENABLED if self.mode in {AUTO, RTL, TAKEOFF} else 0
         flags |= dialect.MAV_MODE_FLAG_SAFETY_ARMED if self.armed else 0
         return dialect.MAVLink_heartbeat_message(
             dialect.MAV_TYPE_FIXED_WING, self._autopilot, flags, self.mode, self.status, 3
@@ -165,7 +174,7 @@ class Modes:
     def is_over(self) -> bool:
         """Return whether the end of the mission, which is flown on, has been reached."""
         if not self.has_profile:
-            return self.flies_mission and self.path.is_at_end()
+            return self.flies_mission and (self.path.is_at_end() or self.path.landed)
         return self.started and self.current_item() == int(
             self._controllers.uavs[0]["profile"]["count"]
         )
@@ -240,7 +249,7 @@ class Modes:
             if self._by_bank is not None:
                 self._say(dialect.MAV_SEVERITY_INFO, f"heading by bank: {self._by_bank}")
         elif self.armed:
-            if self.running and params[1] != FORCE_DISARM:
+            if self.running and not self.path.stands and params[1] != FORCE_DISARM:
                 return self._refuse(
                     f"Disarm: refused in flight; force it with param 2 = {FORCE_DISARM:g}"
                 )
@@ -276,6 +285,15 @@ class Modes:
         if mode == self.mode and self.path.flown and mode != AUTO:
             return _ACCEPTED  # a circle goes on
         return _ACCEPTED if self._enter(int(mode)) else _DENIED
+
+    def take_off(self, params: Sequence[float]) -> int:
+        """Execute MAV_CMD_NAV_TAKEOFF: param 7 is the height above home [m], 0 the usual one."""
+        height = params[6] if params[6] > 0.0 else self._usual_take_off_m
+        before, self._take_off_m = self._take_off_m, height
+        if self._enter(TAKEOFF):
+            return _ACCEPTED
+        self._take_off_m = before
+        return _DENIED
 
     def change_speed(self, params: Sequence[float]) -> int:
         """Execute MAV_CMD_DO_CHANGE_SPEED: param 2 is the airspeed [m/s]."""
@@ -390,6 +408,8 @@ class Modes:
             return self.path.mission(item)
         if mode == RTL:
             return self.path.way_home()
+        if mode == TAKEOFF:
+            return self.path.take_off(self._take_off_m)
         return self.path.circle_here() if armed else None
 
     def _note_mode(self, mode: int) -> None:

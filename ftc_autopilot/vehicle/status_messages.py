@@ -129,11 +129,3 @@ class StatusMessages:
             battery.time_left_s,
             dialect.MAV_BATTERY_CHARGE_STATE_OK,
         )
-
-    @staticmethod
-    @message(dialect.MAVLink_extended_sys_state_message, every_s=1.0)
-    def extended_sys_state() -> MAVLink_message:
-        """Return EXTENDED_SYS_STATE: flights begin, and end, in the air."""
-        return dialect.MAVLink_extended_sys_state_message(
-            dialect.MAV_VTOL_STATE_UNDEFINED, dialect.MAV_LANDED_STATE_IN_AIR
-        )

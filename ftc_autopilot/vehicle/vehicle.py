@@ -35,6 +35,7 @@ from ftc_autopilot.vehicle.param_table import parameters_of
 from ftc_autopilot.vehicle.path_messages import PathMessages
 from ftc_autopilot.vehicle.plan import VehiclePlan
 from ftc_autopilot.vehicle.resumption import Resumption
+from ftc_autopilot.vehicle.runway import RunwayMessages
 from ftc_autopilot.vehicle.sensor_messages import SensorMessages, TrueStateSensors
 from ftc_autopilot.vehicle.shown_state import ShownState
 from ftc_autopilot.vehicle.state_messages import StateMessages
@@ -66,9 +67,6 @@ _MODES = {  # commands that are modes
     dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH: RTL,
 }
 _IMPOSSIBLE = (  # commands refused with the reason
-    dialect.MAV_CMD_NAV_TAKEOFF,
-    dialect.MAV_CMD_NAV_LAND,
-    dialect.MAV_CMD_DO_LAND_START,
     dialect.MAV_CMD_NAV_VTOL_TAKEOFF,
     dialect.MAV_CMD_NAV_VTOL_LAND,
 )
@@ -119,6 +117,7 @@ class VehicleServices:
         self._changes = Changes()
         shown = ShownState(hot, config.origin, self._home)
         self._estimator = EstimatorMessages(hot, shown, self._clock)
+        self._runway = RunwayMessages(shown, self.modes, self._plan.mission.start_at, self.say)
         makers = (
             StateMessages(shown, controllers, self._home, self._clock),
             TrueStateSensors(shown, self._clock)
@@ -139,6 +138,7 @@ class VehicleServices:
             PathMessages(shown, controllers, path, self._clock),
             self._plan.mission,
             self._plan.fence,
+            self._runway,
         )
         self.telemetry = [Telemetry(*makers) for _ in self._stations]
         self.telemetry_clock = TelemetryClock(config.telemetry_clock, hot)
@@ -347,6 +347,10 @@ class VehicleServices:
             dialect.MAV_CMD_DO_SET_MODE: lambda params: modes.set_mode(params[1]),
             dialect.MAV_CMD_DO_CHANGE_SPEED: modes.change_speed,
             dialect.MAV_CMD_MISSION_START: mission.start,
+            dialect.MAV_CMD_NAV_TAKEOFF: modes.take_off,
+            dialect.MAV_CMD_NAV_LAND: self._runway.land,
+            dialect.MAV_CMD_DO_LAND_START: self._runway.land,
+            dialect.MAV_CMD_DO_GO_AROUND: self._runway.go_around,
             dialect.MAV_CMD_DO_SET_MISSION_CURRENT: mission.set_current,
             dialect.MAV_CMD_FTC_SET_SLOT: self._formation.set_slot,
             **self._requests.handlers(),
@@ -411,7 +415,7 @@ class VehicleServices:
 
     def _report_changes(self) -> None:
         """Announce what has changed since the last report."""
-        own = self._resumption, self._edges, self._old_states, self._plan.fence
+        own = self._resumption, self._edges, self._old_states, self._plan.fence, self._runway
         services = (*own, self._controller, self._diagnosis, self._estimator, self._formation)
         changes = chain.from_iterable(service.changes() for service in services)
         for severity, text in self._changes.bounded(changes, self._hot.time_us):

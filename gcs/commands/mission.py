@@ -323,4 +323,6 @@ def _total(itinerary: Itinerary) -> str:
     total = f"{itinerary.length_m:.0f} m, {itinerary.time_s:.0f} s in still air; then "
     if itinerary.repeats is not None:
         return f"{total}again from item {itinerary.repeats} on"
+    if itinerary.lands:
+        return f"{total}stands"
     return f"{total}circles around the last place"

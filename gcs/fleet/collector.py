@@ -126,6 +126,7 @@ class Collector:
             loss=loss,
             restarts=restarts,
             plugin_failed=bool(failed),
+            contacts=plant.get("contacts") or (),
         )
 
     def remove(self) -> None:

@@ -46,6 +46,7 @@ from sitl_plant.loop.fault_commands import faults_of
 from sitl_plant.loop.fleet import (
     ADVANCE,
     PlantState,
+    contacts_of,
     fly,
     loss_of,
     navigates,
@@ -224,6 +225,7 @@ def fly_on(
         wall_s=time.perf_counter() - started,
         loss=loss,
         plugin_failed=failure is not None,
+        contacts=contacts_of(fleet),
     )
 
 

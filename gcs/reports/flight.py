@@ -7,9 +7,11 @@ from rich.text import Text
 
 from gcs.console.terminal import numbers, table_of, texts
 from gcs.results.figures import FlightSummary, UavSummary
+from gcs.results.ground import GroundSummary
 from gcs.results.quantities import IAE_UNITS, QUANTITIES, milliseconds, percent
 from gcs.scenario.model import Scenario
 from mavlink_defs.capture.saving import saving
+from mavlink_defs.config.problems import counted
 
 
 def flight_tables(summary: FlightSummary, scenario: Scenario) -> list[Table | Text | str]:
@@ -60,6 +62,8 @@ def _remarks(uav: UavSummary, steps: int) -> Iterator[Text]:
             f" first at {failure.time_s:.3f} s: steps without a finite command, where the last one "
             f"was held: {counts}",
         )
+    if (ground := uav.ground) is not None:
+        yield Text(f"UAV {uav.id}: {_on_ground(ground)}")
     for decision in uav.diagnosis:
         at = f"at {decision.time_s:.3f} s"
         caused = "start" if decision.phase == "lost" else "end"
@@ -80,6 +84,20 @@ def _remarks(uav: UavSummary, steps: int) -> Iterator[Text]:
             f"UAV {uav.id} was disarmed for {disarmed} of {steps} steps, which count neither "
             "as control periods nor as errors"
         )
+
+
+def _on_ground(ground: GroundSummary) -> str:
+    """Describe what became of an aircraft on the ground."""
+    text = ground.outcome if ground.reason is None else f"{ground.outcome}: {ground.reason}"
+    if (worst := ground.worst) is not None:
+        text += (
+            f"; of {counted(ground.touchdowns, 'touchdown')} the hardest at {worst.time_s:.2f} s: "
+            f"sink {worst.sink_m_s:.2f} m/s, bank {worst.bank_deg:.1f}°, drift "
+            f"{worst.drift_m_s:.2f} m/s"
+        )
+    if ground.off_centre_m is not None:
+        text += f"; at most {ground.off_centre_m:.1f} m beside the centre line on the ground"
+    return text
 
 
 def transmissions_table(summary: FlightSummary, names: dict[int, str]) -> Table:

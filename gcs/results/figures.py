@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Generic, Literal, Self, TypeVar
 
+from gcs.results.ground import GroundSummary
 from gcs.results.path_following import PassedCommand, PathSummary
 from gcs.results.quantities import (
     IAE_UNITS,
@@ -100,10 +101,11 @@ class UavSummary:
         diagnosis: Decisions of its diagnosis, in order; none of a law without one.
         restarts: How often its autopilot was started again.
         path: How it followed the path of the mission; None in a flight without one.
-        lowest_altitude_m: Least height above the ground, which is at the origin [m]; below 0 it has
-            hit the ground. None of a flight without steps, or of an earlier version.
+        lowest_altitude_m: Least height of its centre of gravity above the ground [m]; below 0 it
+            has hit it. None of a flight without steps, or of an earlier version.
         control_failure: Commands of its law that were not finite; None if all were.
         commands: Commands of its mission that it passed, and announced or would have, in order.
+        ground: What became of it on the ground; None of an aircraft without gear.
     """
 
     id: int
@@ -128,6 +130,7 @@ class UavSummary:
     lowest_altitude_m: float | None = None
     control_failure: ControlFailure | None = None
     commands: tuple[PassedCommand, ...] = ()
+    ground: GroundSummary | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return its part of `summary.json`."""
@@ -136,7 +139,9 @@ class UavSummary:
 
     @property
     def hit_ground(self) -> bool:
-        """Whether it went below the ground, where its flight ended."""
+        """Whether it crashed into the ground, where its flight ended."""
+        if self.ground is not None:
+            return self.ground.outcome == "crashed"
         return self.lowest_altitude_m is not None and self.lowest_altitude_m < 0.0
 
     @property
@@ -316,6 +321,24 @@ def _events_of(channel: str) -> Callable[[UavSummary], int]:
     return lambda uav: uav.channels[channel].events
 
 
+def _at_touchdown(name: str) -> Callable[[UavSummary], float | None]:
+    def of(uav: UavSummary) -> float | None:
+        worst = None if uav.ground is None else uav.ground.worst
+        return None if worst is None else abs(getattr(worst, name))
+
+    return of
+
+
+def _off_centre(uav: UavSummary) -> float | None:
+    """Return how far from its runway's centre line it was on the ground [m]."""
+    return None if uav.ground is None else uav.ground.off_centre_m
+
+
+def _landed(uav: UavSummary) -> int | None:
+    """Return 1 of one that landed within its limits, 0 of another with gear."""
+    return None if uav.ground is None else int(uav.ground.outcome == "landed")
+
+
 def _on_path(name: str) -> Callable[[UavSummary], float | None]:
     return lambda uav: None if uav.path is None else getattr(uav.path, name)
 
@@ -329,6 +352,12 @@ UAV_FIGURES: list[Figure[UavSummary]] = [
     _time("heading_lost_at_s", lambda uav: uav.heading_lost_at_s),
     _time("control_failed_at_s", lambda uav: uav.control_failed_at_s),
     Figure("lowest_altitude_m", "m", lambda uav: uav.lowest_altitude_m, better="higher"),
+    *(
+        Figure(f"touchdown_{name}", unit, _at_touchdown(name))
+        for name, unit in {"sink_m_s": "m/s", "bank_deg": "deg", "drift_m_s": "m/s"}.items()
+    ),
+    Figure("off_centre_m", "m", _off_centre),
+    Figure("landed", "", _landed, str, "higher", whole=True),
     _count("messages", lambda uav: uav.actuator_messages),
     _count("neighbour_messages", lambda uav: uav.neighbour_messages),
     _share("neighbour_saving", lambda uav: uav.neighbour_saving),

@@ -6,7 +6,7 @@ where it received no state, and while disarmed only what it measures and holds.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, Self, TypeAlias
+from typing import Any, Literal, NamedTuple, Self, TypeAlias
 
 import numpy as np
 
@@ -84,6 +84,8 @@ class Ending:
         loss: Why the flight was lost; None if it was not.
         restarts: How often each autopilot was started again; empty: none could be.
         plugin_failed: Whether it was lost because a plug-in failed.
+        contacts: What became of each aircraft on the ground, None of one without gear, as
+            `sitl_plant.loop.fleet.contacts_of` returns it; empty if nothing is known.
     """
 
     mode: Mode
@@ -93,6 +95,7 @@ class Ending:
     loss: str | None
     restarts: tuple[int, ...] = ()
     plugin_failed: bool = False
+    contacts: Sequence[dict[str, Any] | None] = ()
 
 
 @dataclass(frozen=True)
@@ -117,6 +120,7 @@ class Recording:
         estimates: Shape (steps, n, `ESTIMATED`), by which the laws flew: position NED, velocity
             [m/s], attitude, rates [rad/s], wind [m/s], body axes; NaN where an autopilot received
             nothing. None if they flew by true states.
+        contacts: As of `Ending`.
     """
 
     mode: Mode
@@ -132,6 +136,7 @@ class Recording:
     restarts: tuple[int, ...] = ()
     plugin_failed: bool = False
     estimates: np.ndarray | None = None
+    contacts: Sequence[dict[str, Any] | None] = ()
 
     @classmethod
     def of(cls, steps: Steps, ending: Ending, uav_ids: tuple[int, ...], step_us: int) -> Self:
@@ -150,6 +155,7 @@ class Recording:
             restarts=ending.restarts,
             plugin_failed=ending.plugin_failed,
             estimates=steps.estimates if steps.estimates.shape[-1] else None,
+            contacts=ending.contacts,
         )
 
     @property
@@ -164,13 +170,14 @@ class Recording:
     def ending(self) -> Ending:
         """What is known of the flight besides its steps."""
         return Ending(
-            self.mode,
-            len(self.states),
-            self.repeats,
-            self.wall_s,
-            self.loss,
-            self.restarts,
-            self.plugin_failed,
+            mode=self.mode,
+            steps=len(self.states),
+            repeats=self.repeats,
+            wall_s=self.wall_s,
+            loss=self.loss,
+            restarts=self.restarts,
+            plugin_failed=self.plugin_failed,
+            contacts=self.contacts,
         )
 
     @property

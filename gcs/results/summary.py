@@ -1,6 +1,7 @@
 """Computing the figures of one flight: events, savings, intervals, tracking errors."""
 
 from collections.abc import Iterable, Iterator
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from gcs.results.figures import (
     FlightSummary,
     UavSummary,
 )
+from gcs.results.ground import GroundSummary, TouchdownSummary
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES, in_degrees
 from gcs.results.recording import Ending, Recording
 from gcs.results.tally import FINAL_S, Decision, Tally
@@ -128,12 +130,21 @@ def _summarise_uav(
         commands=() if tally.following is None else tally.following.commands(i, _names(scenario)),
         lowest_altitude_m=_finite(-own["highest_down"]),
         control_failure=_failure(own, step_us),
+        ground=_on_ground(ending.contacts[i] if ending.contacts else None),
     )
 
 
 def _names(scenario: Scenario) -> dict[int, str]:
     """Return the names of the commands of a scenario's mission."""
     return {item.seq: command_name(item.command) for item in scenario.mission_items()}
+
+
+def _on_ground(facts: dict[str, Any] | None) -> GroundSummary | None:
+    """Return what the plant said of an aircraft on the ground."""
+    if facts is None:
+        return None
+    worst = facts["worst"]
+    return GroundSummary(**{**facts, "worst": worst and TouchdownSummary(**worst)})
 
 
 def _failure(own: np.void, step_us: int) -> ControlFailure | None:

@@ -19,6 +19,7 @@ from gcs.results.traffic import Traffic
 from gcs.scenario.model import Scenario
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.runtime.jit import compiled
+from sitl_plant.vec3 import dot, vec3
 
 FINAL_S = 1.0
 """The final error is the largest one of this long before the end [s]."""
@@ -48,7 +49,7 @@ TALLY = np.dtype(
         ("changes", "i8"),  # steps at which that changed
         ("control_failed", "i8"),  # first step with a demand that was not finite, -1: none
         ("not_finite", "i8", (N_CHANNELS,)),  # steps with one
-        ("highest_down", "f8"),  # largest of down [m]
+        ("highest_down", "f8"),  # largest distance below the ground [m]
     ]
 )
 """What is counted of one UAV."""
@@ -78,7 +79,7 @@ class Tally:
 
     def __init__(self, scenario: Scenario) -> None:
         n, step_us = len(scenario.uavs), scenario.step_us
-        self._step_us = step_us
+        self._step_us, self._normal = step_us, scenario.ground.normal
         self.steps = 0
         self.traffic = Traffic(scenario)
         self.synchronisation = Synchronisation(scenario)
@@ -161,6 +162,7 @@ class Tally:
             states=np.ascontiguousarray(steps.states),
             wind=np.ascontiguousarray(steps.wind),
             signals=np.ascontiguousarray(steps.signals),
+            normal=self._normal,
             i=column,
             tally=self.uavs[i],
             tail=self._tail[i],
@@ -186,6 +188,7 @@ def count_steps(
     states: np.ndarray,
     wind: np.ndarray,
     signals: np.ndarray,
+    normal: np.ndarray,
     i: int,
     tally: np.void,
     tail: np.ndarray,
@@ -199,6 +202,7 @@ def count_steps(
         states: Shape (steps, n, 12).
         wind: Shape (steps, n, 3).
         signals: Shape (steps, n), dtype `SIGNALS`.
+        normal: Into the ground, NED, shape (3,).
         i: Index of the UAV in these.
         tally: Record of dtype `TALLY`, updated in place.
         tail: Errors against the reference, row step % length, updated in place.
@@ -208,7 +212,8 @@ def count_steps(
     for k in range(len(states)):
         step = first + k
         _count_signals(step, signals[k, i], tally)
-        tally["highest_down"] = max(tally["highest_down"], states[k, i, 2])
+        below = dot(vec3(normal), vec3(states[k, i, 0:3]))
+        tally["highest_down"] = max(tally["highest_down"], below)
         error, known = (0.0, 0.0, 0.0, 0.0), False
         for against in range(2):  # the command, and then the reference
             error = _error(states[k, i], wind[k, i], target[against])

@@ -12,6 +12,7 @@ from sitl_plant.actuators.config import (
 )
 from sitl_plant.air.config import Disturbance
 from sitl_plant.airframe.config import Aircraft, Uncertainty, true_aircraft
+from sitl_plant.airframe.gear import Ground
 from sitl_plant.config import truth_problems
 from sitl_plant.sensing.config import Navigation, Sensors
 from sitl_plant.sensing.observability import navigation_problems, sensor_problems
@@ -70,6 +71,7 @@ def simulator_problems(
     plant: PlantSection,
     disturbance: Disturbance,
     uncertainty: Uncertainty,
+    ground: Ground,
     uavs: Sequence[ScenarioUav],
     step_us: int,
 ) -> Found:
@@ -81,5 +83,5 @@ def simulator_problems(
                 yield ("uavs", i, *loc), text
     for own in [uav.plant or plant for uav in uavs]:
         if not isinstance(own, OwnPlant):
-            yield from truth_problems(own, disturbance, uncertainty)
+            yield from truth_problems(own, disturbance, uncertainty, ground)
             return

@@ -1,6 +1,7 @@
 """Checks of a scenario's fleet as a formation: its graph, its slots, guidance, the common path."""
 
 import itertools
+import math
 from collections.abc import Iterable, Iterator, Sequence
 
 from ftc_autopilot.common.geography import Origin
@@ -8,6 +9,8 @@ from ftc_autopilot.control.communication_graph import formation_problems
 from ftc_autopilot.guidance.aircraft_limits import guidance_problems, limits_of
 from ftc_autopilot.guidance.formation import Formation
 from ftc_autopilot.guidance.laws import Guidance
+from ftc_autopilot.guidance.legs import Pose
+from ftc_autopilot.guidance.mission_path import Start
 from ftc_autopilot.guidance.planner import Planner
 from ftc_autopilot.guidance.reach import most_links, reach_problems
 from gcs.scenario.mission import MissionSection
@@ -15,6 +18,7 @@ from gcs.scenario.sections import Found, Network
 from mavlink_defs.config.models import Loc
 from mavlink_defs.profile import ItemError
 from sitl_plant.airframe.config import Aircraft
+from sitl_plant.config import InitialState
 
 
 def network_problems(network: Network, ids: Sequence[int]) -> Found:
@@ -73,27 +77,37 @@ def guidance_fit_problems(
 
 
 def mission_problems(
-    mission: MissionSection | None, planners: Iterable[Planner], origin: Origin
+    mission: MissionSection | None,
+    planners: Iterable[Planner],
+    starts: Iterable[InitialState],
+    origin: Origin,
 ) -> Found:
     """Yield what is wrong with a mission.
 
     Args:
         mission: The mission, if one is flown.
         planners: Of every UAV.
+        starts: Where each of them begins.
         origin: Of the scenario.
     """
-    if mission is None:
-        return
     found: dict[tuple[Loc, str], None] = {}  # each once, though of several aircraft
-    for planner in planners:
-        found |= dict.fromkeys(_path_problems(mission, planner, origin))
+    for i, (planner, initial) in enumerate(zip(planners, starts, strict=True)):
+        if mission is not None:
+            found |= dict.fromkeys(_path_problems(mission, planner, initial, origin))
+        elif initial.on_ground:
+            text = "a profile begins in the air; give a mission that begins with take_off"
+            found[("uavs", i, "initial", "on_ground"), text] = None
     yield from found
 
 
 def _path_problems(
-    mission: MissionSection, planner: Planner, origin: Origin
+    mission: MissionSection, planner: Planner, initial: InitialState, origin: Origin
 ) -> Iterator[tuple[Loc, str]]:
+    items = mission.mission_items(origin)
+    pose = Pose(initial.north_m, initial.east_m, math.radians(initial.yaw_deg))
     try:
-        planner.check(mission.mission_items(origin))
+        planner.check(items)
+        if initial.on_ground:
+            planner.path(items, Start(pose, 0.0, planner.limits.cruise_m_s, stands=True))
     except ItemError as error:
         yield ("mission", "items", error.seq - 1), error.reason

@@ -79,6 +79,7 @@ class Itinerary:
         repeats: Number of the item from which on all repeats for ever; None: it does not.
         passed: The commands that are passed, in order.
         profile: Way from the begin and height above the origin [m]; heights change evenly between.
+        lands: Whether it ends with a landing.
     """
 
     stages: tuple[Stage, ...]
@@ -87,6 +88,7 @@ class Itinerary:
     repeats: int | None
     passed: tuple[Passing, ...]
     profile: tuple[tuple[float, float], ...]
+    lands: bool = False
 
 
 def load_mission(name: Path | str) -> tuple[tuple[MissionItem, ...], tuple[str, ...]]:
@@ -138,14 +140,15 @@ def dry_run(name: Path | str, items: Sequence[MissionItem], fleet: Scenario) -> 
     except ItemError as error:
         raise ConfigError(name, [Problem((), str(error))]) from error
     stages = tuple(_stages(path))
-    loop = int(path["loop"])
+    loop, lands = int(path["loop"]), bool(path["landing"] > 0.0)
     return Itinerary(
         stages,
         sum(stage.length_m for stage in stages),
         sum(stage.time_s for stage in stages),
-        None if loop == NO_LOOP else int(path["item"][loop]),
+        None if loop == NO_LOOP or lands else int(path["item"][loop]),
         tuple(_passed(path)),
         tuple(_profile(path)),
+        lands,
     )
 
 
@@ -197,6 +200,14 @@ def outline(path: np.void) -> list[tuple[float, float, float]]:
     return [(point.north, point.east, point.height) for point in points]
 
 
+def _flown(path: np.void) -> int:
+    """Return the number of legs; of a landing those up to touchdown, not the way around again."""
+    count = int(path["count"])
+    if path["landing"] > 0.0:
+        return int(np.searchsorted(path["start"][:count], path["landing"]))
+    return count
+
+
 def _passed(path: np.void) -> Iterator[Passing]:
     last = math.inf if path["loop"] == NO_LOOP else math.nextafter(_end(path), 0.0)
     for at, item in commands_between(path, -1.0, last):
@@ -206,7 +217,7 @@ def _passed(path: np.void) -> Iterator[Passing]:
 
 def _profile(path: np.void) -> Iterator[tuple[float, float]]:
     """Yield the ends of legs whose climb differs."""
-    climbs = path["climb"][: path["count"]]
+    climbs = path["climb"][: _flown(path)]
     yield 0.0, float(path["height"][0])
     for k in np.flatnonzero(np.diff(climbs)) + 1:
         yield float(path["start"][k]), float(path["height"][k])
@@ -216,12 +227,14 @@ def _profile(path: np.void) -> Iterator[tuple[float, float]]:
 
 def _end(path: np.void) -> float:
     """Return the end of a path, or the begin of its last leg if that has none [m]."""
-    end = float(path["start"][path["count"]])
-    return end if math.isfinite(end) else float(path["start"][path["count"] - 1])
+    count = _flown(path)
+    end = float(path["start"][count])
+    return end if math.isfinite(end) else float(path["start"][count - 1])
 
 
 def _stages(path: np.void) -> Iterator[Stage]:
-    for item, group in groupby(range(int(path["count"])), key=lambda k: int(path["item"][k])):
+    flown = range(_flown(path))
+    for item, group in groupby(flown, key=lambda k: int(path["item"][k])):
         legs = list(group)
         lengths = np.diff(path["start"])[legs]
         finite = np.isfinite(lengths)

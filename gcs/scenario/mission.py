@@ -44,6 +44,29 @@ class WaypointEntry(Model):
         return mission_item(seq, dialect.MAV_CMD_NAV_WAYPOINT, params, x, y, self.height_m)
 
 
+class TakeOffEntry(Model):
+    """The take-off, along the nose of an aircraft that stands; one in the air is past it."""
+
+    height_m: float = quantity("m", "Height above home that it climbs to.")
+
+    def item(self, seq: int, _: Origin) -> MissionItem:
+        """Return the item of the protocol, with a number."""
+        return mission_item(seq, dialect.MAV_CMD_NAV_TAKEOFF, altitude_m=self.height_m)
+
+
+class LandEntry(Model):
+    """A landing, along the line from the place before."""
+
+    north_m: float = quantity("m", "Touchdown, north of the origin.")
+    east_m: float = quantity("m", "Touchdown, east of the origin.")
+    height_m: float = quantity("m", "Height of the runway above home.", 0.0)
+
+    def item(self, seq: int, origin: Origin) -> MissionItem:
+        """Return the item of the protocol, with a number."""
+        x, y, *_ = place_of(origin, self.north_m, self.east_m, 0.0)
+        return mission_item(seq, dialect.MAV_CMD_NAV_LAND, (), x, y, self.height_m)
+
+
 class LoiterEntry(Model):
     """A circle."""
 
@@ -177,6 +200,8 @@ class MissionEntry(OneKey):
 
     waypoint: WaypointEntry | None = Field(default=None, description="A place to fly by.")
     loiter: LoiterEntry | None = Field(default=None, description="A circle.")
+    take_off: TakeOffEntry | None = Field(default=None, description="The take-off.")
+    land: LandEntry | None = Field(default=None, description="A landing.")
     speed: SpeedEntry | None = Field(default=None, description="The airspeed from here on.")
     delay: DelayEntry | None = Field(
         default=None, description="Time before entries up to the next place take effect."

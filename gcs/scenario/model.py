@@ -29,6 +29,7 @@ from ftc_autopilot.guidance.formation import Formation
 from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.guidance.planner import Planner
+from ftc_autopilot.guidance.runway import RunwayParameters, figures_of
 from ftc_autopilot.plugins.loading import calling, without_code
 from gcs.scenario.aircraft_checks import (
     aircraft_law_problems,
@@ -85,8 +86,9 @@ from mavlink_defs.services.mission import MissionItem
 from sitl_plant.actuators.config import ActuatorServos, Servos
 from sitl_plant.air.config import Disturbance, Wind
 from sitl_plant.airframe.config import Aircraft, Uncertainty, true_aircraft
+from sitl_plant.airframe.gear import Ground, Runway
 from sitl_plant.ardupilot.config import ArduPilot
-from sitl_plant.config import PlantConfig, PlantUav, Seed
+from sitl_plant.config import PlantConfig, PlantUav, Seed, start_problems
 from sitl_plant.sensing.config import Navigation, Sensors
 from sitl_plant.sensing.units import FAULT_NAMES, units_of
 from sitl_plant.simulators.config import OwnPlant, PlantSection
@@ -115,6 +117,10 @@ class Scenario(Model):
         default=Disturbance(), description="Disturbances of every aircraft."
     )
     wind: Wind = Field(default=Wind(), description="Motion of the air.")
+    ground: Ground = Field(default=Ground(), description="The ground.")
+    runway: Runway | None = Field(
+        default=None, description="A runway on it; none: the ground is the same everywhere."
+    )
     servos: Servos = Field(
         default=Servos(), description="Servos of every aircraft that has none of its own."
     )
@@ -130,6 +136,9 @@ class Scenario(Model):
     trigger: Trigger = Field(default=PerChannel(), description="Event triggers of every UAV.")
     guidance: Guidance = Field(
         default=PathFollowing(), description="Guidance law of every UAV on a path."
+    )
+    runway_guidance: RunwayParameters = Field(
+        default=RunwayParameters(), description="Take-off and landing of every UAV."
     )
     plugins: Annotated[dict[str, str], AtMost(100)] = Field(
         default={},
@@ -186,6 +195,8 @@ class Scenario(Model):
             signing_key=self.links.signing_key,
             disturbance=self.disturbance,
             wind=self.wind,
+            ground=self.ground,
+            runway=self.runway,
             sensors=self.sensors,
             navigation=self.navigation,
             origin=self.origin,
@@ -227,6 +238,7 @@ class Scenario(Model):
             trigger=self.trigger,
             formation_trigger=links.formation.trigger,
             guidance=self.guidance,
+            runway_guidance=self._on_runway,
             plugins=plugins_of(self.controller, self.trigger, self.guidance),
             formation=self.formation,
             leader_access=self.network.leader_access.get(uav_id, 0.0),
@@ -298,7 +310,15 @@ class Scenario(Model):
             uav_id: For the aircraft of this UAV; None: for the scenario's.
         """
         aircraft = self.aircraft if uav_id is None else self.aircraft_of(uav_id)
-        return Planner(aircraft, self.guidance, self.origin, self.formation)
+        bandwidth = self.controller.reference_bandwidth_rad_s
+        runway = figures_of(self._on_runway, self.guidance, aircraft, bandwidth)
+        return Planner(aircraft, self.guidance, self.origin, self.formation, runway)
+
+    @property
+    def _on_runway(self) -> RunwayParameters:
+        """Take-off and landing on the runway, if there is one."""
+        own, runway = self.runway_guidance, self.runway
+        return own if runway is None else own.on(runway.length_m, runway.width_m)
 
     def fault_commands(self) -> list[tuple[int, Fault]]:
         """Return UAV id and fault of each fault, in the order of the file."""
@@ -324,7 +344,12 @@ class Scenario(Model):
                 self.sensors, self.navigation, self.servos, self.uavs, self.step_us
             ),
             lambda: simulator_problems(
-                self.plant, self.disturbance, self.uncertainty, self.uavs, self.step_us
+                self.plant,
+                self.disturbance,
+                self.uncertainty,
+                self.ground,
+                self.uavs,
+                self.step_us,
             ),
             lambda: network_problems(self.network, self._ids),
             lambda: slot_problems(
@@ -334,7 +359,12 @@ class Scenario(Model):
             lambda: guidance_fit_problems(
                 self.guidance, map(self.aircraft_of, self._ids), self.formation
             ),
-            lambda: mission_problems(self.mission, map(self.planner, self._ids), self.origin),
+            lambda: mission_problems(
+                self.mission,
+                map(self.planner, self._ids),
+                [uav.initial for uav in self.uavs],
+                self.origin,
+            ),
             lambda: fence_problems(self.fence, self.rally, self.uavs, self.planner, self.origin),
             lambda: fault_problems(self.faults, self._fault_limits, self._fallible_sensors),
             lambda: self.links.port_problems(self._ids),
@@ -347,8 +377,14 @@ class Scenario(Model):
             for i, text in repeated([getattr(uav, key) for uav in self.uavs]):
                 yield ("uavs", i, key), text
         for i, uav in enumerate(self.uavs):
-            limits = (uav.aircraft or self.aircraft).airspeed_limits
-            yield from airspeed_problems(("uavs", i, "initial"), uav.initial.airspeed_m_s, limits)
+            aircraft = uav.aircraft or self.aircraft
+            for loc, text in start_problems(uav.initial, aircraft, self.ground):
+                yield ("uavs", i, *loc), text
+            if not uav.initial.on_ground:
+                place = ("uavs", i, "initial")
+                yield from airspeed_problems(
+                    place, uav.initial.airspeed_m_s, aircraft.airspeed_limits
+                )
 
     @property
     def _silence_s(self) -> float | None:

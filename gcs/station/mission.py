@@ -28,6 +28,7 @@ HAS_PLACE = {
     dialect.MAV_CMD_NAV_LOITER_TIME,
     dialect.MAV_CMD_NAV_LOITER_TO_ALT,
     dialect.MAV_CMD_NAV_SPLINE_WAYPOINT,
+    dialect.MAV_CMD_NAV_LAND,
 }
 """Commands of items that lead to a place."""
 
@@ -74,7 +75,9 @@ def item_text(item: MissionItem) -> str:
         case dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH:
             return "return to launch"
         case dialect.MAV_CMD_NAV_TAKEOFF:
-            return "takeoff, taken as past"
+            return "takeoff"
+        case dialect.MAV_CMD_NAV_LAND:
+            return "land"
         case dialect.MAV_CMD_DO_CHANGE_SPEED:
             return f"speed {p2:g} m/s"
         case dialect.MAV_CMD_DO_JUMP:

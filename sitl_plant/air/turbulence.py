@@ -20,6 +20,7 @@ import numpy as np
 from mavlink_defs.runtime.jit import apart, compiled
 from sitl_plant.air.config import Dryden
 from sitl_plant.air.gaussian import normal
+from sitl_plant.airframe.aerodynamics import STILL_M_S
 
 _CHANNEL = 200  # of the random numbers: this one and the next five
 _ROOT_3 = math.sqrt(3.0)
@@ -108,6 +109,8 @@ def advance_turbulence(
         aircraft: System id.
         step: Step at which the period ends, 1 or greater.
     """
+    if V < STILL_M_S:  # an aircraft that stands stays where it is in eddies that stay as they are
+        return
     for axis in range(3):
         a = V * dt / air["length"][axis]
         decay = math.exp(-a)

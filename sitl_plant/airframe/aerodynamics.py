@@ -5,7 +5,7 @@ Linearised, it is `lateral` and `longitudinal`; level flight and balance have fu
 own. The control matrix is the moment's derivative by the deflections, here exact.
 
 Coefficients are linear in the angle of attack and in the angle of sideslip, of lift and drag with a
-stall if the aircraft has one; linearisations are for attached flow. Airspeed must be positive.
+stall if the aircraft has one; linearisations are for attached flow.
 """
 
 import math
@@ -16,6 +16,9 @@ import numpy as np
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.airframe.aircraft import AircraftRecord
 from sitl_plant.vec3 import Mat3, Vec3, add, mul, mul_t, norm, scale
+
+STILL_M_S = 1e-9
+"""An airspeed below this one counts as this one, from ahead: there are no forces [m/s]."""
 
 
 class Aerodynamics(NamedTuple):
@@ -46,6 +49,8 @@ def aerodynamics(v: Vec3, omega: Vec3, aircraft: AircraftRecord) -> Aerodynamics
         aircraft: The aircraft.
     """
     V = norm(v)
+    if V < STILL_M_S:
+        V, v = STILL_M_S, (STILL_M_S, 0.0, 0.0)
     alpha = math.atan2(v[2], v[0])
     beta = math.asin(v[1] / V)
     b, c_bar = aircraft["b"], aircraft["c_bar"]

@@ -15,6 +15,7 @@ from mavlink_defs.config.quantity import quantity
 from mavlink_defs.constants import SURFACES
 from mavlink_defs.faults.kinds import FaultLimits
 from mavlink_defs.profile import AirspeedLimits
+from sitl_plant.airframe.gear import Gear
 from sitl_plant.airframe.propulsion import Propulsion
 
 _ROUNDING = 1e-3
@@ -224,6 +225,10 @@ class Aircraft(Model):
     surface_limits_deg: SurfaceLimits = Field(
         default=SurfaceLimits(), description="Stops of single surfaces, in place of it [deg]."
     )
+    gear: Gear | None = Field(
+        default=None,
+        description="What it touches the ground with; none: a touch ends its flight.",
+    )
     airspeed_min_m_s: float = quantity("m/s", "Lowest airspeed command accepted.", gt=0.0)
     airspeed_max_m_s: float = quantity("m/s", "Highest airspeed command accepted.", gt=0.0)
     cruise_m_s: float | None = quantity(
@@ -251,6 +256,17 @@ class Aircraft(Model):
                 "numbers and unit, or add 'any_inertia: true' to the aircraft to fly it as it is"
             )
             raise Problems([(("inertia_kg_m2",), text)])
+        return self
+
+    @model_validator(mode="after")
+    def _stands_on_its_gear(self) -> "Aircraft":
+        if self.gear is None:
+            return self
+        if self.gravity_m_s2 == 0.0:
+            text = "expected > 0 m/s^2 of an aircraft with gear, which stands by its weight"
+            raise Problems([(("gravity_m_s2",), f"{text}, got {self.gravity_m_s2!r}")])
+        for text in self.gear.standing_problems(self.wing_span_m):
+            raise Problems([(("gear",), text)])
         return self
 
     @model_validator(mode="after")

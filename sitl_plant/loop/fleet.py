@@ -1,10 +1,11 @@
 """All aircraft of a plant: their states, commands and faults as arrays."""
 
-from typing import NamedTuple
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from mavlink_defs.constants import N_CHANNELS, THROTTLE
+from mavlink_defs.constants import BRAKE, N_CHANNELS, THROTTLE
 from mavlink_defs.faults.actuators import ACTUATOR_FAULTS, MAX_FAULTS
 from mavlink_defs.faults.table import FAULT, FaultTable, no_faults
 from mavlink_defs.framing.codec import SIM_STATE, SIM_STEP
@@ -20,15 +21,23 @@ from sitl_plant.air.disturbance import (
 from sitl_plant.air.turbulence import TURBULENCE, advance_turbulence, start_turbulence
 from sitl_plant.air.wind import air_around, new_wind, turbulence_around
 from sitl_plant.airframe.aircraft import AIRCRAFT, aircraft_record
+from sitl_plant.airframe.contact import (
+    GEAR,
+    height_above_ground,
+    launch,
+    note_nearness,
+)
+from sitl_plant.airframe.gear import Ground
 from sitl_plant.airframe.rigid_body import R1
+from sitl_plant.airframe.standing import contact_facts, describe_crash, new_gear, stand
 from sitl_plant.airframe.stops import position_of, range_of
-from sitl_plant.config import InitialState, PlantConfig
+from sitl_plant.config import InitialState, PlantConfig, PlantUav
 from sitl_plant.loop.period import (
     Environment,
     actuators_over,
     describe_loss,
-    is_below_ground,
     is_lost,
+    is_lost_on_ground,
     specific_force_at,
     step_aircraft,
     time_s,
@@ -43,7 +52,7 @@ OUTSIDE = np.dtype(
     [
         ("flies", "i8"),  # 1: a simulator flies the aircraft, not the plant's own equations
         ("advanced", "i8"),  # 1: it has done so; the period is still to be ended
-        ("grounded", "i8"),  # 1: the aircraft was below the ground when the period began
+        ("grounded", "i8"),  # 1: the aircraft had hit the ground when the period began
         ("controls", "f8", (N_CHANNELS,)),  # what its actuators do when the period ends [rad, N]
         ("wind", "f8", (3,)),  # velocity of the air around it, NED [m/s]
         ("specific_force", "f8", (3,)),  # as the simulator has it, body axes [m/s²]
@@ -68,6 +77,7 @@ UAV = np.dtype(
         ("applied", "f8", (N_CHANNELS,)),  # true positions and thrust at the last period's start
         ("faults", FAULT, (MAX_FAULTS,)),
         ("servos", SERVOS),
+        ("gear", GEAR),
         ("turbulence", TURBULENCE),
         ("sensors", SENSORS),
         ("outside", OUTSIDE),
@@ -106,7 +116,8 @@ def new_plant_state(config: PlantConfig) -> PlantState:
         own["turbulence"] = turbulence_around(
             config.wind, uav.initial.altitude_m, uav.aircraft.wing_span_m
         )
-        own["state"] = _initial_state(uav.initial)
+        own["gear"] = new_gear(uav.aircraft, config.ground, config.runway)
+        own["state"] = _initial_state(uav, own, config.ground)
         own["faults"] = no_faults(ACTUATOR_FAULTS, 1)[0]
     estimated = config.navigation == "estimated"
     fleet = PlantState(
@@ -121,7 +132,8 @@ def new_plant_state(config: PlantConfig) -> PlantState:
     for i, uav in enumerate(config.uavs):
         start_turbulence(uavs[i]["turbulence"], uav.initial.airspeed_m_s, config.seed, uav.id)
         sample_air(fleet, i, 0.0)
-    uavs["state"][:, 3:6] += uavs["air"][:, :3]  # the initial airspeed is one through the air
+        if not uav.initial.on_ground:  # the initial airspeed is one through the air
+            uavs[i]["state"][3:6] += uavs[i]["air"][:3]
     return fleet
 
 
@@ -140,7 +152,26 @@ def fault_tables(fleet: PlantState, i: int) -> dict[str, FaultTable]:
     return tables
 
 
-def _initial_state(initial: InitialState) -> np.ndarray:
+def _initial_state(uav: PlantUav, own: np.void, ground: Ground) -> np.ndarray:
+    """Return the state at t = 0, shape (12,); `own`, of dtype UAV, begins on the ground with it."""
+    initial, gear = uav.initial, uav.aircraft.gear
+    if initial.on_ground and gear is not None:
+        place = initial.north_m, initial.east_m
+        if gear.launcher is None:
+            return stand(own["gear"], own["aircraft"], *place, math.radians(initial.yaw_deg))
+        own["gear"]["launch_s"] = 0.0
+        lifting = initial.model_copy(
+            update={
+                "altitude_m": ground.altitude_m(*place) + gear.launcher.height_m,
+                "pitch_deg": gear.launcher.pitch_deg,
+                "airspeed_m_s": 0.0,
+            }
+        )
+        return _state_of(lifting)
+    return _state_of(initial)
+
+
+def _state_of(initial: InitialState) -> np.ndarray:
     angles = np.radians([initial.roll_deg, initial.pitch_deg, initial.yaw_deg])
     position = (initial.north_m, initial.east_m, -initial.altitude_m)
     return np.array([*position, initial.airspeed_m_s, 0.0, 0.0, *angles, 0.0, 0.0, 0.0])
@@ -172,10 +203,13 @@ def receive_controls(fleet: PlantState, i: int, actuators: np.void) -> int:
         lowest = 0.0 if c == THROTTLE else -1.0
         if not lowest <= controls[c] <= 1.0:  # false for NaN, too
             return DropReason.OUT_OF_RANGE
+    if not 0.0 <= controls[BRAKE] <= 1.0:
+        return DropReason.OUT_OF_RANGE
     aircraft = fleet.uavs[i]["aircraft"]
     for c in range(N_CHANNELS):
         lowest, highest = range_of(aircraft, c)
         fleet.uavs[i]["controls"][c] = position_of(controls[c], lowest, highest)
+    fleet.uavs[i]["gear"]["brake"] = controls[BRAKE]
     message["actuator_time_usec"] = actuators["time_usec"]
     return 0
 
@@ -192,11 +226,16 @@ def observe(fleet: PlantState, i: int, step: int, step_us: int) -> None:
     message["time_usec"] = step * step_us
     message["step"] = step
     around = Environment(
-        uav["servos"], uav["faults"], fleet.wind[0], uav["turbulence"], uav["aircraft"]
+        uav["servos"],
+        uav["faults"],
+        fleet.wind[0],
+        uav["turbulence"],
+        uav["aircraft"],
+        uav["gear"],
     )
     d_v, _ = _disturbances_at(fleet, step, step_us)
     air = vec3(uav["air"][:3]), vec3(uav["air"][3:])
-    if uav["outside"]["flies"] == 1:
+    if uav["outside"]["flies"] == 1 or uav["gear"]["launch_s"] >= 0.0:
         force = vec3(uav["outside"]["specific_force"])
     else:
         force = specific_force_at(x, step, step_us, d_v, air, around)
@@ -245,15 +284,30 @@ def _begin(fleet: PlantState, step: int, step_us: int) -> bool:
     for i in range(len(fleet.uavs)):
         uav = fleet.uavs[i]
         outside = uav["outside"]
-        outside["grounded"] = is_below_ground(uav["state"])
+        gear = uav["gear"]
+        if gear["has"] == 1:
+            outside["grounded"] = gear["crash"] != 0
+        else:
+            outside["grounded"] = height_above_ground(vec3(uav["state"][0:3]), gear) < 0.0
+        note_nearness(uav["state"], dt, gear)
         commanded = uav["message"]["actuator_time_usec"] != _NOTHING_APPLIED
         begin_period(
             uav["servos"], fleet.sent[i], uav["controls"], uav["faults"], step, t, commanded
         )
         around = Environment(
-            uav["servos"], uav["faults"], fleet.wind[0], uav["turbulence"], uav["aircraft"]
+            uav["servos"],
+            uav["faults"],
+            fleet.wind[0],
+            uav["turbulence"],
+            uav["aircraft"],
+            uav["gear"],
         )
         V = norm(sub(vec3(uav["state"][3:6]), vec3(uav["air"][:3])))
+        if gear["launch_s"] >= 0.0:
+            actuators_over(t, dt, around, V, uav["applied"], outside["controls"])
+            thrust = uav["controls"][THROTTLE]
+            launch(uav["state"], dt, thrust, uav["aircraft"], gear, outside["specific_force"])
+            continue
         if outside["flies"] == 0:
             step_aircraft(uav["state"], t, dt, disturbed, around, V, uav["applied"])
             continue
@@ -278,14 +332,25 @@ def _end(fleet: PlantState, step: int, step_us: int) -> int:
             advance_turbulence(uav["turbulence"], V, dt, seed, system, step + 1)
             sample_air(fleet, i, time_s(step + 1, step_us))
         hit_ground = uav["outside"]["grounded"] == 1
-        if lost < 0 and (hit_ground or is_lost(uav["state"], uav["air"][:3])):
+        if uav["gear"]["near"] == 1 or uav["gear"]["launch_s"] >= 0.0:
+            left = is_lost_on_ground(uav["state"], uav["air"][:3])
+        else:
+            left = is_lost(uav["state"], uav["air"][:3])
+        if lost < 0 and (hit_ground or left):
             lost = i
     return lost
+
+
+def contacts_of(fleet: PlantState) -> list[dict[str, Any] | None]:
+    """Return what became of each aircraft on the ground, see `contact_facts`."""
+    return [contact_facts(gear) for gear in fleet.uavs["gear"]]
 
 
 def loss_of(fleet: PlantState, i: int) -> str:
     """Describe in what way aircraft i is lost."""
     uav = fleet.uavs[i]
+    if uav["gear"]["crash"] != 0:
+        return describe_crash(uav["gear"])
     return describe_loss(uav["state"], uav["air"][:3], float(uav["aircraft"]["stall"]))
 
 

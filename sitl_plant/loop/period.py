@@ -18,6 +18,7 @@ from sitl_plant.air.disturbance import Disturbances
 from sitl_plant.air.wind import air_around
 from sitl_plant.airframe.aerodynamics import aerodynamics
 from sitl_plant.airframe.aircraft import AircraftRecord
+from sitl_plant.airframe.contact import beside_the_ground, hold_points, note_contact, rudder_share
 from sitl_plant.airframe.rigid_body import (
     R1,
     Air,
@@ -44,6 +45,7 @@ class Environment(NamedTuple):
     wind: np.void  # dtype WIND
     turbulence: np.void  # dtype TURBULENCE
     aircraft: AircraftRecord  # dtype AIRCRAFT
+    gear: np.void  # dtype GEAR
 
 
 @compiled
@@ -59,6 +61,7 @@ def rk4_step(
     dt: float,
     disturbed: tuple[Disturbances, Disturbances, Disturbances],
     environment: Environment,
+    begun: float,
 ) -> State:
     """Integrate eqs. (1) to (4) from t to t + dt [s].
 
@@ -69,13 +72,14 @@ def rk4_step(
         disturbed: As `sitl_plant.air.disturbance.disturbances_over` returns it: the same for all
             aircraft, so that it is evaluated once.
         environment: The aircraft and what acts on it.
+        begun: When the control period began [s].
     """
     middle = t + 0.5 * dt
     at_start, at_middle, at_end = disturbed
-    k1 = _slope(state, t, t, at_start, environment)
-    k2 = _slope(advance(state, 0.5 * dt, k1), middle, t, at_middle, environment)
-    k3 = _slope(advance(state, 0.5 * dt, k2), middle, t, at_middle, environment)
-    k4 = _slope(advance(state, dt, k3), t + dt, t, at_end, environment)
+    k1 = _slope(state, t, begun, at_start, environment)
+    k2 = _slope(advance(state, 0.5 * dt, k1), middle, begun, at_middle, environment)
+    k3 = _slope(advance(state, 0.5 * dt, k2), middle, begun, at_middle, environment)
+    k4 = _slope(advance(state, dt, k3), t + dt, begun, at_end, environment)
     state = advance(advance(state, dt / 6.0, k1), dt / 3.0, k2)
     return advance(advance(state, dt / 3.0, k3), dt / 6.0, k4)
 
@@ -93,6 +97,10 @@ def _slope(
     da, de, dr, thrust = apply_faults(moved, t, interval_start, environment.faults, aircraft)
     d_v, d_omega = disturbed
     air = air_around(environment.wind, environment.turbulence, state[0], state[2], t)
+    if environment.gear["near"] == 1:
+        d_v, d_omega, air = beside_the_ground(
+            state, (da, de, dr), d_v, d_omega, air, aircraft, environment.gear
+        )
     return state_derivative(state, thrust, (da, de, dr), d_v, d_omega, air, aircraft)
 
 
@@ -122,8 +130,37 @@ def step_aircraft(
     for i in range(N_CHANNELS):
         applied[i] = real[i]
     applied[THROTTLE] = made_thrust(real[THROTTLE], V, environment.aircraft)
-    store_state(rk4_step(load_state(x), t, dt, disturbed, environment), x)
+    if environment.gear["near"] == 1:
+        _step_on_ground(x, t, dt, disturbed, environment)
+    else:
+        store_state(rk4_step(load_state(x), t, dt, disturbed, environment, t), x)
     end_period(environment.servos, dt)
+
+
+@compiled
+def _step_on_ground(
+    x: np.ndarray,
+    t: float,
+    dt: float,
+    disturbed: tuple[Disturbances, Disturbances, Disturbances],
+    environment: Environment,
+) -> None:
+    """Advance an aircraft near the ground, in steps that its gear is slow against.
+
+    Disturbances act in each of these as over the whole period. Arguments are as of
+    `step_aircraft`.
+    """
+    gear, aircraft = environment.gear, environment.aircraft
+    count = math.ceil(dt / gear["longest_step"])
+    h, state = dt / count, load_state(x)
+    for k in range(count):
+        before, now = state, t + k * h
+        state = rk4_step(before, now, h, disturbed, environment, t)
+        moved = positions(environment.servos, (k + 1) * h)
+        real = apply_faults(moved, now + h, t, environment.faults, aircraft)
+        load = hold_points(state, rudder_share(real[RUDDER], aircraft), gear)
+        note_contact(before, now, state[0], load, aircraft, gear)
+    store_state(state, x)
 
 
 @compiled
@@ -181,15 +218,13 @@ def specific_force_at(
     _, v, _, omega = load_state(x)
     moved = servos["output"][0], servos["output"][1], servos["output"][2], servos["output"][3]
     real = apply_faults(moved, t, time_s(step - 1, step_us), environment.faults, aircraft)
-    air = aerodynamics(sub(v, surrounding[0]), sub(omega, surrounding[1]), aircraft)
     delta = real[AILERON], real[ELEVATOR], real[RUDDER]
+    if environment.gear["near"] == 1:
+        d_v, _, surrounding = beside_the_ground(
+            load_state(x), delta, d_v, (0.0, 0.0, 0.0), surrounding, aircraft, environment.gear
+        )
+    air = aerodynamics(sub(v, surrounding[0]), sub(omega, surrounding[1]), aircraft)
     return add(specific_force(air, delta, real[THROTTLE], aircraft), d_v)
-
-
-@compiled
-def is_below_ground(x: np.ndarray) -> bool:
-    """Return whether a state, shape (12,), is below the ground, a plane at the origin's height."""
-    return bool(x[2] > 0.0)
 
 
 @compiled
@@ -203,11 +238,18 @@ def is_lost(x: np.ndarray, wind: np.ndarray) -> bool:
         x: The state.
         wind: Velocity of the air, body axes [m/s], shape (3,).
     """
+    V = norm(sub(vec3(x[3:6]), vec3(wind)))
+    return is_lost_on_ground(x, wind) or V < AIRSPEED_MIN_M_S
+
+
+@compiled
+def is_lost_on_ground(x: np.ndarray, wind: np.ndarray) -> bool:
+    """Return the same of an aircraft that may stand on the ground, at no airspeed."""
     for i in range(12):
         if not math.isfinite(x[i]):
             return True
     V = norm(sub(vec3(x[3:6]), vec3(wind)))
-    return abs(x[7]) > PITCH_MAX_RAD or V < AIRSPEED_MIN_M_S or V > AIRSPEED_MAX_M_S
+    return abs(x[7]) > PITCH_MAX_RAD or V > AIRSPEED_MAX_M_S
 
 
 def describe_loss(x: np.ndarray, wind: np.ndarray, stall: float = 0.0) -> str:

@@ -34,7 +34,7 @@ from mavlink_defs.runtime.spool import unwritten
 from mavlink_defs.visible import log_line
 from sitl_plant.config import PlantConfig
 from sitl_plant.loop.fault_commands import faults_of
-from sitl_plant.loop.fleet import loss_of, new_plant_state
+from sitl_plant.loop.fleet import contacts_of, loss_of, new_plant_state
 from sitl_plant.loop.link import new_link, run, send_states
 from sitl_plant.loop.period import time_s
 from sitl_plant.loop.recorder import RECORD_ROWS, Recorder
@@ -142,7 +142,8 @@ class Plant:
         """Write the end of the record; return `loss`, or why it cannot be written."""
         try:
             if self._recorder is not None:
-                self._recorder.finish(loss, int(self._state["step"]), self.wall_s)
+                contacts = contacts_of(self._fleet)
+                self._recorder.finish(loss, int(self._state["step"]), self.wall_s, contacts)
         except Exception as problem:
             if not (self._record_optional or isinstance(problem, OSError)):
                 raise

@@ -1,11 +1,15 @@
 """What a plant records: the true state of each step and what acted on the aircraft."""
 
 from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from mavlink_defs.runtime.spool import Spool
 from sitl_plant.loop.link import PlantLink
+
+Contacts: TypeAlias = list[dict[str, Any] | None]
+"""Of each aircraft, see `sitl_plant.airframe.standing.contact_facts`."""
 
 RECORD_ROWS = 1000
 """Steps written at a time."""
@@ -41,8 +45,8 @@ class Recorder:
             self._link.state["recorded"] = 0  # not if it failed: nothing may be left out
             self._rows += count
 
-    def finish(self, loss: str | None, steps: int, wall_s: float) -> None:
+    def finish(self, loss: str | None, steps: int, wall_s: float, contacts: Contacts) -> None:
         """Write the rest and how the flight ended; OSError with a file's name if it cannot."""
         self.keep(at_least=1)
         if not self._given_up:
-            self._spool.finish(loss=loss, steps=steps, wall_s=wall_s)
+            self._spool.finish(loss=loss, steps=steps, wall_s=wall_s, contacts=contacts)

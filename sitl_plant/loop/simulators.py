@@ -7,14 +7,17 @@ import numpy as np
 
 from mavlink_defs.constants import SURFACES
 from mavlink_defs.runtime.foreign import ForeignCode
+from mavlink_defs.runtime.jit import in_python
+from sitl_plant.airframe import contact
 from sitl_plant.airframe.config import Aircraft
-from sitl_plant.config import PlantConfig, PlantUav
+from sitl_plant.config import InitialState, PlantConfig, PlantUav
 from sitl_plant.loop.fleet import ADVANCE, PlantState
 from sitl_plant.simulators import new_simulator
-from sitl_plant.simulators.base import Motion, Simulator, SimulatorError
+from sitl_plant.simulators.base import GroundSimulator, Motion, Simulator, SimulatorError
 from sitl_plant.simulators.config import OwnPlant
 from sitl_plant.vec3 import Vec3
 
+_note_outside = in_python(contact.note_outside)
 _REACHED_DEG = 0.1  # stops this far beyond a simulator's are the same: files have round numbers
 
 
@@ -47,8 +50,22 @@ class Outside:
         }
         for i, simulator in self._simulators.items():
             with ForeignCode(_failure):
-                simulator.reset(_motion(fleet.uavs[i]["state"]))
-                fleet.uavs["outside"]["specific_force"][i] = simulator.read().specific_force
+                self._start(i, config.uavs[i].initial, simulator)
+
+    def _start(self, i: int, initial: InitialState, simulator: Simulator) -> None:
+        """Put an aircraft where it begins."""
+        uav = self._fleet.uavs[i]
+        if initial.on_ground and isinstance(simulator, GroundSimulator):
+            yaw = math.radians(initial.yaw_deg)
+            motion = simulator.stand(initial.north_m, initial.east_m, yaw)
+            uav["state"] = _state(motion)
+            uav["gear"]["load"] = motion.load
+        else:
+            simulator.reset(_motion(uav["state"]))
+            motion = simulator.read()
+        uav["outside"]["specific_force"] = motion.specific_force
+        if not isinstance(simulator, GroundSimulator):  # it must not touch the ground
+            uav["gear"]["has"] = 0
 
     def advance(self) -> None:
         """Advance every simulator by one period, for which the fleet has begun."""
@@ -61,9 +78,12 @@ class Outside:
                 self.failures[i] = str(problem)
                 self._fleet.uavs[i]["state"] = math.nan
                 continue
-            position, velocity, attitude, rates, force = motion
-            self._fleet.uavs[i]["state"] = (*position, *velocity, *attitude, *rates)
-            outside["specific_force"][i] = force
+            uav = self._fleet.uavs[i]
+            before, uav["state"] = uav["state"].copy(), _state(motion)
+            outside["specific_force"][i] = motion.specific_force
+            if uav["gear"]["near"]:
+                t = uav["message"]["time_usec"] / 1e6
+                _note_outside(before, t, uav["state"], motion.load, uav["aircraft"], uav["gear"])
         outside["advanced"] = 1
         self._begun = True
 
@@ -75,6 +95,9 @@ class Outside:
             *delta, thrust = self._fleet.uavs[i]["applied"].tolist()
             simulator.control((delta[0], delta[1], delta[2]), thrust)
             simulator.reset(_motion(self._fleet.uavs[i]["state"]))
+        gear = self._fleet.uavs[i]["gear"]
+        if gear["has"] and isinstance(simulator, GroundSimulator):
+            simulator.brake(float(gear["brake"]))
         *delta, thrust = outside["controls"].tolist()
         simulator.control((delta[0], delta[1], delta[2]), thrust)
         simulator.advance(self._dt)
@@ -111,7 +134,15 @@ def simulator_of(uav: PlantUav, step_us: int) -> Simulator:
     Raises:
         SimulatorError: It cannot fly it: not as far as the aircraft's stops are apart, say.
     """
-    simulator = new_simulator(uav.plant, uav.initial.altitude_m, step_us)
+    gear, altitude_m = uav.aircraft.gear, uav.initial.altitude_m
+    fastest_m_s = None if gear is None else uav.aircraft.airspeed_max_m_s
+    simulator = new_simulator(uav.plant, altitude_m, step_us, fastest_m_s)
+    if uav.initial.on_ground and not isinstance(simulator, GroundSimulator):
+        text = f"UAV {uav.id}: its simulator has no ground to stand on"
+        raise SimulatorError(text, "give initial.altitude_m and airspeed_m_s in place of on_ground")
+    if uav.initial.on_ground and gear is not None and gear.launcher is not None:
+        text = f"UAV {uav.id}: expected an aircraft without a launcher on a simulator's ground"
+        raise SimulatorError(text, "leave out on_ground, or aircraft.gear.launcher")
     _check_stops(uav.id, uav.aircraft, simulator)
     return simulator
 
@@ -137,6 +168,10 @@ def _failure(problem: BaseException) -> BaseException:
 def _motion(x: np.ndarray) -> Motion:
     still = (0.0, 0.0, 0.0)
     return Motion(_vector(x[0:3]), _vector(x[3:6]), _vector(x[6:9]), _vector(x[9:12]), still)
+
+
+def _state(motion: Motion) -> tuple[float, ...]:
+    return (*motion.position, *motion.velocity, *motion.attitude, *motion.rates)
 
 
 def _vector(a: np.ndarray) -> Vec3:

@@ -110,7 +110,8 @@ def _set_airspeed(message: np.void, airspeed: float) -> None:
     """Scale the velocity through the air to another length; the one over ground stays."""
     v, wind = vec3(message["velocity"]), vec3(message["wind"])
     through = sub(v, wind)
-    measured = scale(airspeed / norm(through), through)
+    true = norm(through)
+    measured = scale(airspeed / true, through) if true > 0.0 else (airspeed, 0.0, 0.0)
     for axis in range(3):
         message["wind"][axis] = v[axis] - measured[axis]
 

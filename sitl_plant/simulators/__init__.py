@@ -14,13 +14,17 @@ from sitl_plant.simulators.config import JsbSimPlant, OwnPlant, PlantSection, Pl
 GROUP = "ftc_sitl.simulators"
 
 
-def new_simulator(plant: PlantSection, altitude_m: float, step_us: int = 1000) -> Simulator:
+def new_simulator(
+    plant: PlantSection, altitude_m: float, step_us: int = 1000, fastest_m_s: float | None = None
+) -> Simulator:
     """Return a simulator that has loaded its aircraft; one for each aircraft and flight.
 
     Args:
         plant: Which one, and what it takes.
         altitude_m: Where it starts, above sea level and ground [m].
         step_us: Its step if the section does not say [µs].
+        fastest_m_s: Of an aircraft with gear, its highest airspeed; None: the ground is out of
+            reach.
 
     Raises:
         SimulatorError: It cannot fly this.
@@ -31,7 +35,7 @@ def new_simulator(plant: PlantSection, altitude_m: float, step_us: int = 1000) -
     if isinstance(plant, JsbSimPlant):
         from sitl_plant.simulators.jsbsim import JsbSim  # takes time, and may not be installed
 
-        return JsbSim(plant, altitude_m, own_step_us)
+        return JsbSim(plant, altitude_m, own_step_us, fastest_m_s)
     return _of_other_package(plant, altitude_m)
 
 

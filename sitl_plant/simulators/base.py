@@ -4,7 +4,7 @@ A further simulator is one file in any package: a class with these methods, and 
 the group of entry points `ftc_sitl.simulators`.
 """
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 from sitl_plant.airframe.config import Inertia
 from sitl_plant.vec3 import Vec3
@@ -30,6 +30,7 @@ class Motion(NamedTuple):
     attitude: Vec3  # roll, pitch, yaw [rad]; yaw may go on beyond ±pi
     rates: Vec3  # angular velocity, body axes [rad/s]
     specific_force: Vec3  # (force - weight) / mass at the centre of gravity, body axes [m/s²]
+    load: float = 0.0  # of the ground on its wheels, as a share of its weight
 
 
 class Body(NamedTuple):
@@ -70,3 +71,14 @@ class Simulator(Protocol):
 
     def read(self) -> Motion:
         """Return the present motion."""
+
+
+@runtime_checkable
+class GroundSimulator(Simulator, Protocol):
+    """One that has the ground, at down = 0, and wheels: what an aircraft with `gear` takes."""
+
+    def stand(self, north_m: float, east_m: float, yaw: float) -> Motion:
+        """Put the aircraft at rest on its wheels, with a heading [rad]; return its motion."""
+
+    def brake(self, share: float) -> None:
+        """Put the wheels' brakes at a share, 0 to 1, of what they can."""

@@ -4,7 +4,8 @@ What JSBSim is given before a step acts on the forces at the end of this step, a
 motion of the next: a command comes to act one step of JSBSim late. The Earth is JSBSim's, WGS84 and
 turning; positions are velocities over the ground, integrated by the trapezoidal rule. The wheels
 are up if they can be, and the ground is out of their reach: an aircraft that comes to altitude 0
-has hit it. Fuel is not burnt.
+has hit it. One whose file has `gear` has its wheels down and JSBSim's ground at altitude 0; its
+nose wheel follows the rudder. Fuel is not burnt.
 """
 
 import ctypes
@@ -15,7 +16,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from mavlink_defs.constants import RUDDER
 from sitl_plant.airframe.config import Inertia
+from sitl_plant.airframe.stops import share_of
 from sitl_plant.simulators import jsbsim_aircraft
 from sitl_plant.simulators.base import Body, Motion, SimulatorError
 from sitl_plant.simulators.config import JsbSimPlant
@@ -33,7 +36,12 @@ except ImportError as missing:
     ) from missing
 
 _LATITUDE_DEG = 45.0  # where gravity is standard gravity, 9.80665 m/s², to 0.005 %
+_GRAVITY = 9.80665  # m/s²
 _NO_GROUND_FT = -1e4
+_ABOVE_M = 100.0  # where heights of wheels are looked up
+_SETTLING_S = 30  # at most, until an aircraft stands
+_AT_REST = 1e-5  # m/s and rad/s
+_ON_WHEELS = ("steer", "left-brake", "right-brake", "center-brake")
 _EVALUATIONS = 4  # of forces that depend on what accelerations they make
 _TEST_AIRSPEED_M_S = 30.0  # of signs and maps, which do not depend on it
 
@@ -47,6 +55,7 @@ _READ = (
     *("velocities/p-rad_sec", "velocities/q-rad_sec", "velocities/r-rad_sec"),
     *("forces/fbx-total-lbs", "forces/fby-total-lbs", "forces/fbz-total-lbs"),
     "inertia/mass-slugs",
+    "forces/fbz-gear-lbs",
 )
 
 
@@ -61,13 +70,20 @@ class JsbSim:
         stops: Range of each surface [rad], (0, 0) of one that the aircraft has not.
     """
 
-    def __init__(self, section: JsbSimPlant, altitude_m: float, step_us: int) -> None:
+    def __init__(
+        self,
+        section: JsbSimPlant,
+        altitude_m: float,
+        step_us: int,
+        fastest_m_s: float | None = None,
+    ) -> None:
         """Load the aircraft, and measure what its surfaces do.
 
         Args:
             section: Which aircraft, and how it is flown.
             altitude_m: Above sea level [m].
             step_us: Step of JSBSim [µs].
+            fastest_m_s: Its highest airspeed, if it is to touch the ground.
 
         Raises:
             SimulatorError: It cannot be flown.
@@ -84,27 +100,33 @@ class JsbSim:
             self._node(f"atmosphere/wind-{axis}-fps") for axis in ("north", "east", "down")
         ]
         self._still = True
+        self._ground_ft = _NO_GROUND_FT
+        self._wheels = [self._node(f"fcs/{name}-cmd-norm", True) for name in _ON_WHEELS]
         self._thrust = self._node(f"{jsbsim_aircraft.THRUST}/magnitude")
         self._position = 0.0, 0.0
         self._yaw = 0.0
         self._surfaces: Sequence[Surface] = ()
         at_rest: Vec3 = (0.0, 0.0, 0.0)
-        start = Motion((0.0, 0.0, -altitude_m), (_TEST_AIRSPEED_M_S, 0.0, 0.0), *[at_rest] * 3)
+        place, ahead = (0.0, 0.0, -altitude_m), (_TEST_AIRSPEED_M_S, 0.0, 0.0)
+        start = Motion(place, ahead, at_rest, at_rest, at_rest)
         self.reset(start)
         if section.thrust == "force":
             self._push_at_the_centre_of_gravity()
         else:
-            self._engine = Engine(self._name, self._fdm)
+            self._engine = Engine(self._name, self._fdm, fastest_m_s)
         self._surfaces = surfaces_of(self._name, self._fdm, self._checked)
         self.stops = tuple(surface.stops for surface in self._surfaces)
         self.reset(start)
         self.body = self._body()
+        if fastest_m_s is not None:
+            self._ground_ft = 0.0
+            self._fdm["gear/gear-cmd-norm"] = self._fdm["gear/gear-pos-norm"] = 1.0
 
     def reset(self, motion: Motion) -> None:
         """Put the aircraft somewhere, its surfaces where `control` last put them."""
         fdm = self._fdm
         north, east, down = motion.position
-        fdm["ic/terrain-elevation-ft"] = _NO_GROUND_FT
+        fdm["ic/terrain-elevation-ft"] = self._ground_ft
         fdm["ic/lat-geod-deg"], fdm["ic/long-gc-deg"] = _LATITUDE_DEG, 0.0
         fdm["ic/h-sl-ft"] = -down / FT
         for axis, angle in zip(("phi", "theta", "psi-true"), motion.attitude, strict=True):
@@ -124,6 +146,39 @@ class JsbSim:
         self._position = north, east
         self._yaw = motion.attitude[2]
 
+    def stand(self, north_m: float, east_m: float, yaw: float) -> Motion:
+        """Put the aircraft at rest on its wheels, with a heading [rad]; return its motion.
+
+        It is let down with its brakes on until it has come to rest.
+
+        Raises:
+            SimulatorError: It does not come to rest, or JSBSim reports an error.
+        """
+        at_rest = (0.0, 0.0, 0.0)
+
+        def at(height: float) -> Motion:
+            return Motion((north_m, east_m, -height), at_rest, (0.0, 0.0, yaw), at_rest, at_rest)
+
+        self.reset(at(_ABOVE_M))
+        units = range(self._fdm.get_ground_reactions().get_num_gear_units())
+        nodes = [self._node(f"gear/unit[{i}]/AGL-ft") for i in units]
+        heights = [FT * node.get_double_value() for node in nodes if node is not None]
+        self.reset(at(_ABOVE_M - min(heights, default=_ABOVE_M)))
+        self.brake(1.0)
+        for _ in range(_SETTLING_S):
+            self.advance(1.0)
+            motion = self.read()
+            if max(map(abs, (*motion.velocity, *motion.rates))) < _AT_REST:
+                self.brake(0.0)
+                position = (north_m, east_m, motion.position[2])
+                return motion._replace(position=position, velocity=at_rest, rates=at_rest)
+        raise SimulatorError(f"JSBSim's {self._name} does not come to rest on its wheels")
+
+    def brake(self, share: float) -> None:
+        """Put the wheels' brakes at a share, 0 to 1, of what they can."""
+        for node in self._wheels[1:]:
+            node.set_double_value(share)
+
     def control(self, delta: Vec3, thrust: float) -> None:
         """Put aileron, elevator and rudder [rad] and the thrust along x [N] where they are to be.
 
@@ -132,6 +187,8 @@ class JsbSim:
         """
         for surface, angle in zip(self._surfaces, delta, strict=True):
             surface.put(angle)
+        low, high = self.stops[RUDDER] if self.stops else (0.0, 0.0)
+        self._wheels[0].set_double_value(-share_of(delta[RUDDER], low, high))
         if self._engine is None:
             self._thrust.set_double_value(thrust / LBF)
         else:
@@ -160,7 +217,8 @@ class JsbSim:
 
     def read(self) -> Motion:
         """Return the present motion."""
-        _, _, h, u, v, w, phi, theta, psi, p, q, r, x, y, z, m = [get() for get in self._read]
+        values = [get() for get in self._read]
+        _, _, h, u, v, w, phi, theta, psi, p, q, r, x, y, z, m, *pressed = values
         self._yaw = psi + math.tau * round((self._yaw - psi) / math.tau)
         k = FT / m
         return Motion(
@@ -169,6 +227,7 @@ class JsbSim:
             (phi, theta, self._yaw),
             (p, q, r),
             (k * x, k * y, k * z),
+            -pressed[0] * k / _GRAVITY,
         )
 
     def _load(self, section: JsbSimPlant) -> Any:

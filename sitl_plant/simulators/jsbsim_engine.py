@@ -4,16 +4,19 @@ The map is measured, at constant airspeeds, each engine settled as JSBSim settle
 In flight the engines have dynamics of their own: thrust comes when they have it.
 """
 
+import math
 from bisect import bisect_right
 from collections.abc import Callable
 from itertools import accumulate
 from typing import Any
 
 from sitl_plant.simulators.base import SimulatorError
-from sitl_plant.simulators.jsbsim_units import LBF
+from sitl_plant.simulators.jsbsim_units import FT, LBF
 
 _THROTTLES = tuple(k / 10 for k in range(11))
 _AIRSPEEDS = (0.5, 0.75, 1.0, 1.25, 1.5)  # of the one that it starts at
+_STANDING_FPS = 1.0
+_FROM_REST = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the highest one
 _ALL = -1.0  # engines
 _BOTH_MAGNETOS = 3.0
 
@@ -21,9 +24,16 @@ _BOTH_MAGNETOS = 3.0
 class Engine:
     """All engines of one aircraft, by one throttle."""
 
-    def __init__(self, aircraft: str, fdm: Any) -> None:
-        """Take JSBSim with the aircraft; SimulatorError if it has no engine."""
+    def __init__(self, aircraft: str, fdm: Any, fastest_m_s: float | None) -> None:
+        """Take JSBSim with the aircraft; SimulatorError if it has no engine.
+
+        Args:
+            aircraft: Its name.
+            fdm: JSBSim.
+            fastest_m_s: Highest airspeed of one that starts from the ground.
+        """
         self._aircraft, self._fdm = aircraft, fdm
+        self._fastest = None if fastest_m_s is None else fastest_m_s / FT
         self._propulsion = fdm.get_propulsion()
         count = self._propulsion.get_num_engines()
         if count == 0:
@@ -64,12 +74,15 @@ class Engine:
         fdm = self._fdm
         body = [(f"ic/{axis}-fps", fdm[f"ic/{axis}-fps"]) for axis in "uvw"]
         throttles = [node.get_double_value() for node in self._throttles]
-        V = self._airspeed()
+        V, speeds, shares = self._airspeed(), [speed for _, speed in body], _AIRSPEEDS
         self._near = 0.75 * V, 1.25 * V
-        self._airspeeds = [share * V for share in _AIRSPEEDS]
+        if V < _STANDING_FPS and self._fastest is not None:
+            V, speeds, shares = self._fastest, [self._fastest, 0.0, 0.0], _FROM_REST
+            self._near = 0.0, math.inf
+        self._airspeeds = [share * V for share in shares]
         self._thrusts = []
-        for share in _AIRSPEEDS:
-            for key, speed in body:
+        for share in shares:
+            for (key, _), speed in zip(body, speeds, strict=True):
                 fdm[key] = share * speed
             made = []
             for throttle in _THROTTLES:
@@ -78,7 +91,7 @@ class Engine:
                 self._settle(evaluate)
                 made.append(fdm["forces/fbx-prop-lbs"] * LBF)
             self._thrusts.append(list(accumulate(made, max)))
-        if not self._thrusts[2][-1] > 0.0:
+        if not self._thrusts[len(_AIRSPEEDS) // 2][-1] > 0.0:
             text = f"the engine of JSBSim's {self._aircraft} makes no thrust"
             raise SimulatorError(text, "choose plant.thrust: force")
         for key, speed in body:

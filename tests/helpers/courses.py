@@ -94,7 +94,7 @@ def _step(
 ) -> None:
     """Call `control_step` with the types that a flight has: its machine code is in the cache."""
     seen = Seen(motion, ahead, links, int(after_gap))
-    inputs = Inputs(time[0], time[1], motion, seen, guidance["command"], edges)
+    inputs = Inputs(time[0], time[1], motion, seen, guidance["command"], edges, math.inf)
     records = Records(aircraft, parameters, state, actuators["controls"], signals)
     control_step(inputs, records, True)
 

@@ -95,7 +95,8 @@ def test_what_show_refuses_the_vehicles_refuse_for_the_same_reason(
     done = fleet.gcs("mission", "download", "--uav", "1", "--out", path)
     items = [*read_mission_file(path).items[:-1], mission_item(7, dialect.MAV_CMD_NAV_LAND)]
     path.write_text(waypoints_text(items))
-    reason = "Item 7: command 21 is not supported: flights begin and end in the air"
+    reason = "Item 7: the aircraft has no gear to land on; add `gear: {kind: tricycle}` to it, or"
+    reason += " `{kind: belly}`"
     done = run("gcs", "mission", "show", path)
     assert (done.returncode, done.stderr) == (BAD_INPUT, f"{path}: {reason}\n")
     done = fleet.gcs("mission", "upload", path, "--uav", "1")

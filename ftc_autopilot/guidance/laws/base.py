@@ -1,5 +1,6 @@
 """Input and output of every guidance law."""
 
+import math
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -125,6 +126,9 @@ class Situation(NamedTuple):
     here: PathPoint  # the path at s
     motion: MeasuredMotion  # own motion
     off: float  # how far the UAV is to the right of the path [m]
+    level: float = math.nan  # height to climb to in place of the path's [m]; NaN: the path's
+    over_ground: int = 0  # 1: the climb is held over the ground, not through the air
+    nose: float = math.nan  # heading in place of the one that the course takes [rad]; NaN: none
 
 
 class Pace(NamedTuple):

@@ -58,6 +58,8 @@ _CLIMB_CORRECTION_MAX = math.radians(8.5)
 _INTEGRAL_SHARE = 0.15
 """Most that an integral commands, as a share of the ground speed."""
 _ROUNDING_SAMPLES = 8
+_CLIMBING_SHARE = 0.5
+"""Share of what is to spare that accelerates, when the aircraft climbs from the ground."""
 
 
 class PathFollowing(GuidanceParameters):
@@ -158,10 +160,12 @@ def path_law(
     bank_max = min(limits["bank_max_rad"], math.acos(1.0 / load))
     roll, drift = _turn(now, place, V, wind, bank_max, aircraft["g"], gains, state)
     alpha = (weight / (lift * math.cos(roll)) - at_zero) / slope
-    gamma = math.asin(min(max(-now.air_velocity[2] / V, -1.0), 1.0))
+    down = now.velocity[2] if now.over_ground != 0 else now.air_velocity[2]
+    gamma = math.asin(min(max(-down / V, -1.0), 1.0))
     correction = min(max(climb_now - gamma, -_CLIMB_CORRECTION_MAX), _CLIMB_CORRECTION_MAX)
     pitch = climb + alpha * math.cos(roll) + gains["climb_feedback"] * correction
-    return airspeed, roll, pitch, wrap(state["course"] + drift + alpha * math.sin(roll))
+    yaw = state["course"] + drift + alpha * math.sin(roll)
+    return airspeed, roll, pitch, wrap(now.nose if math.isfinite(now.nose) else yaw)
 
 
 @compiled
@@ -256,6 +260,8 @@ def _airspeed(
     if aircraft["thrust_rows"] > 0:
         thrust, D = _thrust_and_drag(now, aircraft, limits)
         faster = min(change, max(thrust - D, 0.0) / aircraft["m"] * now.dt)
+    if math.isfinite(now.level):
+        faster *= _CLIMBING_SHARE
     desired = min(max(desired, state["airspeed"] - change), state["airspeed"] + faster)
     state["airspeed"] = desired
     return float(desired)
@@ -304,7 +310,8 @@ def _turn(
     v, phi = now.motion.v, now.motion.phi
     flown = place.course + _drift(place.course, V, wind)
     flown += math.atan2(v[2], v[0]) * math.sin(phi[0])  # the heading that belongs to the course
-    roll += gains["bank_feedback"] * wrap(now.reference[3][0] - flown)
+    if not math.isfinite(now.nose):
+        roll += gains["bank_feedback"] * wrap(now.reference[3][0] - flown)
     return min(max(roll, -bank_max), bank_max), drift
 
 
@@ -342,6 +349,8 @@ def _climb(
     s_later, coordination = now.s + (3.0 / now.bandwidth + lag) * place.s_dot, now.coordination
     slope, slope_ahead = _rounded_slope(path, now.s, reach), _rounded_slope(path, s_later, reach)
     error = _rounded_height(path, now.s, reach) + coordination.slot[2] + now.position[2]
+    if math.isfinite(now.level):
+        slope, slope_ahead, error = 0.0, 0.0, now.level + now.position[2]
     gain = gains["height_integral_1_s2"]
     sink = _upwards(error, coordination, gains, state) + coordination.up
 

@@ -26,6 +26,7 @@ from sitl_plant.ardupilot.protocol import MAX_STEP_US, Measured, answer
 from sitl_plant.loop.fleet import (
     ADVANCE,
     PlantState,
+    contacts_of,
     fly,
     loss_of,
     new_plant_state,
@@ -307,7 +308,8 @@ class ArduPilotFlight:
     def ending(self, wall_s: float) -> Ending:
         """Return what is known of the flight besides its steps; `wall_s` as of `Ending`."""
         repeats = np.zeros((len(self._ids), N_CHANNELS), np.int64)
-        return Ending("lockstep", self.step, repeats, wall_s, self.loss)
+        contacts = contacts_of(self.fleet)
+        return Ending("lockstep", self.step, repeats, wall_s, self.loss, contacts=contacts)
 
     def _measured(self, i: int) -> Measured:
         """Return what the i-th aircraft measures now."""

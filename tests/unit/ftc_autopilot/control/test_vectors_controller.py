@@ -1,5 +1,6 @@
 """One controller step of a fleet of three against the worked values, to 1e-9 relative."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -91,7 +92,7 @@ def signals_of(case: Any, vectors: Any, scenario: Scenario, nominal: np.void, i:
     signals = np.zeros(1, SIGNALS)[0]
     command = state["reference"][:, 0].copy()
     seen = Seen(motions[i], 0, 0, 0)
-    inputs = Inputs(0.0, DT, motions[i], seen, command, edges_of(reports, weights))
+    inputs = Inputs(0.0, DT, motions[i], seen, command, edges_of(reports, weights), math.inf)
     controls = np.zeros(16, np.float32)
     control_step(inputs, Records(nominal, parameters, state, controls, signals))
     return signals

@@ -73,6 +73,7 @@ PLACE = (800.0, -300.0)
         (item(178, 0.0, -2.0), None, 0.0, 0.0, 0.0),
         (item(114, 50.0), None, 0.0, 0.0, 0.0),
         (item(22, z=-500.0), None, 0.0, 0.0, 0.0),
+        (item(22, z=-500.0), None, -480.0, 0.0, 0.0),
         (item(16, z=-10.0), PLACE, 10.0, 0.0, 0.0),
         (item(178, 1.0, 45.0, -1.0), None, 0.0, 0.0, 0.0),
         (item(177, 1.0, -1.0), None, 0.0, 0.0, 0.0),
@@ -103,7 +104,7 @@ def test_relative_altitudes_count_from_the_home_that_the_mission_sets() -> None:
 @pytest.mark.parametrize(
     ("sent", "result", "text"),
     [
-        (item(21), "UNSUPPORTED", "Item 1: command 21 is not supported: flights begin and end"),
+        (item(21), "UNSUPPORTED", "Item 1: the aircraft has no gear to land on"),
         (item(84), "UNSUPPORTED", "Item 1: command 84 is not supported: the aircraft cannot hover"),
         (item(219), "UNSUPPORTED", "Item 1: command 219 is not supported"),
         (item(186), "UNSUPPORTED", "not supported: give the next place that altitude"),
@@ -193,7 +194,7 @@ def test_a_takeoff_is_taken_as_past_before_the_first_place_only(place: int) -> N
     speed = mission_item(1, 178, (0.0, 45.0))
     takeoff = mission_item(2, 22, (15.0, 0.0, 0.0, math.nan), 0, 0, 50.0)
     assert decoded(speed, takeoff, mission_item(3, place, (), *HERE, 100.0))[1].item is takeoff
-    with pytest.raises(ItemError, match=r"^Item 2: command 22 .* taken as past before the first"):
+    with pytest.raises(ItemError, match=r"^Item 2: a takeoff stands before the first place only"):
         decoded(mission_item(1, place, (), *HERE, 100.0), takeoff)
     on_ground = mission_item(1, 93, (30.0,))
     assert decoded(on_ground, takeoff)[0].item is on_ground

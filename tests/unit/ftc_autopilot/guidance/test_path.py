@@ -175,7 +175,7 @@ def test_commands_are_passed_in_every_round_but_those_before_it_once() -> None:
         Leg(0.0, 400.0, math.pi, 1 / 200.0, half, 100.0, 0.0, 40.0, 4),
     ]
     passed = (PathCommand(0, 0.0, 10), PathCommand(1, 50.0, 11), PathCommand(3, 0.0, 12))
-    path = path_record(legs, 1, passed)
+    path = path_record(legs, 1, commands=passed)
     rounds = [(0.0, 10), (150.0, 11), (600.0 + half, 12)]
     rounds += [(s + k * whole, item) for k in (1, 2) for s, item in rounds[1:3]]
     last = 100.0 + 3.0 * whole

@@ -350,7 +350,7 @@ def test_home_can_be_set(bench: PathBench) -> None:
     assert bench.command(dialect.MAV_CMD_DO_SET_HOME, 0.0, 0, 0, 0, 95.0, 0.0, 0.0) == DENIED
 
 
-@pytest.mark.parametrize("command", [21, 22, 84, 85, 189])
+@pytest.mark.parametrize("command", [84, 85])
 def test_what_no_vehicle_in_the_air_can_do_is_refused_with_the_reason(
     command: int, bench: PathBench
 ) -> None:

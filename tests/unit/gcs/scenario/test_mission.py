@@ -154,8 +154,8 @@ def test_a_profile_is_replaced_by_a_mission(tmp_path: Path) -> None:
         ({"items": [{}]}, "mission.items[0]: expected one of the keys waypoint, loiter, "),
         (
             {"items": [ITEMS[0] | ITEMS[1]]},
-            "mission.items[0]: expected one of the keys waypoint, loiter, speed, delay, jump, "
-            "home, return_to_launch, item, got waypoint and speed",
+            "mission.items[0]: expected one of the keys waypoint, loiter, take_off, land, "
+            "speed, delay, jump, home, return_to_launch, item, got waypoint and speed",
         ),
         ({"items": ITEMS[1:2]}, "mission.items[0]: no waypoint or circle follows"),
         (
@@ -172,7 +172,7 @@ def test_a_profile_is_replaced_by_a_mission(tmp_path: Path) -> None:
         ),
         (
             {"items": [{"item": {"command": 21}}]},
-            "mission.items[0]: command 21 is not supported: flights begin and end in the air",
+            "mission.items[0]: the aircraft has no gear to land on",
         ),
         ({"file": "none.plan"}, "mission.file: "),
         ({"file": 3}, "mission.file: expected the name of a mission file, and no key beside it"),

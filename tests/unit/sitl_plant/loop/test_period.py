@@ -13,9 +13,10 @@ from mavlink_defs.constants import AILERON, THROTTLE
 from mavlink_defs.faults.actuators import DRIFT
 from sitl_plant.air.disturbance import disturbances
 from sitl_plant.air.wind import air_around
+from sitl_plant.airframe.contact import height_above_ground
 from sitl_plant.airframe.rigid_body import load_state, state_derivative
 from sitl_plant.loop.fleet import PlantState, fly, new_plant_state, observe
-from sitl_plant.loop.period import describe_loss, is_below_ground, is_lost, time_s
+from sitl_plant.loop.period import describe_loss, is_lost, time_s
 
 CALM = np.zeros(3)
 COMMANDS = np.array([0.05, -0.04, 0.3, 800.0])
@@ -202,11 +203,15 @@ def test_a_state_that_is_not_finite_is_lost(entry: int, value: float) -> None:
     assert describe_loss(x, CALM) == "its state is not finite"
 
 
-def test_the_ground_is_at_the_height_of_the_origin() -> None:
-    x = level()
-    for down, below in ((-1e-9, False), (0.0, False), (1e-9, True), (0.5, True), (2.0, True)):
-        x[2] = down
-        assert is_below_ground(x) == below
+@pytest.mark.parametrize(("slope_deg", "north_m"), [(0.0, 0.0), (3.0, 200.0), (3.0, -200.0)])
+def test_the_ground_is_a_plane_through_the_origin(
+    scenario1: Scenario, slope_deg: float, north_m: float
+) -> None:
+    plant = plant_with(scenario1, ground={"slope_deg": slope_deg})
+    gear, altitude = plant.uavs[0]["gear"], math.tan(math.radians(slope_deg)) * north_m
+    for above in (-0.5, -1e-9, 1e-9, 2.0):
+        height = height_above_ground((north_m, 70.0, -(altitude + above)), gear)
+        assert height == pytest.approx(above * math.cos(math.radians(slope_deg)), abs=1e-12)
 
 
 def test_a_loss_is_described_with_its_limits() -> None:

@@ -1,0 +1,158 @@
+"""The legs of a take-off and of a landing: roll, climb, approach, flare, and the way around again.
+
+All of them are straight and lie on the line of the runway, but for the circuit that leads from an
+approach that is given up to its beginning.
+"""
+
+import math
+
+from ftc_autopilot.guidance.legs import Leg, Pose
+from ftc_autopilot.guidance.limits import FlightLimits, turn_radius
+from ftc_autopilot.guidance.mission_items import MissionTarget
+from ftc_autopilot.guidance.runway import CANNOT_START, FROM_LAUNCHER, RunwayFigures
+from ftc_autopilot.guidance.runway_marks import RunwayMarks
+from mavlink_defs import dialect
+from mavlink_defs.profile import ItemError
+
+_FLARE_LEGS = 8
+_SETTLING = 3.0
+"""Time of level flight on the line of the runway before an approach descends, in lags."""
+_LEAST_CLIMB_M = 10.0
+"""Least height to which a take-off climbs above the runway [m]."""
+_BISECTIONS = 40
+
+
+def take_off_legs(
+    begin: Pose, height: float, target: MissionTarget, limits: FlightLimits
+) -> list[Leg]:
+    """Return the roll and the climb of a take-off, along the aircraft's nose.
+
+    Args:
+        begin: Where it stands.
+        height: Of its centre of gravity [m].
+        target: NAV_TAKEOFF.
+        limits: What the aircraft can fly.
+
+    Raises:
+        ItemError: It cannot take off.
+    """
+    figures, seq = _figures(limits), target.item.seq
+    if figures.starts == CANNOT_START:
+        text = "the aircraft has neither wheels nor a launcher to take off from; add"
+        text += " `gear: {kind: tricycle}`, or a `launcher` to its gear"
+        raise ItemError(seq, dialect.MAV_MISSION_UNSUPPORTED, text)
+    rise = target.height - height
+    if not rise >= _LEAST_CLIMB_M:
+        text = f"it leads {rise:.1f} m above the runway, must be >= {_LEAST_CLIMB_M:g} m"
+        raise ItemError(seq, dialect.MAV_MISSION_INVALID_PARAM7, text)
+    roll = figures.launch if figures.starts == FROM_LAUNCHER else figures.take_off_roll
+    if math.isinf(roll):
+        text = "the aircraft's thrust does not bring it to the airspeed at which it rotates,"
+        text += f" {figures.rotate:.1f} m/s"
+        raise ItemError(seq, dialect.MAV_MISSION_UNSUPPORTED, text)
+    _check_length(figures, roll, seq, "a take-off")
+    airspeed = target.airspeed
+    rolling = Leg(*begin, 0.0, roll, height, 0.0, airspeed, seq)
+    climb = limits.climb
+    return [rolling, Leg(*rolling.end, 0.0, rise / climb, height, climb, airspeed, seq)]
+
+
+def landing_legs(
+    line: Leg, height: float, target: MissionTarget, limits: FlightLimits
+) -> tuple[list[Leg], RunwayMarks]:
+    """Return the legs from the beginning of a landing's line on, and marks that count from there.
+
+    The line is flown level, then down the slope, which is the usual one if there is room for it;
+    the last leg of the way around leads to the first one here.
+
+    Args:
+        line: Straight from the place before to the one of touchdown, at no height.
+        height: At its beginning [m].
+        target: NAV_LAND, with the height of the centre of gravity at touchdown.
+        limits: What the aircraft can fly.
+
+    Raises:
+        ItemError: It cannot land so.
+    """
+    figures, seq = _figures(limits), target.item.seq
+    _check_length(figures, figures.landing_roll, seq, "a landing")
+    approach, at = figures.approach, target.airspeed_there
+    level = figures.slowing_length(at, limits.gravity_m_s2)
+    level = max(level, _SETTLING * figures.lag * approach)
+    slope = _slope(line.length_m, level, height - target.height, figures, seq)
+    flare_from, flare_length = figures.flare_height(slope), figures.flare_length(slope)
+    descent = (height - target.height - flare_from) / slope
+    before, rest = line.cut(line.length_m - descent - flare_length)
+    glide, flare = rest.cut(descent)
+    there = (approach, seq)
+    legs = [before._replace(height_m=height, airspeed_m_s=approach, item=seq)]
+    legs.append(Leg(*glide[:5], height, -slope, *there))
+    bias = figures.touchdown * figures.flare
+    above = [
+        (flare_from + bias) * (bias / (flare_from + bias)) ** (k / _FLARE_LEGS) - bias
+        for k in range(_FLARE_LEGS + 1)
+    ]
+    piece = flare_length / _FLARE_LEGS
+    for k in range(_FLARE_LEGS):
+        part, flare = flare.cut(piece)
+        climb = (above[k + 1] - above[k]) / piece
+        legs.append(Leg(*part[:4], piece, target.height + above[k], climb, *there))
+    landing = len(legs)
+    end = line.end
+    away = (height - target.height) / limits.climb + _SETTLING * figures.lag * at
+    after = Leg(*end, 0.0, max(figures.landing_roll, away), target.height)
+    after = after._replace(climb=-figures.touchdown / approach)
+    legs.append(after._replace(airspeed_m_s=approach, item=seq))
+    around = len(legs)
+    radius = turn_radius(at, limits)
+    back = line.length_m + after.length_m
+    turn = Leg(*after.end, -1.0 / radius, math.pi * radius, height, 0.0, at, seq)
+    down = Leg(*turn.end, 0.0, back, height, 0.0, at, seq)
+    legs += [turn, down, Leg(*down.end, -1.0 / radius, math.pi * radius, height, 0.0, at, seq)]
+    marks = RunwayMarks(0, 0.0, 0, landing, around, height, target.height + flare_from)
+    return legs, marks
+
+
+def _slope(length: float, level: float, descent: float, figures: RunwayFigures, seq: int) -> float:
+    """Return the slope of an approach: the usual one, or as steep as its line demands.
+
+    Args:
+        length: Of the line [m].
+        level: Of the part of it that is flown level, at least [m].
+        descent: Height to lose [m].
+        figures: Of the aircraft.
+        seq: Number of the item.
+    """
+
+    def needed(slope: float) -> float:
+        down = max(descent - figures.flare_height(slope), 0.0) / slope
+        return down + figures.flare_length(slope) + level
+
+    least = figures.flare_height(figures.slope)
+    if descent < least:
+        text = f"the approach begins {descent:.1f} m above the runway, must be >= {least:.1f} m;"
+        text += " raise the item before"
+        raise ItemError(seq, dialect.MAV_MISSION_INVALID_PARAM7, text)
+    low, high = figures.slope, figures.steepest
+    if needed(low) <= length:
+        return low
+    if needed(high) > length:
+        text = f"an approach of {length:.0f} m is too short for {descent:.0f} m of height at"
+        text += f" {figures.approach:.1f} m/s, must be >= {needed(high):.0f} m; move the item"
+        raise ItemError(seq, dialect.MAV_MISSION_INVALID_PARAM7, f"{text} before away, or lower it")
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if needed(middle) > length else (low, middle)
+    return high
+
+
+def _figures(limits: FlightLimits) -> RunwayFigures:
+    assert limits.runway is not None
+    return limits.runway
+
+
+def _check_length(figures: RunwayFigures, roll: float, seq: int, what: str) -> None:
+    if 0.0 < figures.length < roll:
+        text = f"the runway is {figures.length:g} m long, {what} takes {roll:.0f} m"
+        text += "; land slower, or elsewhere"
+        raise ItemError(seq, dialect.MAV_MISSION_UNSUPPORTED, text)

@@ -1,0 +1,144 @@
+"""Take-off and landing of a vehicle: what it tells of them, and the commands for them."""
+
+from collections.abc import Callable, Iterator
+
+from ftc_autopilot.guidance.mission_items import LAND, PLACES
+from ftc_autopilot.guidance.runway import STANDS
+from ftc_autopilot.guidance.runway_phases import (
+    AIRSPEED,
+    AROUND,
+    ASKED,
+    BANKED,
+    CLIMBING,
+    FINAL,
+    FLARE,
+    NO_THRUST,
+    OFF_LINE,
+    OFF_SLOPE,
+    REJECTED,
+    ROLL_OUT,
+    ROLLING,
+    SINKING,
+    STANDING,
+    STOPPED,
+    TOO_LONG,
+)
+from ftc_autopilot.vehicle.changes import Change
+from ftc_autopilot.vehicle.flight_path import FlightPath
+from ftc_autopilot.vehicle.message import message
+from ftc_autopilot.vehicle.modes import Modes, Say
+from ftc_autopilot.vehicle.shown_state import ShownState
+from mavlink_defs import dialect
+from mavlink_defs.dialect import MAVLink_message
+from sitl_plant.vec3 import norm
+
+_TEXTS = {
+    ROLLING: "take-off",
+    CLIMBING: "off the ground",
+    REJECTED: "take-off rejected: {}",
+    FINAL: "final approach",
+    FLARE: "flare",
+    ROLL_OUT: "touchdown",
+    STOPPED: "stands on the runway",
+    AROUND: "going around: {}",
+}
+_REASONS = {
+    NO_THRUST: "too little thrust",
+    OFF_LINE: "off the centre line",
+    OFF_SLOPE: "off the slope",
+    BANKED: "banked",
+    SINKING: "sinking too fast",
+    AIRSPEED: "airspeed",
+    TOO_LONG: "too far along the runway",
+    ASKED: "commanded",
+}
+_STATES = {
+    STANDING: dialect.MAV_LANDED_STATE_ON_GROUND,
+    ROLLING: dialect.MAV_LANDED_STATE_TAKEOFF,
+    CLIMBING: dialect.MAV_LANDED_STATE_TAKEOFF,
+    REJECTED: dialect.MAV_LANDED_STATE_ON_GROUND,
+    FINAL: dialect.MAV_LANDED_STATE_LANDING,
+    FLARE: dialect.MAV_LANDED_STATE_LANDING,
+    ROLL_OUT: dialect.MAV_LANDED_STATE_ON_GROUND,
+    STOPPED: dialect.MAV_LANDED_STATE_ON_GROUND,
+}
+_ACCEPTED, _DENIED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_DENIED
+
+
+class RunwayMessages:
+    """Tells which phase a take-off or landing is in, and disarms when it is over."""
+
+    def __init__(self, shown: ShownState, modes: Modes, start: Callable[[int], int], say: Say):
+        """Note nothing yet.
+
+        Args:
+            shown: The last state.
+            modes: The vehicle's modes.
+            start: Flies the mission from an item on, and returns MAV_RESULT.
+            say: Announces a text.
+        """
+        self._shown, self._modes, self._start, self._say = shown, modes, start, say
+        self._phase = modes.path.phase
+
+    @message(dialect.MAVLink_extended_sys_state_message, every_s=1.0)
+    def extended_sys_state(self) -> MAVLink_message:
+        """Return EXTENDED_SYS_STATE."""
+        state = dialect.MAV_LANDED_STATE_IN_AIR
+        if not self._modes.armed and self._is_slow:
+            state = dialect.MAV_LANDED_STATE_ON_GROUND
+        elif self._modes.armed:
+            state = _STATES.get(self._modes.path.phase, state)
+        return dialect.MAVLink_extended_sys_state_message(dialect.MAV_VTOL_STATE_UNDEFINED, state)
+
+    def changes(self) -> Iterator[Change]:
+        """Yield what has changed since the last call; a flight that stands again is over."""
+        path = self._modes.path
+        before, self._phase = self._phase, path.phase
+        if before == self._phase:
+            return
+        if self._phase in _TEXTS:
+            text = _TEXTS[self._phase].format(_REASONS.get(path.reason, ""))
+            good = self._phase not in (REJECTED, AROUND)
+            severity = dialect.MAV_SEVERITY_INFO if good else dialect.MAV_SEVERITY_WARNING
+            yield Change(text, severity, text)
+        if self._phase == STOPPED:
+            self._modes.disarm_at_once()
+
+    def land(self, _: tuple[float, ...] = ()) -> int:
+        """Execute MAV_CMD_NAV_LAND and MAV_CMD_DO_LAND_START: fly the landing of the mission."""
+        begin = landing_start(self._modes.path)
+        if begin is None:
+            text = "Land: the mission has no landing; upload one with NAV_LAND (21)"
+            return self._refuse(text)
+        return self._start(begin)
+
+    def go_around(self, _: tuple[float, ...]) -> int:
+        """Execute MAV_CMD_DO_GO_AROUND: climb, and fly the approach again."""
+        if self._modes.path.phase not in (FINAL, FLARE):
+            return self._refuse("Go around: no approach is flown")
+        self._modes.path.go_around()
+        return _ACCEPTED
+
+    @property
+    def _is_slow(self) -> bool:
+        runway = self._modes.path.planner.limits.runway
+        stall = 0.0 if runway is None else runway.stall
+        return self._shown.airspeed < stall and norm(self._shown.velocity_ned) < STANDS * stall
+
+    def _refuse(self, text: str) -> int:
+        self._say(dialect.MAV_SEVERITY_WARNING, text)
+        return _DENIED
+
+
+def landing_start(path: FlightPath) -> int | None:
+    """Return the item with which the mission's landing begins; None without a landing.
+
+    It is the last DO_LAND_START before it, or the place before it.
+    """
+    commands = [item.command for item in path.items]
+    if LAND not in commands:
+        return None
+    landing = commands.index(LAND)
+    marks = [k for k in range(landing) if commands[k] == dialect.MAV_CMD_DO_LAND_START]
+    places = [k for k in range(1, landing) if commands[k] in PLACES]
+    return (marks or places or [landing])[-1]

@@ -1,0 +1,156 @@
+"""Take-off and landing on the plant's ground: from standstill to standstill, and what fails."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from scenario_edits import edit
+
+from ftc_autopilot.guidance.runway_phases import (
+    AROUND,
+    CLIMBING,
+    FINAL,
+    FLARE,
+    FLYING,
+    NO_THRUST,
+    OFF_LINE,
+    REJECTED,
+    ROLL_OUT,
+    ROLLING,
+    STOPPED,
+)
+from gcs.fleet import in_process
+from gcs.results.recording import Steps
+from gcs.scenario.model import scenario_of, scenario_tree
+from mavlink_defs.config.models import ConfigError
+
+_LOOK_STEPS = 100
+CIRCUIT = Path("scenarios/runway/circuit.yaml")
+SHORT: dict[str, Any] = {
+    "mission.items": [
+        {"take_off": {"height_m": 40.0}},
+        {"waypoint": {"north_m": 1000.0, "east_m": 0.0, "height_m": 40.0}},
+        {"waypoint": {"north_m": 1000.0, "east_m": -950.0, "height_m": 40.0}},
+        {"waypoint": {"north_m": -1650.0, "east_m": -950.0, "height_m": 40.0}},
+        {"waypoint": {"north_m": -1650.0, "east_m": 0.0, "height_m": 40.0}},
+        {"land": {"north_m": 0.0, "east_m": 0.0}},
+    ],
+    "duration_s": 190.0,
+}
+LAND = {"land": {"north_m": 0.0, "east_m": 0.0}}
+FAR = {"waypoint": {"north_m": -2500.0, "east_m": 0.0, "height_m": 60.0}}
+
+
+class Flown(NamedTuple):
+    """Phases in their order, and how the flight ended."""
+
+    phases: list[int]
+    reason: int
+    position: Any  # at its end [m]
+    off: float  # largest distance from the centre line on the ground [m]
+    gear: np.void
+
+
+@pytest.fixture
+def fly(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Flown]:
+    """Return what flies the circuit with changes at dotted places."""
+    monkeypatch.setattr(in_process, "_CHUNK_STEPS", _LOOK_STEPS)
+
+    def flown(**changes: Any) -> Flown:
+        scenario = scenario_of(CIRCUIT, edit(scenario_tree(CIRCUIT), changes))
+        flight = in_process.begin(scenario)
+        runway, own = flight.controllers.uavs[0]["guidance"]["runway"], flight.fleet.uavs[0]
+        phases, off = list[int](), [0.0]
+
+        def look(_: Steps) -> None:
+            phase = int(runway["phase"])
+            if not phases or phases[-1] != phase:
+                phases.append(phase)
+            if phase in {ROLLING, ROLL_OUT, REJECTED}:
+                off.append(abs(float(own["state"][1])))
+
+        room = in_process.room_of(scenario, _LOOK_STEPS)
+        ending = in_process.fly_on(
+            scenario,
+            flight,
+            lambda begin, end: room.part(0, end - begin)._replace(first=begin),
+            on_steps=look,
+        )
+        assert ending.loss is None
+        return Flown(phases, int(runway["reason"]), own["state"][:3], max(off), own["gear"])
+
+    return flown
+
+
+@pytest.mark.parametrize("law", ["pid", "surviving"])
+def test_a_circuit_is_flown_from_standstill_to_standstill(
+    fly: Callable[..., Flown], law: str
+) -> None:
+    circuit = fly(**{**SHORT, "controller": {"kind": law}})
+    assert circuit.phases == [ROLLING, CLIMBING, FLYING, FINAL, FLARE, ROLL_OUT, STOPPED]
+    worst = circuit.gear["worst"]
+    assert circuit.off <= 3.0
+    assert abs(worst["position"][1]) <= 3.0
+    assert worst["sink"] <= 1.0
+    assert abs(math.degrees(worst["bank"])) <= 5.0
+
+
+def test_a_take_off_without_thrust_is_rejected(fly: Callable[..., Flown]) -> None:
+    """Half of the thrust is more than a take-off takes of the paper's aircraft; a tenth is not."""
+    fault = {"uav": 1, "actuator": "throttle", "effectiveness": 0.1, "start_s": 0.0}
+    rejected = fly(faults=[fault], duration_s=40.0)
+    assert rejected.phases == [ROLLING, REJECTED, STOPPED]
+    assert rejected.reason == NO_THRUST
+    assert rejected.gear["touchdowns"] == 0
+
+
+def test_an_approach_that_is_not_stable_is_given_up_and_flown_again(
+    fly: Callable[..., Flown],
+) -> None:
+    """The wind moves it from the line by more than half of a runway so narrow."""
+    start = {"north_m": -1900.0, "east_m": 0.0, "altitude_m": 40.0, "airspeed_m_s": 40.0}
+    around = fly(
+        **{
+            "uavs.0.initial": start,
+            "mission.items": [SHORT["mission.items"][4], LAND],
+            "runway": None,
+            "wind.turbulence": "light",
+            "runway_guidance": {"width_m": 0.02, "go_arounds": 1},
+            "duration_s": 300.0,
+        }
+    )
+    assert around.phases == [FLYING, FINAL, AROUND, FLYING, FINAL, FLARE, ROLL_OUT, STOPPED]
+    assert around.reason == OFF_LINE
+    assert abs(around.gear["worst"]["position"][1]) <= 3.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"mission.items": [FAR, LAND]}, "stands on the ground; begin with NAV_TAKEOFF"),
+        ({"aircraft.gear.kind": "belly"}, "neither wheels nor a launcher"),
+        ({"runway.length_m": 100.0}, "the runway is 100 m long, a take-off takes"),
+        ({"mission.items.0": {"take_off": {"height_m": 3.0}}}, "must be >= 10 m"),
+        ({"mission.items.4.waypoint.height_m": 1.0}, "raise the item before"),
+        ({"mission.items.4.waypoint.north_m": -200.0}, "too short for 60 m of height"),
+        ({"mission": None, "profile": [{"start_s": 0.0}]}, "a profile begins in the air"),
+    ],
+)
+def test_what_cannot_be_flown_is_refused_before_the_flight(
+    changes: dict[str, Any], text: str
+) -> None:
+    if "profile" in changes:
+        angles = {"airspeed_m_s": 40.0, "roll_deg": 0.0, "pitch_deg": 0.0, "yaw_deg": 0.0}
+        changes["profile"] = [{"start_s": 0.0, **angles}]
+    with pytest.raises(ConfigError, match=text):
+        scenario_of(CIRCUIT, edit(scenario_tree(CIRCUIT), changes))
+
+
+def test_an_aircraft_without_gear_does_not_land() -> None:
+    start = {"north_m": -2600.0, "east_m": 0.0, "altitude_m": 60.0, "airspeed_m_s": 40.0}
+    changes = {"aircraft.gear": None, "uavs.0.initial": start, "mission.items": [FAR, LAND]}
+    with pytest.raises(ConfigError, match="no gear to land on"):
+        scenario_of(CIRCUIT, edit(scenario_tree(CIRCUIT), changes))
