@@ -1,0 +1,190 @@
+"""Evidence, at each time of a flight, that a relation does not hold any more.
+
+The relation is learnt from the flight itself, up to 10 s before the time that is judged, so that a
+fault is not learnt before it is found: recursive least squares with forgetting, samples far off
+counting less (Huber's weights), and a prior that all coefficients are small. A generalised
+likelihood ratio (Willsky and Jones, IEEE TAC 21, 1976) then asks of windows that end now whether
+their residuals have another mean, or the response another gain. Its square root, as of twice its
+logarithm, is the evidence: in standard deviations, if the residuals were white. They are not, so
+their size is measured over means of 2 s; and where the relation was never seen, its coefficients'
+own uncertainty counts.
+
+What a healthy flight reaches is another matter, and known from other flights (`decisions`).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ftc_lab.flight_diagnosis.relations import RATE_HZ, Relation
+
+_GUARD = round(10.0 * RATE_HZ)  # samples before the present one that are not learnt yet
+_MEMORY = 90.0 * RATE_HZ  # samples after which one counts 1/e
+_PRIOR = 20.0  # samples that the prior counts as
+_CORRELATED = 10.0  # samples that count as one, of the coefficients' uncertainty: 1 s
+_BLOCK = round(2.0 * RATE_HZ)  # samples over whose mean residuals are measured
+_LEAST_LEARNT = round(6.0 * RATE_HZ)  # samples learnt before residuals count
+_LEAST_MEASURED = round(8.0 * RATE_HZ)  # residuals measured before anything is judged
+_FEW = 10 * _BLOCK  # residuals: of so few blocks the variance is taken to be twice as large
+_HUBER, _CLIP = 2.0, 3.0  # in sizes of residuals: samples further off count less, or no further
+_BASE = round(20.0 * RATE_HZ)  # samples before a window that it is compared with
+_LEAST_WINDOW = 3  # samples
+_TINY = 1e-12
+_WINDOWS_S = {
+    "response": (2.0, 4.0, 8.0),  # a gain needs manoeuvres
+    "shift": (0.5, 1.0, 2.0, 4.0),
+    "drop": (1.0, 2.0, 4.0, 8.0),
+}
+
+
+class Residuals(NamedTuple):
+    """What is left of a relation, as each sample was predicted 10 s before.
+
+    Attributes:
+        residual: Measured minus predicted, shape (n,); 0 where nothing is judged.
+        weight: One over its variance; 0 where nothing is judged.
+        predicted: Shape (n,).
+    """
+
+    residual: np.ndarray
+    weight: np.ndarray
+    predicted: np.ndarray
+
+
+def residuals_of(relation: Relation) -> Residuals:
+    """Learn a relation along a flight and predict it."""
+    valid = np.isfinite(relation.measured) & np.isfinite(relation.terms).all(axis=1)
+    X = np.where(valid[:, None], _standardised(relation.terms, valid), 0.0)
+    y = np.where(valid, relation.measured, 0.0)
+    n, m = X.shape
+    found = Residuals(np.zeros(n), np.zeros(n), np.zeros(n))
+    model = _Model(m)
+    for i in range(n):
+        if i >= _GUARD and valid[i - _GUARD]:
+            model.learn(X[i - _GUARD], y[i - _GUARD])
+        if valid[i] and model.measured >= _LEAST_MEASURED:
+            predicted = X[i] @ model.coefficients
+            found.predicted[i] = predicted
+            found.residual[i] = y[i] - predicted
+            found.weight[i] = 1.0 / (model.variance() * model.stretch(X[i]))
+    return found
+
+
+def _standardised(terms: np.ndarray, valid: np.ndarray) -> np.ndarray:
+    """Return terms with a mean of 0 and a variance of 1, but for the first, which is constant."""
+    if not valid.any():
+        return terms
+    mean, deviation = terms[valid].mean(axis=0), terms[valid].std(axis=0)
+    mean[0], deviation[0] = 0.0, 1.0
+    return np.asarray((terms - mean) / (deviation + _TINY))
+
+
+class _Model:
+    """Recursive least squares, and the size of their residuals."""
+
+    def __init__(self, terms: int) -> None:
+        self.coefficients = np.zeros(terms)
+        self.measured = 0  # residuals
+        prior = np.append(1.0, np.full(terms - 1, _PRIOR))
+        self._A, self._b = np.diag(prior), np.zeros(terms)
+        self._P = np.diag(1.0 / prior)
+        self._learnt = 0
+        self._weights = self._squares = self._block_squares = 0.0
+        self._block = np.zeros(_BLOCK)
+
+    def stretch(self, x: np.ndarray) -> float:
+        """Return by what the coefficients' uncertainty makes the variance of a residual larger."""
+        return float(1.0 + _CORRELATED * x @ self._P @ x)
+
+    def variance(self) -> float:
+        """Return the variance of a residual, as large as means of blocks show it."""
+        few = 1.0 + _FEW / self._weights
+        return self._block_squares / self._weights * few * _BLOCK + _TINY
+
+    def learn(self, x: np.ndarray, y: float) -> None:
+        """Measure the residual of a sample, then learn it."""
+        residual = float(y - x @ self.coefficients) / np.sqrt(self.stretch(x))
+        weight, forget = 1.0, 1.0 - 1.0 / _MEMORY
+        self._block = np.append(self._block[1:], residual)
+        self._learnt += 1
+        if self._learnt > _LEAST_LEARNT:
+            size = block_size = np.inf
+            if self.measured >= _BLOCK:
+                size = np.sqrt(self._squares / self._weights)
+                block_size = np.sqrt(self._block_squares / self._weights)
+                weight = min(1.0, _HUBER * size / max(abs(residual), _TINY))
+            self._squares *= forget
+            self._squares += min(abs(residual), _CLIP * size) ** 2
+            self._block_squares *= forget
+            self._block_squares += min(abs(self._block.mean()), _CLIP * block_size) ** 2
+            self._weights = forget * self._weights + 1.0
+            self.measured += 1
+        self._A = forget * self._A + weight * np.outer(x, x)
+        self._b = forget * self._b + weight * y * x
+        self._P = np.linalg.inv(self._A)
+        self.coefficients = self._P @ self._b
+
+
+def evidence_of(relation: Relation, residuals: Residuals) -> np.ndarray:
+    """Return the evidence against a relation at each time, shape (n,)."""
+    best = np.zeros(len(residuals.residual))
+    for window_s in _WINDOWS_S[relation.test]:
+        found = _window(relation.test, residuals, round(window_s * RATE_HZ))
+        best = np.maximum(best, found)
+    return best
+
+
+def onset_of(relation: Relation, residuals: Residuals, begin: int, end: int) -> int:
+    """Return the sample with which the most likely window begins that ends at `end`.
+
+    Args:
+        relation: The relation.
+        residuals: Of it.
+        begin: First sample that may be it.
+        end: Last sample of the window, later than `begin`.
+    """
+    cut = Residuals(*(values[: end + 1] for values in residuals))
+    lengths = range(_LEAST_WINDOW, end - begin + 2)
+    found = [_window(relation.test, cut, steps)[-1] for steps in lengths]
+    return end + 1 - lengths[int(np.argmax(found))]
+
+
+def _window(test: str, residuals: Residuals, steps: int) -> np.ndarray:
+    if test == "response":
+        return _response(residuals, steps)
+    return _shift(residuals, steps, down=test == "drop")
+
+
+def _response(residuals: Residuals, steps: int) -> np.ndarray:
+    """Return the evidence for another mean together with a smaller gain in a window."""
+    e, w, x = residuals
+    sums = [_last(values, steps) for values in (w, w * e, w * x, w * x * e, w * x * x)]
+    count, Se, Sx, Sxe, Sxx = sums
+    count = count + _TINY
+    covariance, variance = Sxe - Se * Sx / count, Sxx - Sx * Sx / count + _TINY
+    return np.sqrt(Se**2 / count + np.maximum(-covariance, 0.0) ** 2 / variance)
+
+
+def _shift(residuals: Residuals, steps: int, *, down: bool) -> np.ndarray:
+    """Return the evidence for another mean in a window: than 0, and than before it; the less."""
+    count, total = _last(residuals.weight, steps) + _TINY, _last(_weighted(residuals), steps)
+    count0 = _last(residuals.weight, _BASE, steps) + _TINY
+    total0 = _last(_weighted(residuals), _BASE, steps)
+    from_zero = total / np.sqrt(count)
+    from_before = (total / count - total0 / count0) / np.sqrt(1.0 / count + 1.0 / count0)
+    least = np.minimum(np.abs(from_zero), np.abs(from_before))
+    agree = from_zero * from_before > 0.0
+    if down:
+        agree &= from_zero < 0.0
+    return np.where(agree, least, 0.0)
+
+
+def _weighted(residuals: Residuals) -> np.ndarray:
+    return residuals.weight * residuals.residual
+
+
+def _last(values: np.ndarray, steps: int, ago: int = 0) -> np.ndarray:
+    """Return the sum over some samples that ended so many ago, of each sample, shape (n,)."""
+    sums = np.concatenate([[0.0], np.cumsum(values)])
+    end = np.arange(1, len(values) + 1) - ago
+    return np.asarray(sums[np.clip(end, 0, None)] - sums[np.clip(end - steps, 0, None)])

@@ -1,0 +1,182 @@
+"""Learn from flights of which is known what failed, and judge each by what the others show.
+
+    .venv/bin/python -m ftc_lab.flight_diagnosis.learn FOLDER
+
+The folder has one table for each flight of the AirLab Failure and Anomaly data set (ALFA: Keipour,
+Mousaei and Scherer, IJRR 40, 2021; theairlab.org/alfa-dataset, CC BY 4.0), as they are in the
+folder `failures` of github.com/FabioCarosi/FaultDetection_ALFA-Dataset, packed or not. Their names
+say what failed, the column `field.data` when. `learnt.yaml` was learnt from the flights that it
+lists, and from no others.
+"""
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import yaml
+
+from ftc_lab.flight_diagnosis.decisions import (
+    LEARNT,
+    Gumbel,
+    Learnt,
+    Watched,
+    diagnose_flight,
+    watch,
+)
+from ftc_lab.flight_diagnosis.relations import SURFACES, Relations, Surface, relations_of
+from gcs.console.errors import BadInput
+from gcs.results.logs.read import read_flight
+
+_LEAST_S = 40.0  # of healthy flight that counts: shorter ones are hardly judged
+_PRIOR = 3.0  # standard deviation of coefficients: few flights do not make anything certain
+_LARGEST = 20.0  # coefficient of the names that is tried
+_HEADER = """\
+# Written by: python -m ftc_lab.flight_diagnosis.learn
+# From flights of the AirLab Failure and Anomaly data set (CMU, CC BY 4.0, theairlab.org/alfa-dataset).
+# healthy: Gumbel distribution of the largest evidence of a healthy flight; fault, naming: see Learnt.
+"""
+
+
+class Example(NamedTuple):
+    """A flight of which is known what failed.
+
+    Attributes:
+        name: Of its file.
+        truth: What failed; None: nothing.
+        onset_s: When; infinite if nothing did.
+        relations: Of the flight.
+        watched: Its relations.
+    """
+
+    name: str
+    truth: Surface | None
+    onset_s: float
+    relations: Relations
+    watched: Mapping[Surface, Watched]
+
+    def largest(self, surface: Surface, *, healthy: bool) -> float:
+        """Return the largest evidence before, or after, the fault; 0 without any."""
+        chosen = (self.relations.time_s < self.onset_s) == healthy
+        return float(self.watched[surface].evidence[chosen].max(initial=0.0))
+
+
+def example_of(path: Path) -> Example:
+    """Read a flight."""
+    flight = read_flight(path)
+    relations = relations_of(flight)
+    onset_s = np.inf
+    if "fault" in flight and flight["fault"].values.any():
+        onset_s = float(flight["fault"].time_s[np.argmax(flight["fault"].values != 0.0)])
+    truth = next((one for one in SURFACES if one in path.name), None)
+    return Example(path.name, truth, onset_s, relations, watch(relations))
+
+
+def learnt_from(examples: list[Example]) -> Learnt:
+    """Fit what is to be known of healthy flights and of faults."""
+    healthy = {surface: _gumbel(examples, surface) for surface in SURFACES}
+    known = Learnt(healthy=healthy, fault=(0.0, 1.0), naming=1.0)
+    ratios, faulty, names = [], [], []
+    for one in examples:
+        for before in (True, False) if one.truth else (True,):
+            at = {s: one.largest(s, healthy=before) / known.threshold(s) for s in SURFACES}
+            ratios.append(max(at.values()))
+            faulty.append(not before)
+        found = diagnose_flight(one.relations, one.watched, known).finding
+        if found is not None and found.alarm_s >= one.onset_s:
+            at = {s: float(np.log(found.probabilities[s])) for s in SURFACES}
+            names.append((one.truth, at))
+    intercept, slope = _logistic(np.log(np.maximum(ratios, 1e-3)), np.array(faulty))
+    return Learnt(healthy=healthy, fault=(intercept, slope), naming=_sharpness(names))
+
+
+def _gumbel(examples: list[Example], surface: Surface) -> Gumbel:
+    """Fit quartiles: a flight that was not as healthy as it is said to be counts no more."""
+    enough = [one for one in examples if min(one.onset_s, one.relations.time_s[-1]) > _LEAST_S]
+    largest = [one.largest(surface, healthy=True) for one in enough]
+    low, median, high = np.percentile(largest, (25.0, 50.0, 75.0))
+    scale = (high - low) / (np.log(np.log(4.0)) - np.log(np.log(4.0 / 3.0)))
+    return Gumbel(location=float(median + scale * np.log(np.log(2.0))), scale=float(scale))
+
+
+def _logistic(x: np.ndarray, is_true: np.ndarray) -> tuple[float, float]:
+    """Fit intercept and slope by Newton's method, with a normal prior of both."""
+    X, beta = np.stack([np.ones_like(x), x], axis=1), np.zeros(2)
+    for _ in range(50):
+        p = 1.0 / (1.0 + np.exp(-X @ beta))
+        gradient = X.T @ (is_true - p) - beta / _PRIOR**2
+        hessian = (X * (p * (1.0 - p))[:, None]).T @ X + np.eye(2) / _PRIOR**2
+        beta = beta + np.linalg.solve(hessian, gradient)
+    return float(beta[0]), float(beta[1])
+
+
+def _sharpness(names: list[tuple[Surface | None, dict[Surface, float]]]) -> float:
+    """Return the factor of the ratios that makes the true names most likely."""
+    factors = np.linspace(0.0, _LARGEST, 401)
+    likely = -0.5 * (factors / _PRIOR) ** 2
+    for truth, at in names:
+        if truth is not None:
+            values = factors[:, None] * np.array(list(at.values()))
+            likely += factors * at[truth] - np.log(np.exp(values).sum(axis=1))
+    return float(factors[np.argmax(likely)])
+
+
+class Judgement(NamedTuple):
+    """How a flight is judged by what the others show; delays are of alarm and onset [s]."""
+
+    name: str
+    verdict: str
+    probability: float
+    alarm_delay_s: float
+    onset_delay_s: float
+
+
+def judge(one: Example, others: list[Example]) -> Judgement:
+    """Judge a flight by what is learnt from others."""
+    diagnosis = diagnose_flight(one.relations, one.watched, learnt_from(others))
+    found = diagnosis.finding
+    if found is None:
+        verdict = "missed" if one.truth else "quiet"
+        return Judgement(one.name, verdict, diagnosis.probability, np.nan, np.nan)
+    if found.alarm_s < one.onset_s:
+        verdict = f"false alarm: {found.surface}"
+    else:
+        verdict = "named" if found.surface == one.truth else f"misnamed: {found.surface}"
+    delays = found.alarm_s - one.onset_s, found.onset_s - one.onset_s
+    return Judgement(one.name, verdict, diagnosis.probability, *delays)
+
+
+def main() -> None:
+    """Read the flights of a folder, print how each is judged, and write `learnt.yaml`."""
+    if len(sys.argv) != 2:
+        raise SystemExit(__doc__)
+    paths = sorted(Path(sys.argv[1]).glob("*.csv*"))
+    if not paths:
+        raise SystemExit(f"error: {sys.argv[1]} has no flights (*.csv, *.csv.xz)")
+    try:
+        examples = [example_of(path) for path in paths]
+    except BadInput as problem:
+        raise SystemExit(f"error: {problem}") from None
+    for k, one in enumerate(examples):
+        found = judge(one, examples[:k] + examples[k + 1 :])
+        print(
+            f"{found.verdict:24} {found.probability:5.2f} {found.alarm_delay_s:7.1f} "
+            f"{found.onset_delay_s:6.1f}  {found.name}"
+        )
+    known = learnt_from(examples).model_dump()
+    content = {"learnt": _rounded(known), "flights": [one.name.split(".")[0] for one in examples]}
+    text = _HEADER + yaml.safe_dump(content, sort_keys=False)
+    Path(__file__).with_name(LEARNT).write_text(text, encoding="utf-8")
+
+
+def _rounded(value: object) -> object:
+    if isinstance(value, dict):
+        return {key: _rounded(one) for key, one in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_rounded(one) for one in value]
+    return float(f"{value:.4g}")
+
+
+if __name__ == "__main__":
+    main()
