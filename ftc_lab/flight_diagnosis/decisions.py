@@ -92,6 +92,7 @@ class Diagnosis:
 
     Attributes:
         time_s: The grid, shape (n,).
+        rate_hz: Of the grid.
         ratios: Evidence relative to the threshold by surface, each of shape (n,); 1 is an alarm.
         finding: None if nothing was found.
         probability: That there is a fault.
@@ -100,6 +101,7 @@ class Diagnosis:
     """
 
     time_s: np.ndarray
+    rate_hz: float
     ratios: Mapping[Surface, np.ndarray]
     finding: Finding | None
     probability: float
@@ -133,7 +135,13 @@ def diagnose_flight(
     most = max(float(one.max()) for one in ratios.values())
     judged = max(np.count_nonzero(one.residuals.weight) for one in watched.values()) / RATE_HZ
     return Diagnosis(
-        relations.time_s, ratios, finding, known.probability(most), float(judged), relations.cannot
+        relations.time_s,
+        RATE_HZ,
+        ratios,
+        finding,
+        known.probability(most),
+        float(judged),
+        relations.cannot,
     )
 
 

@@ -51,6 +51,7 @@ class Relation(NamedTuple):
     Attributes:
         surface: What it judges.
         text: By what, for people.
+        unit: Of what is measured.
         measured: Shape (n,); NaN where something is missing.
         terms: What it is regressed on, shape (n, m).
         test: "response": a shift or a loss of gain; "shift": a step to either side; "drop": a step
@@ -59,6 +60,7 @@ class Relation(NamedTuple):
 
     surface: Surface
     text: str
+    unit: str
     measured: np.ndarray
     terms: np.ndarray
     test: Literal["response", "shift", "drop"]
@@ -217,7 +219,7 @@ def _aileron(signals: Signals) -> Relation:
     error = _mean(signals.error("roll"), MEAN_S)
     p = _mean(signals.of("p"), MEAN_S)
     return Relation(
-        "aileron", "roll rate by error of roll", p, _terms(error, _ago(error, _AGO_S)), "response"
+        "aileron", "roll rate by error of roll", "rad/s", p, _terms(error, _ago(error, _AGO_S)), "response"
     )
 
 
@@ -225,13 +227,13 @@ def _elevator(signals: Signals) -> Relation:
     error = _mean(signals.error("pitch"), MEAN_S)
     q, turn = _mean(signals.of("q"), MEAN_S), _mean(signals.of("r") ** 2, MEAN_S)
     terms = _terms(error, _ago(error, _AGO_S), turn)
-    return Relation("elevator", "pitch rate by error of pitch", q, terms, "shift")
+    return Relation("elevator", "pitch rate by error of pitch", "rad/s", q, terms, "shift")
 
 
 def _rudder(signals: Signals) -> Relation:
     p, r = (_mean(signals.of(name), MEAN_S) for name in ("p", "r"))
     side = _mean(signals.of("specific_force_y"), MEAN_S)
-    return Relation("rudder", "side force by rates", side, _terms(p, r), "shift")
+    return Relation("rudder", "side force by rates", "m/s²", side, _terms(p, r), "shift")
 
 
 def _engine(signals: Signals) -> Relation:
@@ -248,7 +250,7 @@ def _engine(signals: Signals) -> Relation:
     along = _mean(signals.of("specific_force_x"), _SLOW_MEAN_S)
     excess = (along + _GRAVITY_M_S2 * climb / V + acceleration) / 2.0
     text = "thrust less drag by errors of airspeed and height"
-    return Relation("engine", text, excess, _terms(*terms), "drop")
+    return Relation("engine", text, "m/s²", excess, _terms(*terms), "drop")
 
 
 _MAKERS: dict[Surface, Callable[[Signals], Relation]] = {

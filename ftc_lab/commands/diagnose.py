@@ -1,0 +1,173 @@
+"""``gcs diagnose``: what failed in a recorded flight, when, and how sure that is."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+
+from gcs.commands.common import QuietOption
+from gcs.commands.options import JsonOption
+from gcs.console.lines import print_json
+from gcs.console.outputs import check_file, make_folder
+from gcs.console.progress import working
+from gcs.console.terminal import console_of, numbers, table_of, texts
+
+if TYPE_CHECKING:
+    from ftc_lab.flight_diagnosis.decisions import Diagnosis, Watched
+    from ftc_lab.flight_diagnosis.relations import Surface
+    from gcs.console.terminal import Terminal
+
+EPILOG = """
+Examples:
+
+- gcs diagnose flight.bin
+- gcs diagnose flight.csv --columns mine.yaml --output evidence.png
+- gcs diagnose flight.ulg --json | jq .finding
+
+Exit status: 0 nothing was found, 1 something failed, 2 bad input, or nothing that can be judged.
+"""
+
+
+def diagnose(
+    flight: Annotated[
+        Path,
+        typer.Argument(
+            help="Log of a flight: .tlog, .bin, .ulg, .csv, .parquet, .mat, or a run folder.",
+            metavar="FLIGHT",
+            show_default=False,
+        ),
+    ],
+    uav: Annotated[
+        int | None,
+        typer.Option(help="Which UAV, if the log has several.", metavar="ID", show_default=False),
+    ] = None,
+    columns: Annotated[
+        Path | None,
+        typer.Option(
+            help="Column map of a table; by default one that fits.",
+            metavar="FILE",
+            show_default=False,
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Picture of the evidence to write (.png, .svg, .pdf); by default none.",
+            metavar="FILE",
+            show_default=False,
+        ),
+    ] = None,
+    quiet: QuietOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Say whether something failed in a flight: what, when, and how sure.
+
+    Engine, aileron, elevator and rudder are judged, each by a relation between recorded signals that
+    the flight itself teaches while it is healthy: some 25 s of flight are needed first. Nothing of
+    the aircraft has to be known. What the log does not show is said, not guessed; left and right
+    cannot be told apart. How large evidence is in healthy flights, and how probable a fault is
+    then, was learnt from flights of one aircraft.
+    """
+    from ftc_lab.flight_diagnosis.decisions import diagnose_flight, learnt, watch
+    from ftc_lab.flight_diagnosis.relations import relations_of
+    from gcs.results.logs.read import read_flight
+
+    if output is not None:
+        check_file(output, "--output")
+    console = console_of(quiet=quiet)
+    with working(console, "reading the flight"):
+        table = read_flight(flight, uav, columns)
+        relations = relations_of(table)
+    with working(console, "diagnosing"):
+        watched = watch(relations)
+        diagnosis = diagnose_flight(relations, watched, learnt())
+    if output is not None:
+        _draw(output, watched, diagnosis)
+    if as_json:
+        print_json(_json(watched, diagnosis), indent=2)
+    else:
+        _print(console_of(stderr=False, quiet=quiet), watched, diagnosis)
+    if diagnosis.finding is not None:
+        raise typer.Exit(1)
+
+
+def _draw(
+    output: Path, watched: "Mapping[Surface, Watched]", diagnosis: "Diagnosis"
+) -> None:
+    from ftc_lab.figures.diagnosis import draw_diagnosis
+
+    make_folder(output.parent, "--output")
+    draw_diagnosis(watched, diagnosis).savefig(output)
+
+
+def _json(
+    watched: "Mapping[Surface, Watched]", diagnosis: "Diagnosis"
+) -> dict[str, object]:
+    found = diagnosis.finding
+    return {
+        "failed": found is not None,
+        "probability": round(diagnosis.probability, 3),
+        "finding": None
+        if found is None
+        else {
+            "surface": found.surface,
+            "onset_s": round(found.onset_s, 2),
+            "alarm_s": round(found.alarm_s, 2),
+            "evidence": round(found.ratio, 2),
+            "probabilities": {name: round(p, 3) for name, p in found.probabilities.items()},
+        },
+        "surfaces": {
+            surface: {
+                "judged_by": one.relation.text,
+                "judged_s": float(np.count_nonzero(one.residuals.weight) / diagnosis.rate_hz),
+                "largest_evidence": round(float(diagnosis.ratios[surface].max()), 2),
+                "at_s": round(float(diagnosis.time_s[diagnosis.ratios[surface].argmax()]), 2),
+            }
+            for surface, one in watched.items()
+        },
+        "not_judged": list(diagnosis.cannot),
+    }
+
+
+def _print(
+    output: "Terminal", watched: "Mapping[Surface, Watched]", diagnosis: "Diagnosis"
+) -> None:
+    table = table_of(
+        texts("surface"),
+        texts("judged by"),
+        numbers("for [s]"),
+        numbers("largest evidence / threshold"),
+        numbers("at [s]"),
+    )
+    for surface, one in watched.items():
+        ratios = diagnosis.ratios[surface]
+        judged_s = np.count_nonzero(one.residuals.weight) / diagnosis.rate_hz
+        at = diagnosis.time_s[ratios.argmax()]
+        shown = (f"{ratios.max():.2f}", f"{at:.1f}") if judged_s else ("", "")
+        table.add_row(surface, one.relation.text, f"{judged_s:.0f}", *shown)
+    output.print(table)
+    for line in (*diagnosis.cannot, *_verdict(diagnosis)):
+        output.print(line, soft_wrap=True)
+
+
+def _verdict(diagnosis: "Diagnosis") -> list[str]:
+    """Return the verdict, in lines."""
+    found = diagnosis.finding
+    sure = f"A fault is {diagnosis.probability:.0%} probable"
+    if found is None:
+        if not diagnosis.judged_s:
+            return ["Nothing was judged: the flight is too short to teach its relations."]
+        return [f"Nothing failed that this log would show. {sure}."]
+    others = [
+        f"{name} {share:.0%}"
+        for name, share in sorted(found.probabilities.items(), key=lambda item: -item[1])
+    ]
+    return [
+        f"The {found.surface} failed at {found.onset_s:.1f} s; alarm at {found.alarm_s:.1f} s, "
+        f"{found.ratio:.1f} times the threshold.",
+        f"{sure}; if there is one, it is of the {', '.join(others)}.",
+    ]
