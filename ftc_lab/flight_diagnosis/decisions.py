@@ -16,15 +16,13 @@ import yaml
 from pydantic import BaseModel
 
 from ftc_lab.flight_diagnosis.evidence import Residuals, evidence_of, onset_of, residuals_of
-from ftc_lab.flight_diagnosis.relations import MEAN_S, RATE_HZ, Relation, Relations, Surface
+from ftc_lab.flight_diagnosis.relations import Pace, Relation, Relations, Surface
 
 FALSE_ALARMS = 0.02
 """Share of healthy flights that thresholds let alarm."""
 LEARNT = "learnt.yaml"
 """What was learnt from other flights, beside this module."""
-_SETTLED = round(2.0 * RATE_HZ)  # samples after an alarm that name what failed
-_ENDED = round(1.0 * RATE_HZ)  # samples after an alarm that say since when
-_LONGEST = round(15.0 * RATE_HZ)  # samples before an alarm in which a fault may have begun
+_LONGEST_S = 15.0  # before an alarm, in which a fault may have begun
 
 
 class Gumbel(BaseModel, frozen=True, extra="forbid"):
@@ -130,17 +128,19 @@ def diagnose_flight(
     ratios = {
         surface: one.evidence / known.threshold(surface) for surface, one in watched.items()
     }
-    first = first_alarm(ratios)
-    finding = None if first is None else _finding(relations.time_s, watched, ratios, first, known)
+    first, pace = first_alarm(ratios), relations.pace
+    finding = None
+    if first is not None:
+        finding = _finding(relations.time_s, watched, ratios, first, pace, known)
     most = max(float(one.max()) for one in ratios.values())
-    judged = max(np.count_nonzero(one.residuals.weight) for one in watched.values()) / RATE_HZ
+    judged = max(np.count_nonzero(one.residuals.weight) for one in watched.values())
     return Diagnosis(
         relations.time_s,
-        RATE_HZ,
+        pace.rate_hz,
         ratios,
         finding,
         known.probability(most),
-        float(judged),
+        float(judged / pace.rate_hz),
         relations.cannot,
     )
 
@@ -150,13 +150,14 @@ def _finding(
     watched: Mapping[Surface, Watched],
     ratios: Mapping[Surface, np.ndarray],
     first: int,
+    pace: Pace,
     known: Learnt,
 ) -> Finding:
     """Return what failed, given the sample of the alarm."""
-    surface, largest = named(ratios, first)
-    end = min(first + _ENDED, len(time_s) - 1)
-    onset = onset_of(*watched[surface][:2], max(first - _LONGEST, 0), end)
-    onset_s = max(float(time_s[onset]) - MEAN_S / 2.0, float(time_s[0]))  # means lag by that
+    surface, largest = named(ratios, first, pace.steps(pace.named_s))
+    end = min(first + pace.steps(pace.named_s / 2.0), len(time_s) - 1)
+    onset = onset_of(*watched[surface][:2], max(first - pace.steps(_LONGEST_S), 0), end)
+    onset_s = max(float(time_s[onset]) - pace.lag_s, float(time_s[0]))
     weights = {one: float(np.exp(known.naming * ratio)) for one, ratio in largest.items()}
     chances = {one: weight / sum(weights.values()) for one, weight in weights.items()}
     return Finding(surface, float(time_s[first]), onset_s, largest[surface], chances)
@@ -169,10 +170,10 @@ def first_alarm(ratios: Mapping[Surface, np.ndarray]) -> int | None:
 
 
 def named(
-    ratios: Mapping[Surface, np.ndarray], first: int
+    ratios: Mapping[Surface, np.ndarray], first: int, steps: int
 ) -> tuple[Surface, dict[Surface, float]]:
     """Return the surface of most evidence soon after an alarm, and the largest ratio of each."""
     largest = {
-        surface: float(one[first : first + _SETTLED + 1].max()) for surface, one in ratios.items()
+        surface: float(one[first : first + steps + 1].max()) for surface, one in ratios.items()
     }
     return max(largest, key=lambda surface: largest[surface]), largest

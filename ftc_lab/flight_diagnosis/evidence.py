@@ -16,25 +16,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ftc_lab.flight_diagnosis.relations import RATE_HZ, Relation
+from ftc_lab.flight_diagnosis.relations import Pace, Relation
 
-_GUARD = round(10.0 * RATE_HZ)  # samples before the present one that are not learnt yet
-_MEMORY = 90.0 * RATE_HZ  # samples after which one counts 1/e
-_PRIOR = 20.0  # samples that the prior counts as
-_CORRELATED = 10.0  # samples that count as one, of the coefficients' uncertainty: 1 s
-_BLOCK = round(2.0 * RATE_HZ)  # samples over whose mean residuals are measured
-_LEAST_LEARNT = round(6.0 * RATE_HZ)  # samples learnt before residuals count
-_LEAST_MEASURED = round(8.0 * RATE_HZ)  # residuals measured before anything is judged
-_FEW = 10 * _BLOCK  # residuals: of so few blocks the variance is taken to be twice as large
+_MEMORY_S = 90.0  # after which a sample counts 1/e
+_PRIOR_S = 2.0  # of samples that the prior counts as
+_CORRELATED_S = 1.0  # of samples count as one, of the coefficients' uncertainty
+_FEW = 10.0  # blocks: of so few the variance is taken to be twice as large
 _HUBER, _CLIP = 2.0, 3.0  # in sizes of residuals: samples further off count less, or no further
-_BASE = round(20.0 * RATE_HZ)  # samples before a window that it is compared with
+_BASE_S = 20.0  # before a window, which that is compared with
 _LEAST_WINDOW = 3  # samples
 _TINY = 1e-12
-_WINDOWS_S = {
-    "response": (2.0, 4.0, 8.0),  # a gain needs manoeuvres
-    "shift": (0.5, 1.0, 2.0, 4.0),
-    "drop": (1.0, 2.0, 4.0, 8.0),
-}
 
 
 class Residuals(NamedTuple):
@@ -44,11 +35,13 @@ class Residuals(NamedTuple):
         residual: Measured minus predicted, shape (n,); 0 where nothing is judged.
         weight: One over its variance; 0 where nothing is judged.
         predicted: Shape (n,).
+        response: What a gain is tested of, shape (n,).
     """
 
     residual: np.ndarray
     weight: np.ndarray
     predicted: np.ndarray
+    response: np.ndarray
 
 
 def residuals_of(relation: Relation) -> Residuals:
@@ -57,17 +50,18 @@ def residuals_of(relation: Relation) -> Residuals:
     X = np.where(valid[:, None], _standardised(relation.terms, valid), 0.0)
     y = np.where(valid, relation.measured, 0.0)
     n, m = X.shape
-    found = Residuals(np.zeros(n), np.zeros(n), np.zeros(n))
-    model = _Model(m)
+    pace, predicted, weight = relation.pace, np.zeros(n), np.zeros(n)
+    model, guard = _Model(m, pace), pace.steps(pace.guard_s)
     for i in range(n):
-        if i >= _GUARD and valid[i - _GUARD]:
-            model.learn(X[i - _GUARD], y[i - _GUARD])
-        if valid[i] and model.measured >= _LEAST_MEASURED:
-            predicted = X[i] @ model.coefficients
-            found.predicted[i] = predicted
-            found.residual[i] = y[i] - predicted
-            found.weight[i] = 1.0 / (model.variance() * model.stretch(X[i]))
-    return found
+        if i >= guard and valid[i - guard]:
+            model.learn(X[i - guard], y[i - guard])
+        if valid[i] and model.measured >= pace.steps(pace.least_measured_s):
+            predicted[i] = X[i] @ model.coefficients
+            weight[i] = 1.0 / (model.variance() * model.stretch(X[i]))
+    response = predicted
+    if relation.response is not None:
+        response = np.where(weight > 0.0, relation.response, 0.0)
+    return Residuals(np.where(weight > 0.0, y - predicted, 0.0), weight, predicted, response)
 
 
 def _standardised(terms: np.ndarray, valid: np.ndarray) -> np.ndarray:
@@ -82,54 +76,60 @@ def _standardised(terms: np.ndarray, valid: np.ndarray) -> np.ndarray:
 class _Model:
     """Recursive least squares, and the size of their residuals."""
 
-    def __init__(self, terms: int) -> None:
+    def __init__(self, terms: int, pace: Pace) -> None:
         self.coefficients = np.zeros(terms)
         self.measured = 0  # residuals
-        prior = np.append(1.0, np.full(terms - 1, _PRIOR))
+        prior = np.append(1.0, np.full(terms - 1, pace.steps(_PRIOR_S)))
         self._A, self._b = np.diag(prior), np.zeros(terms)
         self._P = np.diag(1.0 / prior)
-        self._learnt = 0
+        self._forget = 1.0 - 1.0 / pace.steps(_MEMORY_S)
+        self._correlated = pace.steps(_CORRELATED_S)
+        self._not_learnt = pace.steps(pace.least_learnt_s)
         self._weights = self._squares = self._block_squares = 0.0
-        self._block = np.zeros(_BLOCK)
+        self._block = np.zeros(pace.steps(pace.block_s))
 
     def stretch(self, x: np.ndarray) -> float:
         """Return by what the coefficients' uncertainty makes the variance of a residual larger."""
-        return float(1.0 + _CORRELATED * x @ self._P @ x)
+        return float(1.0 + self._correlated * x @ self._P @ x)
 
     def variance(self) -> float:
         """Return the variance of a residual, as large as means of blocks show it."""
-        few = 1.0 + _FEW / self._weights
-        return self._block_squares / self._weights * few * _BLOCK + _TINY
+        length = len(self._block)
+        few = 1.0 + _FEW * length / self._weights
+        return self._block_squares / self._weights * few * length + _TINY
 
     def learn(self, x: np.ndarray, y: float) -> None:
         """Measure the residual of a sample, then learn it."""
         residual = float(y - x @ self.coefficients) / np.sqrt(self.stretch(x))
-        weight, forget = 1.0, 1.0 - 1.0 / _MEMORY
         self._block = np.append(self._block[1:], residual)
-        self._learnt += 1
-        if self._learnt > _LEAST_LEARNT:
-            size = block_size = np.inf
-            if self.measured >= _BLOCK:
-                size = np.sqrt(self._squares / self._weights)
-                block_size = np.sqrt(self._block_squares / self._weights)
-                weight = min(1.0, _HUBER * size / max(abs(residual), _TINY))
-            self._squares *= forget
-            self._squares += min(abs(residual), _CLIP * size) ** 2
-            self._block_squares *= forget
-            self._block_squares += min(abs(self._block.mean()), _CLIP * block_size) ** 2
-            self._weights = forget * self._weights + 1.0
-            self.measured += 1
-        self._A = forget * self._A + weight * np.outer(x, x)
-        self._b = forget * self._b + weight * y * x
+        self._not_learnt -= 1
+        weight = 1.0 if self._not_learnt >= 0 else self._measure(residual)
+        self._A = self._forget * self._A + weight * np.outer(x, x)
+        self._b = self._forget * self._b + weight * y * x
         self._P = np.linalg.inv(self._A)
         self.coefficients = self._P @ self._b
+
+    def _measure(self, residual: float) -> float:
+        """Note a residual; return the weight of its sample."""
+        weight, size, block_size = 1.0, np.inf, np.inf
+        if self.measured >= len(self._block):
+            size = np.sqrt(self._squares / self._weights)
+            block_size = np.sqrt(self._block_squares / self._weights)
+            weight = min(1.0, _HUBER * size / max(abs(residual), _TINY))
+        squares = min(abs(residual), _CLIP * size) ** 2
+        block_squares = min(abs(self._block.mean()), _CLIP * block_size) ** 2
+        self._squares = self._forget * self._squares + squares
+        self._block_squares = self._forget * self._block_squares + block_squares
+        self._weights = self._forget * self._weights + 1.0
+        self.measured += 1
+        return weight
 
 
 def evidence_of(relation: Relation, residuals: Residuals) -> np.ndarray:
     """Return the evidence against a relation at each time, shape (n,)."""
     best = np.zeros(len(residuals.residual))
-    for window_s in _WINDOWS_S[relation.test]:
-        found = _window(relation.test, residuals, round(window_s * RATE_HZ))
+    for window_s in relation.pace.windows_s[relation.test]:
+        found = _window(relation, residuals, relation.pace.steps(window_s))
         best = np.maximum(best, found)
     return best
 
@@ -145,19 +145,20 @@ def onset_of(relation: Relation, residuals: Residuals, begin: int, end: int) -> 
     """
     cut = Residuals(*(values[: end + 1] for values in residuals))
     lengths = range(_LEAST_WINDOW, end - begin + 2)
-    found = [_window(relation.test, cut, steps)[-1] for steps in lengths]
+    found = [_window(relation, cut, steps)[-1] for steps in lengths]
     return end + 1 - lengths[int(np.argmax(found))]
 
 
-def _window(test: str, residuals: Residuals, steps: int) -> np.ndarray:
-    if test == "response":
+def _window(relation: Relation, residuals: Residuals, steps: int) -> np.ndarray:
+    if relation.test == "response":
         return _response(residuals, steps)
-    return _shift(residuals, steps, down=test == "drop")
+    base = relation.pace.steps(_BASE_S)
+    return _shift(residuals, steps, base, down=relation.test == "drop")
 
 
 def _response(residuals: Residuals, steps: int) -> np.ndarray:
     """Return the evidence for another mean together with a smaller gain in a window."""
-    e, w, x = residuals
+    e, w, x = residuals.residual, residuals.weight, residuals.response
     sums = [_last(values, steps) for values in (w, w * e, w * x, w * x * e, w * x * x)]
     count, Se, Sx, Sxe, Sxx = sums
     count = count + _TINY
@@ -165,11 +166,11 @@ def _response(residuals: Residuals, steps: int) -> np.ndarray:
     return np.sqrt(Se**2 / count + np.maximum(-covariance, 0.0) ** 2 / variance)
 
 
-def _shift(residuals: Residuals, steps: int, *, down: bool) -> np.ndarray:
+def _shift(residuals: Residuals, steps: int, base: int, *, down: bool) -> np.ndarray:
     """Return the evidence for another mean in a window: than 0, and than before it; the less."""
     count, total = _last(residuals.weight, steps) + _TINY, _last(_weighted(residuals), steps)
-    count0 = _last(residuals.weight, _BASE, steps) + _TINY
-    total0 = _last(_weighted(residuals), _BASE, steps)
+    count0 = _last(residuals.weight, base, steps) + _TINY
+    total0 = _last(_weighted(residuals), base, steps)
     from_zero = total / np.sqrt(count)
     from_before = (total / count - total0 / count0) / np.sqrt(1.0 / count + 1.0 / count0)
     least = np.minimum(np.abs(from_zero), np.abs(from_before))

@@ -20,7 +20,7 @@ The excess is measured twice, and the mean taken: as specific force along x, and
 energy, g ḣ/V + V̇, which the angle of attack does not enter.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -32,10 +32,8 @@ from gcs.results.logs.table import FlightTable, LogChannel
 Surface = Literal["engine", "aileron", "elevator", "rudder"]
 SURFACES: tuple[Surface, ...] = ("engine", "aileron", "elevator", "rudder")
 
-RATE_HZ = 10.0
-"""Of the grid."""
 _GRAVITY_M_S2 = 9.80665
-MEAN_S = 0.8  # over which signals are averaged: two periods of the slowest usual telemetry
+_MEAN_S = 0.8  # over which signals are averaged: two periods of the slowest usual telemetry
 _AGO_S = 0.4  # half of it
 _SLOW_MEAN_S = 1.0  # of the engine's, which need not be as fast
 _BRIDGED_S = 1.0  # longest time without a new value that is bridged
@@ -43,6 +41,53 @@ _LEAST_HZ = 1.5  # at which a signal must be renewed
 _FLYING = 0.25  # of the usual speed: slower is on the ground
 _EDGE_S = 2.0  # left out after take-off and before touch-down
 _SLOWEST_M_S = 4.0  # usual speed: a log with less has no flight
+
+
+Test = Literal["response", "shift", "drop"]
+
+
+class Pace(NamedTuple):
+    """How fast relations are sampled, learnt and tested; times in s.
+
+    Attributes:
+        rate_hz: Of the grid.
+        lag_s: By how much the means that a relation is between lag.
+        guard_s: The last that is not learnt yet, so that a fault is found before it is learnt.
+        least_learnt_s: Learnt before residuals count.
+        least_measured_s: Residuals measured before anything is judged.
+        block_s: Over whose mean the size of residuals is measured.
+        named_s: After an alarm, which name what failed; half of them say since when.
+        windows_s: That are tested, by kind of test.
+    """
+
+    rate_hz: float
+    lag_s: float
+    guard_s: float
+    least_learnt_s: float
+    least_measured_s: float
+    block_s: float
+    named_s: float
+    windows_s: Mapping[Test, tuple[float, ...]]
+
+    def steps(self, span_s: float) -> int:
+        """Return the samples of a time."""
+        return round(span_s * self.rate_hz)
+
+
+TELEMETRY = Pace(
+    rate_hz=10.0,
+    lag_s=_MEAN_S / 2.0,
+    guard_s=10.0,
+    least_learnt_s=6.0,
+    least_measured_s=8.0,
+    block_s=2.0,
+    named_s=2.0,
+    windows_s={
+        "response": (2.0, 4.0, 8.0),  # a gain needs manoeuvres
+        "shift": (0.5, 1.0, 2.0, 4.0),
+        "drop": (1.0, 2.0, 4.0, 8.0),
+    },
+)
 
 
 class Relation(NamedTuple):
@@ -56,6 +101,8 @@ class Relation(NamedTuple):
         terms: What it is regressed on, shape (n, m).
         test: "response": a shift or a loss of gain; "shift": a step to either side; "drop": a step
             down.
+        pace: Of the grid.
+        response: What a gain is tested of, shape (n,); None: of what the terms predict.
     """
 
     surface: Surface
@@ -63,7 +110,9 @@ class Relation(NamedTuple):
     unit: str
     measured: np.ndarray
     terms: np.ndarray
-    test: Literal["response", "shift", "drop"]
+    test: Test
+    pace: Pace = TELEMETRY
+    response: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -79,6 +128,11 @@ class Relations:
     time_s: np.ndarray
     relations: tuple[Relation, ...]
     cannot: tuple[str, ...]
+
+    @property
+    def pace(self) -> Pace:
+        """How fast they are tested."""
+        return self.relations[0].pace
 
 
 def relations_of(flight: FlightTable) -> Relations:
@@ -106,12 +160,12 @@ class _Missing(Exception):
 
 
 class Signals:
-    """Signals of a log on the grid."""
+    """Signals of a log on an even grid."""
 
-    def __init__(self, flight: FlightTable) -> None:
-        self._flight = flight
-        steps = int(flight.duration_s * RATE_HZ + 1e-6) + 1
-        self.time_s = flight.begin_s + np.arange(steps) / RATE_HZ
+    def __init__(self, flight: FlightTable, rate_hz: float = TELEMETRY.rate_hz) -> None:
+        self._flight, self._rate_hz = flight, rate_hz
+        steps = int(flight.duration_s * rate_hz + 1e-6) + 1
+        self.time_s = flight.begin_s + np.arange(steps) / rate_hz
 
     def of(self, *names: str) -> np.ndarray:
         """Return the first of some signals that the log has, NaN where it has a gap, shape (n,).
@@ -162,7 +216,7 @@ class Signals:
             text = f"{self._flight.title} has no flight: its speed is {usual:.1f} m/s at most"
             raise BadInput(text, f"expected {_SLOWEST_M_S:g} m/s or more")
         slow = (speed < _FLYING * usual).astype(float)
-        width = 2 * int(_EDGE_S * RATE_HZ) + 1
+        width = 2 * int(_EDGE_S * self._rate_hz) + 1
         return np.asarray(np.convolve(slow, np.ones(width), "same") < 0.5)
 
     def speed(self) -> np.ndarray:
@@ -195,7 +249,7 @@ def _shortly_after(time_s: np.ndarray, new: np.ndarray) -> np.ndarray:
 
 def _mean(signal: np.ndarray, span_s: float) -> np.ndarray:
     """Return the mean over the last seconds; NaN where the signal has not been there so long."""
-    steps = round(span_s * RATE_HZ)
+    steps = TELEMETRY.steps(span_s)
     mean = np.convolve(signal, np.full(steps, 1.0 / steps))[: len(signal)]
     mean[: steps - 1] = np.nan
     return mean
@@ -203,7 +257,7 @@ def _mean(signal: np.ndarray, span_s: float) -> np.ndarray:
 
 def _ago(signal: np.ndarray, span_s: float) -> np.ndarray:
     """Return a signal as it was some seconds ago."""
-    steps = round(span_s * RATE_HZ)
+    steps = TELEMETRY.steps(span_s)
     return np.concatenate([np.full(steps, np.nan), signal[: len(signal) - steps]])
 
 
@@ -216,23 +270,23 @@ def _terms(*columns: np.ndarray) -> np.ndarray:
 
 
 def _aileron(signals: Signals) -> Relation:
-    error = _mean(signals.error("roll"), MEAN_S)
-    p = _mean(signals.of("p"), MEAN_S)
+    error = _mean(signals.error("roll"), _MEAN_S)
+    p = _mean(signals.of("p"), _MEAN_S)
     return Relation(
         "aileron", "roll rate by error of roll", "rad/s", p, _terms(error, _ago(error, _AGO_S)), "response"
     )
 
 
 def _elevator(signals: Signals) -> Relation:
-    error = _mean(signals.error("pitch"), MEAN_S)
-    q, turn = _mean(signals.of("q"), MEAN_S), _mean(signals.of("r") ** 2, MEAN_S)
+    error = _mean(signals.error("pitch"), _MEAN_S)
+    q, turn = _mean(signals.of("q"), _MEAN_S), _mean(signals.of("r") ** 2, _MEAN_S)
     terms = _terms(error, _ago(error, _AGO_S), turn)
     return Relation("elevator", "pitch rate by error of pitch", "rad/s", q, terms, "shift")
 
 
 def _rudder(signals: Signals) -> Relation:
-    p, r = (_mean(signals.of(name), MEAN_S) for name in ("p", "r"))
-    side = _mean(signals.of("specific_force_y"), MEAN_S)
+    p, r = (_mean(signals.of(name), _MEAN_S) for name in ("p", "r"))
+    side = _mean(signals.of("specific_force_y"), _MEAN_S)
     return Relation("rudder", "side force by rates", "m/s²", side, _terms(p, r), "shift")
 
 
