@@ -116,6 +116,7 @@ def _json(
         else {
             "surface": found.surface,
             "onset_s": round(found.onset_s, 2),
+            "onset_between_s": [round(one, 2) for one in found.between_s],
             "alarm_s": round(found.alarm_s, 2),
             "evidence": round(found.ratio, 2),
             "probabilities": {name: round(p, 3) for name, p in found.probabilities.items()},
@@ -162,12 +163,16 @@ def _verdict(diagnosis: "Diagnosis") -> list[str]:
         if not diagnosis.judged_s:
             return ["Nothing was judged: the flight is too short to teach its relations."]
         return [f"Nothing failed that this log would show. {sure}."]
+    unknown = ""
+    if diagnosis.cannot:
+        unknown = " What is not judged can show as one of these."
     others = [
         f"{name} {share:.0%}"
         for name, share in sorted(found.probabilities.items(), key=lambda item: -item[1])
     ]
     return [
-        f"The {found.surface} failed at {found.onset_s:.1f} s; alarm at {found.alarm_s:.1f} s, "
-        f"{found.ratio:.1f} times the threshold.",
-        f"{sure}; if there is one, it is of the {', '.join(others)}.",
+        f"The {found.surface} failed at {found.onset_s:.1f} s ({found.between_s[0]:.1f} to "
+        f"{found.between_s[1]:.1f} s); alarm at {found.alarm_s:.1f} s, then {found.ratio:.1f} times "
+        "the threshold.",
+        f"{sure}; if there is one, it is of the {', '.join(others)}.{unknown}",
     ]

@@ -73,6 +73,7 @@ class Finding(NamedTuple):
         surface: The most probable.
         alarm_s: Until when the log has to be read to find it [s].
         onset_s: Since when, most likely [s].
+        between_s: From when to when that may be, by 95 % of the likelihood [s].
         ratio: Its largest evidence within 2 s, relative to its threshold.
         probabilities: Of each surface, given that one has failed.
     """
@@ -80,6 +81,7 @@ class Finding(NamedTuple):
     surface: Surface
     alarm_s: float
     onset_s: float
+    between_s: tuple[float, float]
     ratio: float
     probabilities: dict[Surface, float]
 
@@ -157,10 +159,12 @@ def _finding(
     surface, largest = named(ratios, first, pace.steps(pace.named_s))
     end = min(first + pace.steps(pace.named_s / 2.0), len(time_s) - 1)
     onset = onset_of(*watched[surface][:2], max(first - pace.steps(_LONGEST_S), 0), end)
-    onset_s = max(float(time_s[onset]) - pace.lag_s, float(time_s[0]))
+    since = np.maximum(time_s[list(onset)] - pace.lag_s, time_s[0]).tolist()
     weights = {one: float(np.exp(known.naming * ratio)) for one, ratio in largest.items()}
     chances = {one: weight / sum(weights.values()) for one, weight in weights.items()}
-    return Finding(surface, float(time_s[first]), onset_s, largest[surface], chances)
+    return Finding(
+        surface, float(time_s[first]), since[0], (since[1], since[2]), largest[surface], chances
+    )
 
 
 def first_alarm(ratios: Mapping[Surface, np.ndarray]) -> int | None:

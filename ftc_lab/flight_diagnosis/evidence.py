@@ -25,6 +25,7 @@ _FEW = 10.0  # blocks: of so few the variance is taken to be twice as large
 _HUBER, _CLIP = 2.0, 3.0  # in sizes of residuals: samples further off count less, or no further
 _BASE_S = 20.0  # before a window, which that is compared with
 _LEAST_WINDOW = 3  # samples
+_LIKELY = 1.92  # less than the largest logarithm of a likelihood ratio: half of the 95 % of chi²
 _TINY = 1e-12
 
 
@@ -134,8 +135,16 @@ def evidence_of(relation: Relation, residuals: Residuals) -> np.ndarray:
     return best
 
 
-def onset_of(relation: Relation, residuals: Residuals, begin: int, end: int) -> int:
-    """Return the sample with which the most likely window begins that ends at `end`.
+class Onset(NamedTuple):
+    """The samples with which a fault begins: most likely, and 95 % of the likelihood."""
+
+    likely: int
+    earliest: int
+    latest: int
+
+
+def onset_of(relation: Relation, residuals: Residuals, begin: int, end: int) -> Onset:
+    """Return where the most likely window begins that ends at `end`.
 
     Args:
         relation: The relation.
@@ -144,9 +153,11 @@ def onset_of(relation: Relation, residuals: Residuals, begin: int, end: int) -> 
         end: Last sample of the window, later than `begin`.
     """
     cut = Residuals(*(values[: end + 1] for values in residuals))
-    lengths = range(_LEAST_WINDOW, end - begin + 2)
-    found = [_window(relation, cut, steps)[-1] for steps in lengths]
-    return end + 1 - lengths[int(np.argmax(found))]
+    lengths = np.arange(_LEAST_WINDOW, end - begin + 2)
+    likely = np.array([_window(relation, cut, steps)[-1] ** 2 for steps in lengths]) / 2.0
+    starts = end + 1 - lengths
+    near = starts[likely >= likely.max() - _LIKELY]
+    return Onset(int(starts[np.argmax(likely)]), int(near.min()), int(near.max()))
 
 
 def _window(relation: Relation, residuals: Residuals, steps: int) -> np.ndarray:

@@ -38,9 +38,9 @@ _AGO_S = 0.4  # half of it
 _SLOW_MEAN_S = 1.0  # of the engine's, which need not be as fast
 _BRIDGED_S = 1.0  # longest time without a new value that is bridged
 _LEAST_HZ = 1.5  # at which a signal must be renewed
-_FLYING = 0.25  # of the usual speed: slower is on the ground
+_FLYING = 0.3  # of the usual speed: slower is on the ground
 _EDGE_S = 2.0  # left out after take-off and before touch-down
-_SLOWEST_M_S = 4.0  # usual speed: a log with less has no flight
+_SLOWEST_M_S = 4.0  # slower is standing or taxiing, and no usual speed
 
 
 Test = Literal["response", "shift", "drop"]
@@ -146,7 +146,7 @@ def relations_of(flight: FlightTable) -> Relations:
     for surface, make in _MAKERS.items():
         try:
             found.append(make(signals))
-        except _Missing as missing:
+        except Missing as missing:
             cannot.append(f"{surface} not judged: {missing}")
     if not found:
         raise BadInput(f"nothing of {flight.title} can be judged", "; ".join(cannot))
@@ -155,7 +155,7 @@ def relations_of(flight: FlightTable) -> Relations:
     return Relations(signals.time_s, tuple(kept), tuple(cannot))
 
 
-class _Missing(Exception):
+class Missing(Exception):
     """A signal that is not there, or too seldom renewed."""
 
 
@@ -171,12 +171,16 @@ class Signals:
         """Return the first of some signals that the log has, NaN where it has a gap, shape (n,).
 
         Raises:
-            _Missing: It has none of them, or too few values.
+            Missing: It has none of them, or too few values.
         """
         for name in names:
             if name in self._flight:
                 return self._on_grid(self._flight[name])
-        raise _Missing(f"the log has no {' or '.join(names)}")
+        raise Missing(f"the log has no {' or '.join(names)}")
+
+    def has(self, *names: str) -> bool:
+        """Return whether the log has all of some signals."""
+        return self._flight.has(names)
 
     def error(self, name: str) -> np.ndarray:
         """Return measured minus commanded."""
@@ -191,7 +195,7 @@ class Signals:
         span = float(time_s[-1] - time_s[0])
         if len(time_s) < 2 or len(time_s) < _LEAST_HZ * span:
             rate = (len(time_s) - 1) / span if span > 0.0 else 0.0
-            raise _Missing(
+            raise Missing(
                 f"{channel.name} is renewed {rate:.1f} times a second, expected {_LEAST_HZ:g}"
             )
         if channel.name.endswith(("roll", "yaw")):
@@ -209,13 +213,14 @@ class Signals:
         """
         try:
             speed = self.speed()
-        except _Missing:
+        except Missing:
             return np.ones(len(self.time_s), bool)
-        usual = float(np.nanpercentile(speed, 90.0)) if np.isfinite(speed).any() else 0.0
-        if usual < _SLOWEST_M_S:
-            text = f"{self._flight.title} has no flight: its speed is {usual:.1f} m/s at most"
+        moving = speed[speed > _SLOWEST_M_S]
+        if not len(moving):
+            most = np.max(speed[np.isfinite(speed)], initial=0.0)
+            text = f"{self._flight.title} has no flight: its speed is {most:.1f} m/s at most"
             raise BadInput(text, f"expected {_SLOWEST_M_S:g} m/s or more")
-        slow = (speed < _FLYING * usual).astype(float)
+        slow = (speed < _FLYING * np.median(moving)).astype(float)
         width = 2 * int(_EDGE_S * self._rate_hz) + 1
         return np.asarray(np.convolve(slow, np.ones(width), "same") < 0.5)
 
@@ -223,7 +228,7 @@ class Signals:
         """Return the airspeed, else that over the ground, shape (n,) [m/s]."""
         try:
             return self.of("V", "indicated_airspeed")
-        except _Missing:
+        except Missing:
             return np.hypot(self.of("v_north"), self.of("v_east"))
 
 
@@ -295,7 +300,7 @@ def _engine(signals: Signals) -> Relation:
     terms = [_mean(airspeed, _SLOW_MEAN_S)]
     try:
         terms.append(_mean(signals.error("height"), _SLOW_MEAN_S))
-    except _Missing:
+    except Missing:
         pass
     terms.append(_mean(signals.of("specific_force_z"), _SLOW_MEAN_S))
     V = float(np.nanmedian(signals.speed()))

@@ -1,0 +1,150 @@
+"""Relations of a log with commands to the actuators, by a model of the aircraft.
+
+The measurement is that of the diagnosis in flight (`ftc_autopilot.control.diagnosis`): by Euler's
+equation the surfaces' moment is C δ = J ω̇ + ω × Jω - N, and C is square, so each surface has a
+measurement of what it does; the thrust's follows from V̇. Here it is the mean over 0.2 s between two
+samples, and so is the command beside it. What it lacks of the command is regressed on the command:
+a model that is somewhat wrong is corrected while the flight is healthy, within seconds.
+"""
+
+import numpy as np
+
+from ftc_autopilot.control.inversion import inversion_problem
+from ftc_lab.flight_diagnosis.relations import Missing, Pace, Relation, Relations, Signals, Surface
+from gcs.console.errors import BadInput
+from gcs.results.logs.table import FlightTable
+from mavlink_defs.constants import ACTUATORS, THROTTLE
+from sitl_plant.airframe.aerodynamics import Aerodynamics, aerodynamics
+from sitl_plant.airframe.aircraft import aircraft_record
+from sitl_plant.airframe.config import Aircraft
+
+_SPAN_S = 0.2  # over which moments and commands are averaged
+BY_MODEL = Pace(
+    rate_hz=25.0,
+    lag_s=_SPAN_S / 2.0,
+    guard_s=2.0,
+    least_learnt_s=1.0,
+    least_measured_s=2.0,
+    block_s=0.4,
+    named_s=0.6,
+    windows_s={"response": (0.2, 0.4, 0.8, 1.6), "shift": (), "drop": ()},
+)
+_SURFACE: dict[str, Surface] = {
+    "aileron": "aileron",
+    "elevator": "elevator",
+    "rudder": "rudder",
+    "throttle": "engine",
+}
+
+
+def relations_by_model(flight: FlightTable, aircraft: Aircraft) -> Relations:
+    """Return the relations that a log shows, given the aircraft.
+
+    Raises:
+        BadInput: It lacks what they are made of, or the aircraft has no inverse.
+    """
+    if (problem := inversion_problem(aircraft)) is not None:
+        raise BadInput(f"cannot diagnose by this aircraft: {problem}")
+    signals = Signals(flight, BY_MODEL.rate_hz)
+    try:
+        v, attitude, omega = _motion(signals)
+        held = np.stack([_command(signals, name, aircraft) for name in ACTUATORS], axis=1)
+    except Missing as missing:
+        raise BadInput(
+            f"{flight.title} cannot be diagnosed by a model: {missing}", "leave out --aircraft"
+        ) from None
+    done = _done(v, attitude, omega, held, aircraft)
+    commanded = _over_span(held)
+    made = [
+        Relation(
+            _SURFACE[name],
+            "thrust by acceleration" if j == THROTTLE else "deflection by moments",
+            "N" if j == THROTTLE else "rad",
+            done[:, j] - commanded[:, j],
+            np.stack([np.ones(len(done)), commanded[:, j]], axis=1),
+            "response",
+            BY_MODEL,
+            commanded[:, j],
+        )
+        for j, name in enumerate(ACTUATORS)
+    ]
+    return Relations(signals.time_s, tuple(made), ())
+
+
+def _motion(signals: Signals) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return velocity through the air [m/s], attitude [rad], rates [rad/s], each shape (n, 3)."""
+    attitude = np.stack([signals.of(name) for name in ("roll", "pitch", "yaw")], axis=1)
+    omega = np.stack([signals.of(name) for name in "pqr"], axis=1)
+    if signals.has("u", "v", "w", "wind_u", "wind_v", "wind_w"):
+        v = np.stack([signals.of(name) - signals.of(f"wind_{name}") for name in "uvw"], axis=1)
+        return v, attitude, omega
+    ground = np.stack([signals.of(name) for name in ("v_north", "v_east", "v_down")], axis=1)
+    wind = np.stack([signals.of("wind_north"), signals.of("wind_east")], axis=1)
+    ground[:, :2] -= wind
+    return np.einsum("nji,nj->ni", _to_ned(attitude), ground), attitude, omega
+
+
+def _to_ned(attitude: np.ndarray) -> np.ndarray:
+    """Return the rotations from body axes to north, east, down, shape (n, 3, 3)."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos(attitude).T, np.sin(attitude).T
+    rows = [
+        [cp * cy, sr * sp * cy - cr * sy, cr * sp * cy + sr * sy],
+        [cp * sy, sr * sp * sy + cr * cy, cr * sp * sy - sr * cy],
+        [-sp, sr * cp, cr * cp],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0)
+
+
+def _command(signals: Signals, name: str, aircraft: Aircraft) -> np.ndarray:
+    """Return the command in force [rad or N], shape (n,)."""
+    if signals.has(f"held_{name}"):
+        return signals.of(f"held_{name}")
+    share = signals.of(f"share_{name}")
+    if name == "throttle":
+        return share * aircraft.thrust_limit_n
+    return share * np.radians(getattr(aircraft, f"{name}_limit_deg"))
+
+
+def _done(
+    v: np.ndarray, attitude: np.ndarray, omega: np.ndarray, held: np.ndarray, aircraft: Aircraft
+) -> np.ndarray:
+    """Return what the actuators did over the last span [rad, N], shape (n, 4); NaN where unknown."""
+    record = aircraft_record(aircraft)
+    J, mass = np.array(record["J"]), aircraft.mass_kg
+    known = np.isfinite(v).all(axis=1) & np.isfinite(omega).all(axis=1) & (v[:, 0] > 0.0)
+    air = [
+        aerodynamics(tuple(v[k].tolist()), tuple(omega[k].tolist()), record) if known[k] else None
+        for k in range(len(v))
+    ]
+    N, F, C = (_stacked(air, name) for name in ("N", "F", "C"))
+    V = np.linalg.norm(v, axis=1)
+    steps = BY_MODEL.steps(_SPAN_S)
+    turning = (omega - _before(omega, steps)) / _SPAN_S @ J.T
+    inner = _over_span(np.cross(omega, omega @ J.T) - N - held[:, 3:] * np.array(record["thrust_arms"]))
+    C = _over_span(C.reshape(-1, 9)).reshape(-1, 3, 3)
+    surfaces = np.full((len(v), 3), np.nan)
+    good = np.isfinite(C).all(axis=(1, 2))
+    surfaces[good] = np.linalg.solve(C[good], (turning + inner)[good][:, :, None])[:, :, 0]
+    gravity = _to_ned(attitude)[:, 2, :] * aircraft.gravity_m_s2
+    along = (v * (F + mass * gravity)).sum(axis=1) / V
+    thrust = mass * (V - _before(V, steps)) / _SPAN_S - _over_span(along)
+    return np.column_stack([surfaces, thrust * _over_span(V / v[:, 0])])
+
+
+def _stacked(air: list[Aerodynamics | None], name: str) -> np.ndarray:
+    example = next((one for one in air if one is not None), None)
+    unknown = np.full(np.shape(getattr(example, name, (0.0, 0.0, 0.0))), np.nan)
+    return np.array([unknown if one is None else getattr(one, name) for one in air])
+
+
+def _before(values: np.ndarray, steps: int) -> np.ndarray:
+    """Return values as they were some steps ago; NaN at first."""
+    return np.concatenate([np.full((steps, *values.shape[1:]), np.nan), values[:-steps]])
+
+
+def _over_span(values: np.ndarray) -> np.ndarray:
+    """Return means over the last span, by trapezoids; NaN at first."""
+    steps = BY_MODEL.steps(_SPAN_S)
+    halves = 0.5 * (values + _before(values, 1))
+    total = sum(_before(halves, k) if k else halves for k in range(steps))
+    return np.asarray(total) / steps
