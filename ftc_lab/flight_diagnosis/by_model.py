@@ -20,16 +20,17 @@ from sitl_plant.airframe.config import Aircraft
 
 _SPAN_S = 0.2  # over which moments and commands are averaged
 BY_MODEL = Pace(
+    kind="model",
     rate_hz=25.0,
     lag_s=_SPAN_S / 2.0,
     guard_s=2.0,
-    least_learnt_s=1.0,
-    least_measured_s=2.0,
+    least_learnt_s=0.8,
+    least_measured_s=1.2,
     block_s=0.4,
     named_s=0.6,
     windows_s={"response": (0.2, 0.4, 0.8, 1.6), "shift": (), "drop": ()},
 )
-_SURFACE: dict[str, Surface] = {
+SURFACE_OF: dict[str, Surface] = {
     "aileron": "aileron",
     "elevator": "elevator",
     "rudder": "rudder",
@@ -57,7 +58,7 @@ def relations_by_model(flight: FlightTable, aircraft: Aircraft) -> Relations:
     commanded = _over_span(held)
     made = [
         Relation(
-            _SURFACE[name],
+            SURFACE_OF[name],
             "thrust by acceleration" if j == THROTTLE else "deflection by moments",
             "N" if j == THROTTLE else "rad",
             done[:, j] - commanded[:, j],
@@ -98,11 +99,12 @@ def _to_ned(attitude: np.ndarray) -> np.ndarray:
 def _command(signals: Signals, name: str, aircraft: Aircraft) -> np.ndarray:
     """Return the command in force [rad or N], shape (n,)."""
     if signals.has(f"held_{name}"):
-        return signals.of(f"held_{name}")
-    share = signals.of(f"share_{name}")
+        return signals.held(f"held_{name}")
+    share = signals.held(f"share_{name}")
     if name == "throttle":
         return share * aircraft.thrust_limit_n
-    return share * np.radians(getattr(aircraft, f"{name}_limit_deg"))
+    low, high = aircraft.stops_deg[ACTUATORS.index(name)]
+    return np.asarray(np.radians(np.where(share < 0.0, -low, high)) * share)
 
 
 def _done(

@@ -60,10 +60,10 @@ class Learnt(BaseModel, frozen=True, extra="forbid"):
         return float(1.0 / (1.0 + np.exp(-(intercept + slope * np.log(max(ratio, 1e-3))))))
 
 
-def learnt() -> Learnt:
-    """Return what is in the file beside this module."""
+def learnt(relations: Relations) -> Learnt:
+    """Return what the file beside this module has for relations of their kind."""
     text = files(__package__).joinpath(LEARNT).read_text(encoding="utf-8")
-    return Learnt.model_validate(yaml.safe_load(text)["learnt"])
+    return Learnt.model_validate(yaml.safe_load(text)[relations.pace.kind]["learnt"])
 
 
 class Finding(NamedTuple):

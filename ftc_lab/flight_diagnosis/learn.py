@@ -1,12 +1,14 @@
 """Learn from flights of which is known what failed, and judge each by what the others show.
 
     .venv/bin/python -m ftc_lab.flight_diagnosis.learn FOLDER
+    .venv/bin/python -m ftc_lab.flight_diagnosis.learn --simulated 48
 
 The folder has one table for each flight of the AirLab Failure and Anomaly data set (ALFA: Keipour,
 Mousaei and Scherer, IJRR 40, 2021; theairlab.org/alfa-dataset, CC BY 4.0), as they are in the
 folder `failures` of github.com/FabioCarosi/FaultDetection_ALFA-Dataset, packed or not. Their names
 say what failed, the column `field.data` when. `learnt.yaml` was learnt from the flights that it
-lists, and from no others.
+lists, and from no others. The second line flies so many flights of our own, for what is judged by
+a model of the aircraft.
 """
 
 import sys
@@ -29,12 +31,13 @@ from ftc_lab.flight_diagnosis.relations import SURFACES, Relations, Surface, rel
 from gcs.console.errors import BadInput
 from gcs.results.logs.read import read_flight
 
-_LEAST_S = 40.0  # of healthy flight that counts: shorter ones are hardly judged
+_LEAST = 0.5  # times the usual healthy time: flights with less count not, as they are hardly judged
 _PRIOR = 3.0  # standard deviation of coefficients: few flights do not make anything certain
 _LARGEST = 20.0  # coefficient of the names that is tried
 _HEADER = """\
 # Written by: python -m ftc_lab.flight_diagnosis.learn
-# From flights of the AirLab Failure and Anomaly data set (CMU, CC BY 4.0, theairlab.org/alfa-dataset).
+# telemetry: from flights of the AirLab Failure and Anomaly data set (CMU, CC BY 4.0, theairlab.org/alfa-dataset);
+# model: from flights of our own.
 # healthy: Gumbel distribution of the largest evidence of a healthy flight; fault, naming: see Learnt.
 """
 
@@ -93,7 +96,9 @@ def learnt_from(examples: list[Example]) -> Learnt:
 
 def _gumbel(examples: list[Example], surface: Surface) -> Gumbel:
     """Fit quartiles: a flight that was not as healthy as it is said to be counts no more."""
-    enough = [one for one in examples if min(one.onset_s, one.relations.time_s[-1]) > _LEAST_S]
+    healthy_s = [min(one.onset_s, one.relations.time_s[-1]) for one in examples]
+    least_s = _LEAST * np.median(healthy_s)
+    enough = [one for one, time_s in zip(examples, healthy_s, strict=True) if time_s >= least_s]
     largest = [one.largest(surface, healthy=True) for one in enough]
     low, median, high = np.percentile(largest, (25.0, 50.0, 75.0))
     scale = (high - low) / (np.log(np.log(4.0)) - np.log(np.log(4.0 / 3.0)))
@@ -148,26 +153,31 @@ def judge(one: Example, others: list[Example]) -> Judgement:
 
 
 def main() -> None:
-    """Read the flights of a folder, print how each is judged, and write `learnt.yaml`."""
-    if len(sys.argv) != 2:
+    """Judge each of some flights by the others, print how, and write what all have shown."""
+    if len(sys.argv) not in {2, 3}:
         raise SystemExit(__doc__)
-    paths = sorted(Path(sys.argv[1]).glob("*.csv*"))
-    if not paths:
+    if sys.argv[1] == "--simulated":
+        from ftc_lab.flight_diagnosis.simulated import simulated_examples
+
+        examples = list(simulated_examples(int(sys.argv[2]), seed=1))
+        flights = [" ".join(sys.argv[1:])]
+    else:
+        examples = [example_of(path) for path in sorted(Path(sys.argv[1]).glob("*.csv*"))]
+        flights = [one.name.split(".")[0] for one in examples]
+    if len(examples) < 2:
         raise SystemExit(f"error: {sys.argv[1]} has no flights (*.csv, *.csv.xz)")
-    try:
-        examples = [example_of(path) for path in paths]
-    except BadInput as problem:
-        raise SystemExit(f"error: {problem}") from None
     for k, one in enumerate(examples):
         found = judge(one, examples[:k] + examples[k + 1 :])
         print(
             f"{found.verdict:24} {found.probability:5.2f} {found.alarm_delay_s:7.1f} "
             f"{found.onset_delay_s:6.1f}  {found.name}"
         )
-    known = learnt_from(examples).model_dump()
-    content = {"learnt": _rounded(known), "flights": [one.name.split(".")[0] for one in examples]}
-    text = _HEADER + yaml.safe_dump(content, sort_keys=False)
-    Path(__file__).with_name(LEARNT).write_text(text, encoding="utf-8")
+    path = Path(__file__).with_name(LEARNT)
+    content = yaml.safe_load(path.read_text(encoding="utf-8")) if path.exists() else {}
+    known = _rounded(learnt_from(examples).model_dump())
+    content[examples[0].relations.pace.kind] = {"learnt": known, "flights": flights}
+    text = _HEADER + yaml.safe_dump(content, sort_keys=True)
+    path.write_text(text, encoding="utf-8")
 
 
 def _rounded(value: object) -> object:

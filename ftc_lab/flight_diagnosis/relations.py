@@ -50,6 +50,7 @@ class Pace(NamedTuple):
     """How fast relations are sampled, learnt and tested; times in s.
 
     Attributes:
+        kind: By which what other flights have shown is found.
         rate_hz: Of the grid.
         lag_s: By how much the means that a relation is between lag.
         guard_s: The last that is not learnt yet, so that a fault is found before it is learnt.
@@ -60,6 +61,7 @@ class Pace(NamedTuple):
         windows_s: That are tested, by kind of test.
     """
 
+    kind: Literal["telemetry", "model"]
     rate_hz: float
     lag_s: float
     guard_s: float
@@ -75,6 +77,7 @@ class Pace(NamedTuple):
 
 
 TELEMETRY = Pace(
+    kind="telemetry",
     rate_hz=10.0,
     lag_s=_MEAN_S / 2.0,
     guard_s=10.0,
@@ -190,7 +193,13 @@ class Signals:
         error = measured - self.of(f"reference_{name}")
         return _wrapped(error) if name in {"roll", "pitch"} else error
 
+    def held(self, name: str) -> np.ndarray:
+        """Return a command, which is in force until the next one, shape (n,)."""
+        return self._flight[name].at(self.time_s)
+
     def _on_grid(self, channel: LogChannel) -> np.ndarray:
+        if not np.ptp(channel.values):  # such as no wind
+            return channel.at(self.time_s)
         time_s, values = _renewed(channel)
         span = float(time_s[-1] - time_s[0])
         if len(time_s) < 2 or len(time_s) < _LEAST_HZ * span:

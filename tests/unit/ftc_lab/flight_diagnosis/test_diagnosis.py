@@ -80,7 +80,7 @@ def table(signals: Mapping[str, np.ndarray]) -> FlightTable:
 
 def judged(flight: FlightTable) -> Diagnosis:
     relations = relations_of(flight)
-    return diagnose_flight(relations, watch(relations), learnt())
+    return diagnose_flight(relations, watch(relations), learnt(relations))
 
 
 def without(flight: FlightTable, *names: str) -> FlightTable:
@@ -181,7 +181,7 @@ def test_a_log_without_a_flight_is_refused() -> None:
 
 
 def test_what_was_learnt_asks_for_more_than_a_healthy_flight_usually_reaches() -> None:
-    known = learnt()
+    known = learnt(relations_of(table(flown(None, length_s=30.0))))
     assert set(known.healthy) == set(SURFACES)
     for surface, usual in known.healthy.items():
         assert known.threshold(surface) > usual.location + 3.0 * usual.scale
@@ -193,7 +193,7 @@ def test_an_excerpt_of_the_set_has_its_rudder_named() -> None:
 
     one = example_of(DATA / "carbonZ_2018-09-11-15-06-34_3_rudder_left_failure.csv.xz")
     assert one.truth == "rudder"
-    finding = diagnose_flight(one.relations, one.watched, learnt()).finding
+    finding = diagnose_flight(one.relations, one.watched, learnt(one.relations)).finding
     assert finding is not None
     assert finding.surface == "rudder"
     assert one.onset_s <= finding.alarm_s < one.onset_s + 1.0

@@ -1,0 +1,59 @@
+"""Flights of our own, by which the evidence by a model is learnt: no log of others has the truth."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from ftc_lab.flight_diagnosis.by_model import SURFACE_OF, relations_by_model
+from ftc_lab.flight_diagnosis.decisions import watch
+from ftc_lab.flight_diagnosis.learn import Example
+from gcs.api.flying import fly
+from gcs.results.logs.read import read_flight
+from gcs.scenario.aircraft_file import load_aircraft
+from mavlink_defs.constants import ACTUATORS, THROTTLE
+from sitl_plant.airframe.config import Aircraft
+
+_SCENARIOS = {"paper/scenario1": "paper", "airframes/aerosonde_designed": "aerosonde"}
+_LAWS = ("surviving", "tube", "proposed")
+_ADDITIONS: tuple[tuple[str, ...], ...] = ((), ("realistic",), ("turbulent",))
+_FAULTY = 3  # system id
+
+
+def simulated_examples(flights: int, seed: int) -> Iterator[Example]:
+    """Fly scenarios with random faults of one UAV; yield its flight and one of another."""
+    rng = np.random.default_rng(seed)
+    for k in range(flights):
+        scenario = list(_SCENARIOS)[k % len(_SCENARIOS)]
+        aircraft = load_aircraft(_SCENARIOS[scenario])
+        j = int(rng.integers(len(ACTUATORS)))
+        fault = _fault(rng, j, aircraft)
+        changes = {"faults": [fault], "controller.kind": _LAWS[k % len(_LAWS)]}
+        with TemporaryDirectory() as folder:
+            run = Path(folder) / "run"
+            fly(scenario, changes, overlays=_ADDITIONS[(k // 2) % len(_ADDITIONS)], out=run)
+            for uav, truth in ((_FAULTY, SURFACE_OF[ACTUATORS[j]]), (1, None)):
+                relations = relations_by_model(read_flight(run, uav), aircraft)
+                onset_s = float(fault["start_s"]) if truth else np.inf
+                name = f"{scenario} {k}, UAV {uav}: {fault}"
+                yield Example(name, truth, onset_s, relations, watch(relations))
+
+
+def _fault(rng: np.random.Generator, j: int, aircraft: Aircraft) -> dict[str, object]:
+    """Draw a fault of actuator j as campaigns do: a loss, a bias, or stuck."""
+    unit = "n" if j == THROTTLE else "deg"
+    most = aircraft.thrust_limit_n if j == THROTTLE else float(np.degrees(aircraft.stops_deg[j][1]))
+    fault: dict[str, object] = {
+        "uav": _FAULTY,
+        "actuator": ACTUATORS[j],
+        "start_s": round(float(rng.uniform(6.0, 16.0)), 2),
+    }
+    kind, share = rng.choice(["loss", "bias", "stuck"]), float(rng.uniform(-0.3, 0.3))
+    if kind == "loss":
+        fault["effectiveness"] = round(float(rng.uniform(0.0, 0.6)), 2)
+    elif kind == "bias":
+        fault[f"bias_{unit}"] = round(share * most, 2)
+    else:
+        fault[f"stuck_{unit}"] = round(abs(share) * most if j == THROTTLE else share * most, 2)
+    return fault
