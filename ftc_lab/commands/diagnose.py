@@ -185,7 +185,7 @@ def _print(
 def _verdict(diagnosis: "Diagnosis") -> list[str]:
     """Return the verdict, in lines."""
     found = diagnosis.finding
-    sure = f"A fault is {diagnosis.probability:.0%} probable"
+    sure = f"A fault is {min(diagnosis.probability, 0.99):.0%} probable"
     if found is None:
         if not diagnosis.judged_s:
             return ["Nothing was judged: the flight is too short to teach its relations."]

@@ -43,7 +43,7 @@ def simulated_examples(flights: int, seed: int) -> Iterator[Example]:
 def _fault(rng: np.random.Generator, j: int, aircraft: Aircraft) -> dict[str, object]:
     """Draw a fault of actuator j as campaigns do: a loss, a bias, or stuck."""
     unit = "n" if j == THROTTLE else "deg"
-    most = aircraft.thrust_limit_n if j == THROTTLE else float(np.degrees(aircraft.stops_deg[j][1]))
+    most = aircraft.thrust_limit_n if j == THROTTLE else aircraft.stops_deg[j][1]
     fault: dict[str, object] = {
         "uav": _FAULTY,
         "actuator": ACTUATORS[j],
