@@ -76,10 +76,10 @@ def diagnose(
 ) -> None:
     """Say whether something failed in a flight: what, when, and how sure.
 
-    Engine, aileron, elevator and rudder are judged, each by a relation between recorded signals that
-    the flight itself teaches while it is healthy: some 25 s of flight are needed first. Nothing of
-    the aircraft has to be known. What the log does not show is said, not guessed; left and right
-    cannot be told apart. How large evidence is in healthy flights, and how probable a fault is
+    Engine, aileron, elevator and rudder are judged, each by a relation between recorded signals
+    that the flight itself teaches while it is healthy: some 25 s of flight are needed first.
+    Nothing of the aircraft has to be known. What the log does not show is said, not guessed; left and right
+    look the same. How large evidence is in healthy flights, and how probable a fault is
     then, was learnt from flights of one aircraft.
     """
     from ftc_lab.flight_diagnosis.decisions import diagnose_flight, learnt, watch
@@ -122,18 +122,14 @@ def _relations(
     return relations_of(table)
 
 
-def _draw(
-    output: Path, watched: "Mapping[Surface, Watched]", diagnosis: "Diagnosis"
-) -> None:
+def _draw(output: Path, watched: "Mapping[Surface, Watched]", diagnosis: "Diagnosis") -> None:
     from ftc_lab.figures.diagnosis import draw_diagnosis
 
     make_folder(output.parent, "--output")
     draw_diagnosis(watched, diagnosis).savefig(output)
 
 
-def _json(
-    watched: "Mapping[Surface, Watched]", diagnosis: "Diagnosis"
-) -> dict[str, object]:
+def _json(watched: "Mapping[Surface, Watched]", diagnosis: "Diagnosis") -> dict[str, object]:
     found = diagnosis.finding
     return {
         "failed": found is not None,
@@ -199,7 +195,7 @@ def _verdict(diagnosis: "Diagnosis") -> list[str]:
     ]
     return [
         f"The {found.surface} failed at {found.onset_s:.1f} s ({found.between_s[0]:.1f} to "
-        f"{found.between_s[1]:.1f} s); alarm at {found.alarm_s:.1f} s, then {found.ratio:.1f} times "
-        "the threshold.",
+        f"{found.between_s[1]:.1f} s); alarm at {found.alarm_s:.1f} s, then {found.ratio:.1f} "
+        "times the threshold.",
         f"{sure}; if there is one, it is of the {', '.join(others)}.{unknown}",
     ]

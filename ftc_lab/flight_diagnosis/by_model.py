@@ -1,6 +1,6 @@
 """Relations of a log with commands to the actuators, by a model of the aircraft.
 
-The measurement is that of the diagnosis in flight (`ftc_autopilot.control.diagnosis`): by Euler's
+It measures as the diagnosis in flight does (`ftc_autopilot.control.diagnosis`): by Euler's
 equation the surfaces' moment is C δ = J ω̇ + ω × Jω - N, and C is square, so each surface has a
 measurement of what it does; the thrust's follows from V̇. Here it is the mean over 0.2 s between two
 samples, and so is the command beside it. What it lacks of the command is regressed on the command:
@@ -10,7 +10,14 @@ a model that is somewhat wrong is corrected while the flight is healthy, within 
 import numpy as np
 
 from ftc_autopilot.control.inversion import inversion_problem
-from ftc_lab.flight_diagnosis.relations import Missing, Pace, Relation, Relations, Signals, Surface
+from ftc_lab.flight_diagnosis.relations import (
+    MissingError,
+    Pace,
+    Relation,
+    Relations,
+    Signals,
+    Surface,
+)
 from gcs.console.errors import BadInput
 from gcs.results.logs.table import FlightTable
 from mavlink_defs.constants import ACTUATORS, THROTTLE
@@ -50,7 +57,7 @@ def relations_by_model(flight: FlightTable, aircraft: Aircraft) -> Relations:
     try:
         v, attitude, omega = _motion(signals)
         held = np.stack([_command(signals, name, aircraft) for name in ACTUATORS], axis=1)
-    except Missing as missing:
+    except MissingError as missing:
         raise BadInput(
             f"{flight.title} cannot be diagnosed by a model: {missing}", "leave out --aircraft"
         ) from None
@@ -110,7 +117,7 @@ def _command(signals: Signals, name: str, aircraft: Aircraft) -> np.ndarray:
 def _done(
     v: np.ndarray, attitude: np.ndarray, omega: np.ndarray, held: np.ndarray, aircraft: Aircraft
 ) -> np.ndarray:
-    """Return what the actuators did over the last span [rad, N], shape (n, 4); NaN where unknown."""
+    """Return what the actuators did over the last span [rad, N], shape (n, 4)."""
     record = aircraft_record(aircraft)
     J, mass = np.array(record["J"]), aircraft.mass_kg
     known = np.isfinite(v).all(axis=1) & np.isfinite(omega).all(axis=1) & (v[:, 0] > 0.0)
@@ -122,7 +129,9 @@ def _done(
     V = np.linalg.norm(v, axis=1)
     steps = BY_MODEL.steps(_SPAN_S)
     turning = (omega - _before(omega, steps)) / _SPAN_S @ J.T
-    inner = _over_span(np.cross(omega, omega @ J.T) - N - held[:, 3:] * np.array(record["thrust_arms"]))
+    inner = _over_span(
+        np.cross(omega, omega @ J.T) - N - held[:, 3:] * np.array(record["thrust_arms"])
+    )
     C = _over_span(C.reshape(-1, 9)).reshape(-1, 3, 3)
     surfaces = np.full((len(v), 3), np.nan)
     good = np.isfinite(C).all(axis=(1, 2))

@@ -127,9 +127,7 @@ def diagnose_flight(
     relations: Relations, watched: Mapping[Surface, Watched], known: Learnt
 ) -> Diagnosis:
     """Judge a flight by what others have shown."""
-    ratios = {
-        surface: one.evidence / known.threshold(surface) for surface, one in watched.items()
-    }
+    ratios = {surface: one.evidence / known.threshold(surface) for surface, one in watched.items()}
     first, pace = first_alarm(ratios), relations.pace
     finding = None
     if first is not None:

@@ -12,6 +12,7 @@ own uncertainty counts.
 What a healthy flight reaches is another matter, and known from other flights (`decisions`).
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -112,10 +113,11 @@ class _Model:
 
     def _measure(self, residual: float) -> float:
         """Note a residual; return the weight of its sample."""
-        weight, size, block_size = 1.0, np.inf, np.inf
+        weight = 1.0
+        size = block_size = float("inf")
         if self.measured >= len(self._block):
-            size = np.sqrt(self._squares / self._weights)
-            block_size = np.sqrt(self._block_squares / self._weights)
+            size = math.sqrt(self._squares / self._weights)
+            block_size = math.sqrt(self._block_squares / self._weights)
             weight = min(1.0, _HUBER * size / max(abs(residual), _TINY))
         squares = min(abs(residual), _CLIP * size) ** 2
         block_squares = min(abs(self._block.mean()), _CLIP * block_size) ** 2
@@ -154,7 +156,7 @@ def onset_of(relation: Relation, residuals: Residuals, begin: int, end: int) -> 
     """
     cut = Residuals(*(values[: end + 1] for values in residuals))
     lengths = np.arange(_LEAST_WINDOW, end - begin + 2)
-    likely = np.array([_window(relation, cut, steps)[-1] ** 2 for steps in lengths]) / 2.0
+    likely = np.array([_window(relation, cut, steps)[-1] ** 2 for steps in lengths.tolist()]) / 2.0
     starts = end + 1 - lengths
     near = starts[likely >= likely.max() - _LIKELY]
     return Onset(int(starts[np.argmax(likely)]), int(near.min()), int(near.max()))
@@ -174,7 +176,7 @@ def _response(residuals: Residuals, steps: int) -> np.ndarray:
     count, Se, Sx, Sxe, Sxx = sums
     count = count + _TINY
     covariance, variance = Sxe - Se * Sx / count, Sxx - Sx * Sx / count + _TINY
-    return np.sqrt(Se**2 / count + np.maximum(-covariance, 0.0) ** 2 / variance)
+    return np.asarray(np.sqrt(Se**2 / count + np.maximum(-covariance, 0.0) ** 2 / variance))
 
 
 def _shift(residuals: Residuals, steps: int, base: int, *, down: bool) -> np.ndarray:
@@ -192,7 +194,7 @@ def _shift(residuals: Residuals, steps: int, base: int, *, down: bool) -> np.nda
 
 
 def _weighted(residuals: Residuals) -> np.ndarray:
-    return residuals.weight * residuals.residual
+    return np.asarray(residuals.weight * residuals.residual)
 
 
 def _last(values: np.ndarray, steps: int, ago: int = 0) -> np.ndarray:

@@ -28,7 +28,6 @@ from ftc_lab.flight_diagnosis.decisions import (
     watch,
 )
 from ftc_lab.flight_diagnosis.relations import SURFACES, Relations, Surface, relations_of
-from gcs.console.errors import BadInput
 from gcs.results.logs.read import read_flight
 
 _LEAST = 0.5  # times the usual healthy time: flights with less count not, as they are hardly judged
@@ -36,9 +35,9 @@ _PRIOR = 3.0  # standard deviation of coefficients: few flights do not make anyt
 _LARGEST = 20.0  # coefficient of the names that is tried
 _HEADER = """\
 # Written by: python -m ftc_lab.flight_diagnosis.learn
-# telemetry: from flights of the AirLab Failure and Anomaly data set (CMU, CC BY 4.0, theairlab.org/alfa-dataset);
-# model: from flights of our own.
-# healthy: Gumbel distribution of the largest evidence of a healthy flight; fault, naming: see Learnt.
+# telemetry: from flights of the AirLab Failure and Anomaly data set (CMU, CC BY 4.0,
+# theairlab.org/alfa-dataset); model: from flights of our own.
+# healthy: Gumbel distribution of the largest evidence of a healthy flight; the others: see Learnt.
 """
 
 

@@ -14,12 +14,13 @@ make.
 | aileron | p | error of roll, now and 0.4 s ago |
 | elevator | q | error of pitch, now and 0.4 s ago; r², as q = r tan(roll) in a turn |
 | rudder | specific force along y | p, r |
-| engine | excess of thrust over drag, by mass | errors of height and airspeed; specific force along z |
+| engine | thrust less drag, by mass | errors of airspeed and height; specific force along z |
 
-The excess is measured twice, and the mean taken: as specific force along x, and as the rate of the
-energy, g ḣ/V + V̇, which the angle of attack does not enter.
+Thrust less drag is measured twice, and the mean taken: as specific force along x, and as the rate
+of the energy, g ḣ/V + V̇, which the angle of attack does not enter.
 """
 
+import contextlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
@@ -41,6 +42,8 @@ _LEAST_HZ = 1.5  # at which a signal must be renewed
 _FLYING = 0.3  # of the usual speed: slower is on the ground
 _EDGE_S = 2.0  # left out after take-off and before touch-down
 _SLOWEST_M_S = 4.0  # slower is standing or taxiing, and no usual speed
+_MEASURED = {"airspeed": ("V", "indicated_airspeed"), "height": ("altitude", "baro_height")}
+_BY_HAND = {"MANUAL", "ACRO", "TRAINING"}  # modes of ArduPlane and PX4 that follow no attitude
 
 
 Test = Literal["response", "shift", "drop"]
@@ -149,7 +152,7 @@ def relations_of(flight: FlightTable) -> Relations:
     for surface, make in _MAKERS.items():
         try:
             found.append(make(signals))
-        except Missing as missing:
+        except MissingError as missing:
             cannot.append(f"{surface} not judged: {missing}")
     if not found:
         raise BadInput(f"nothing of {flight.title} can be judged", "; ".join(cannot))
@@ -158,7 +161,7 @@ def relations_of(flight: FlightTable) -> Relations:
     return Relations(signals.time_s, tuple(kept), tuple(cannot))
 
 
-class Missing(Exception):
+class MissingError(Exception):
     """A signal that is not there, or too seldom renewed."""
 
 
@@ -174,12 +177,12 @@ class Signals:
         """Return the first of some signals that the log has, NaN where it has a gap, shape (n,).
 
         Raises:
-            Missing: It has none of them, or too few values.
+            MissingError: It has none of them, or too few values.
         """
         for name in names:
             if name in self._flight:
                 return self._on_grid(self._flight[name])
-        raise Missing(f"the log has no {' or '.join(names)}")
+        raise MissingError(f"the log has no {' or '.join(names)}")
 
     def has(self, *names: str) -> bool:
         """Return whether the log has all of some signals."""
@@ -204,7 +207,7 @@ class Signals:
         span = float(time_s[-1] - time_s[0])
         if len(time_s) < 2 or len(time_s) < _LEAST_HZ * span:
             rate = (len(time_s) - 1) / span if span > 0.0 else 0.0
-            raise Missing(
+            raise MissingError(
                 f"{channel.name} is renewed {rate:.1f} times a second, expected {_LEAST_HZ:g}"
             )
         if channel.name.endswith(("roll", "yaw")):
@@ -212,18 +215,21 @@ class Signals:
         on_grid = np.interp(self.time_s, time_s, values, left=np.nan, right=np.nan)
         after = np.clip(np.searchsorted(time_s, self.time_s), 1, len(time_s) - 1)
         on_grid[time_s[after] - time_s[after - 1] > _BRIDGED_S + 1e-6] = np.nan
-        return on_grid
+        return np.asarray(on_grid)
 
     def flying(self) -> np.ndarray:
-        """Return when the aircraft flies, by its speed, shape (n,).
+        """Return when the aircraft flies, by its speed, and not by hand, shape (n,).
 
         Raises:
             BadInput: It never does.
         """
+        by_autopilot = np.ones(len(self.time_s), bool)
+        for begin_s, mode in self._flight.modes:  # each until the next one
+            by_autopilot[self.time_s >= begin_s] = mode.upper() not in _BY_HAND
         try:
             speed = self.speed()
-        except Missing:
-            return np.ones(len(self.time_s), bool)
+        except MissingError:
+            return by_autopilot
         moving = speed[speed > _SLOWEST_M_S]
         if not len(moving):
             most = np.max(speed[np.isfinite(speed)], initial=0.0)
@@ -231,17 +237,14 @@ class Signals:
             raise BadInput(text, f"expected {_SLOWEST_M_S:g} m/s or more")
         slow = (speed < _FLYING * np.median(moving)).astype(float)
         width = 2 * int(_EDGE_S * self._rate_hz) + 1
-        return np.asarray(np.convolve(slow, np.ones(width), "same") < 0.5)
+        return by_autopilot & (np.convolve(slow, np.ones(width), "same") < 0.5)
 
     def speed(self) -> np.ndarray:
         """Return the airspeed, else that over the ground, shape (n,) [m/s]."""
         try:
             return self.of("V", "indicated_airspeed")
-        except Missing:
-            return np.hypot(self.of("v_north"), self.of("v_east"))
-
-
-_MEASURED = {"airspeed": ("V", "indicated_airspeed")}
+        except MissingError:
+            return np.asarray(np.hypot(self.of("v_north"), self.of("v_east")))
 
 
 def _renewed(channel: LogChannel) -> tuple[np.ndarray, np.ndarray]:
@@ -287,7 +290,12 @@ def _aileron(signals: Signals) -> Relation:
     error = _mean(signals.error("roll"), _MEAN_S)
     p = _mean(signals.of("p"), _MEAN_S)
     return Relation(
-        "aileron", "roll rate by error of roll", "rad/s", p, _terms(error, _ago(error, _AGO_S)), "response"
+        "aileron",
+        "roll rate by error of roll",
+        "rad/s",
+        p,
+        _terms(error, _ago(error, _AGO_S)),
+        "response",
     )
 
 
@@ -307,10 +315,8 @@ def _rudder(signals: Signals) -> Relation:
 def _engine(signals: Signals) -> Relation:
     airspeed = signals.error("airspeed")
     terms = [_mean(airspeed, _SLOW_MEAN_S)]
-    try:
+    with contextlib.suppress(MissingError):
         terms.append(_mean(signals.error("height"), _SLOW_MEAN_S))
-    except Missing:
-        pass
     terms.append(_mean(signals.of("specific_force_z"), _SLOW_MEAN_S))
     V = float(np.nanmedian(signals.speed()))
     climb = -_mean(signals.of("v_down"), _SLOW_MEAN_S)

@@ -1,4 +1,4 @@
-"""What failed in a log: flights of a small aircraft made here, cut, thinned and robbed of signals."""
+"""What failed in a log: flights of a small aircraft made here, cut, thinned, short of signals."""
 
 import json
 from collections.abc import Mapping
@@ -167,14 +167,19 @@ def test_before_take_off_and_after_landing_nothing_is_judged() -> None:
             one[:200] = one[-200:] = 0.0 if name != "specific_force_z" else -9.8
     relations = relations_of(table(signals))
     ground = (relations.time_s < 20.0) | (relations.time_s > LENGTH_S - 20.0)
-    for one in relations.relations:
-        assert np.isnan(one.measured[ground]).all()
+    for relation in relations.relations:
+        assert np.isnan(relation.measured[ground]).all()
+
+
+def test_what_is_flown_by_hand_is_not_judged() -> None:
+    flight = replace(table(flown("aileron")), modes=((0.0, "AUTO"), (79.0, "MANUAL")))
+    assert judged(flight).finding is None
 
 
 def test_a_log_without_a_flight_is_refused() -> None:
     parked = flown(None, length_s=30.0)
     parked["V"] = np.zeros_like(parked["V"]) + 0.1 * parked["p"]
-    with pytest.raises(BadInput, match="a flight has no flight: its speed is 0.. m/s at most"):
+    with pytest.raises(BadInput, match=r"a flight has no flight: its speed is 0\.\d m/s"):
         relations_of(table(parked))
     with pytest.raises(BadInput, match="nothing of a flight can be judged"):
         relations_of(without(table(flown(None, length_s=30.0)), *"pqr", "specific_force_x"))
@@ -185,7 +190,8 @@ def test_what_was_learnt_asks_for_more_than_a_healthy_flight_usually_reaches() -
     assert set(known.healthy) == set(SURFACES)
     for surface, usual in known.healthy.items():
         assert known.threshold(surface) > usual.location + 3.0 * usual.scale
-    assert known.probability(0.3) < 0.05 < 0.9 < known.probability(2.0)
+    assert known.probability(0.3) < 0.05
+    assert known.probability(2.0) > 0.9
 
 
 def test_an_excerpt_of_the_set_has_its_rudder_named() -> None:
