@@ -78,8 +78,8 @@ def diagnose(
 
     Engine, aileron, elevator and rudder are judged, each by a relation between recorded signals
     that the flight itself teaches while it is healthy: some 25 s of flight are needed first.
-    Nothing of the aircraft has to be known. What the log does not show is said, not guessed; left and right
-    look the same. How large evidence is in healthy flights, and how probable a fault is
+    Nothing of the aircraft has to be known. What the log does not show is said, not guessed; left
+    and right look the same. How large evidence is in healthy flights, and how probable a fault is
     then, was learnt from flights of one aircraft.
     """
     from ftc_lab.flight_diagnosis.decisions import diagnose_flight, learnt, watch

@@ -107,6 +107,8 @@ def _command(signals: Signals, name: str, aircraft: Aircraft) -> np.ndarray:
     """Return the command in force [rad or N], shape (n,)."""
     if signals.has(f"held_{name}"):
         return signals.held(f"held_{name}")
+    if not signals.has(f"share_{name}"):
+        raise MissingError(f"the log has no held_{name} or share_{name}")
     share = signals.held(f"share_{name}")
     if name == "throttle":
         return share * aircraft.thrust_limit_n

@@ -83,7 +83,7 @@ class _Model:
         self.measured = 0  # residuals
         prior = np.append(1.0, np.full(terms - 1, pace.steps(_PRIOR_S)))
         self._A, self._b = np.diag(prior), np.zeros(terms)
-        self._P = np.diag(1.0 / prior)
+        self._P: np.ndarray = np.diag(1.0 / prior)
         self._forget = 1.0 - 1.0 / pace.steps(_MEMORY_S)
         self._correlated = pace.steps(_CORRELATED_S)
         self._not_learnt = pace.steps(pace.least_learnt_s)

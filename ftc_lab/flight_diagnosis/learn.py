@@ -12,23 +12,16 @@ a model of the aircraft.
 """
 
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import yaml
 
-from ftc_lab.flight_diagnosis.decisions import (
-    LEARNT,
-    Gumbel,
-    Learnt,
-    Watched,
-    diagnose_flight,
-    watch,
-)
-from ftc_lab.flight_diagnosis.relations import SURFACES, Relations, Surface, relations_of
-from gcs.results.logs.read import read_flight
+from ftc_lab.flight_diagnosis.decisions import LEARNT, Gumbel, Learnt, diagnose_flight
+from ftc_lab.flight_diagnosis.examples import Example, example_of
+from ftc_lab.flight_diagnosis.relations import SURFACES, Surface
+from ftc_lab.flight_diagnosis.simulated import simulated_examples
 
 _LEAST = 0.5  # times the usual healthy time: flights with less count not, as they are hardly judged
 _PRIOR = 3.0  # standard deviation of coefficients: few flights do not make anything certain
@@ -39,40 +32,6 @@ _HEADER = """\
 # theairlab.org/alfa-dataset); model: from flights of our own.
 # healthy: Gumbel distribution of the largest evidence of a healthy flight; the others: see Learnt.
 """
-
-
-class Example(NamedTuple):
-    """A flight of which is known what failed.
-
-    Attributes:
-        name: Of its file.
-        truth: What failed; None: nothing.
-        onset_s: When; infinite if nothing did.
-        relations: Of the flight.
-        watched: Its relations.
-    """
-
-    name: str
-    truth: Surface | None
-    onset_s: float
-    relations: Relations
-    watched: Mapping[Surface, Watched]
-
-    def largest(self, surface: Surface, *, healthy: bool) -> float:
-        """Return the largest evidence before, or after, the fault; 0 without any."""
-        chosen = (self.relations.time_s < self.onset_s) == healthy
-        return float(self.watched[surface].evidence[chosen].max(initial=0.0))
-
-
-def example_of(path: Path) -> Example:
-    """Read a flight."""
-    flight = read_flight(path)
-    relations = relations_of(flight)
-    onset_s = np.inf
-    if "fault" in flight and flight["fault"].values.any():
-        onset_s = float(flight["fault"].time_s[np.argmax(flight["fault"].values != 0.0)])
-    truth = next((one for one in SURFACES if one in path.name), None)
-    return Example(path.name, truth, onset_s, relations, watch(relations))
 
 
 def learnt_from(examples: list[Example]) -> Learnt:
@@ -156,8 +115,6 @@ def main() -> None:
     if len(sys.argv) not in {2, 3}:
         raise SystemExit(__doc__)
     if sys.argv[1] == "--simulated":
-        from ftc_lab.flight_diagnosis.simulated import simulated_examples
-
         examples = list(simulated_examples(int(sys.argv[2]), seed=1))
         flights = [" ".join(sys.argv[1:])]
     else:

@@ -197,8 +197,10 @@ class Signals:
         return _wrapped(error) if name in {"roll", "pitch"} else error
 
     def held(self, name: str) -> np.ndarray:
-        """Return a command, which is in force until the next one, shape (n,)."""
-        return self._flight[name].at(self.time_s)
+        """Return a command, which is in force until the next one, however late, shape (n,)."""
+        sent = self._flight[name]
+        last = np.searchsorted(sent.time_s, self.time_s, side="right") - 1
+        return np.where(last >= 0, sent.values[last], np.nan)
 
     def _on_grid(self, channel: LogChannel) -> np.ndarray:
         if not np.ptp(channel.values):  # such as no wind

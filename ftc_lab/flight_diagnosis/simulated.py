@@ -8,7 +8,7 @@ import numpy as np
 
 from ftc_lab.flight_diagnosis.by_model import SURFACE_OF, relations_by_model
 from ftc_lab.flight_diagnosis.decisions import watch
-from ftc_lab.flight_diagnosis.learn import Example
+from ftc_lab.flight_diagnosis.examples import Example
 from gcs.api.flying import fly
 from gcs.results.logs.read import read_flight
 from gcs.scenario.aircraft_file import load_aircraft

@@ -12,6 +12,7 @@ from typer.testing import CliRunner, Result
 
 from ftc_lab.commands.diagnose import diagnose
 from ftc_lab.flight_diagnosis.decisions import Diagnosis, diagnose_flight, learnt, watch
+from ftc_lab.flight_diagnosis.examples import example_of
 from ftc_lab.flight_diagnosis.learn import learnt_from
 from ftc_lab.flight_diagnosis.relations import SURFACES, Relations, relations_of
 from gcs.console.errors import BadInput
@@ -195,8 +196,6 @@ def test_what_was_learnt_asks_for_more_than_a_healthy_flight_usually_reaches() -
 
 
 def test_an_excerpt_of_the_set_has_its_rudder_named() -> None:
-    from ftc_lab.flight_diagnosis.learn import example_of
-
     one = example_of(DATA / "carbonZ_2018-09-11-15-06-34_3_rudder_left_failure.csv.xz")
     assert one.truth == "rudder"
     finding = diagnose_flight(one.relations, one.watched, learnt(one.relations)).finding
