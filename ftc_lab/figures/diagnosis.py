@@ -30,7 +30,13 @@ def draw_diagnosis(watched: Mapping[Surface, Watched], diagnosis: Diagnosis) -> 
         judged = one.residuals.weight > 0.0
         predicted = np.where(judged, one.residuals.predicted, np.nan)
         draw_curve(panels[k], t, one.relation.measured, color="0.6", label="measured")
-        draw_curve(panels[k], t, predicted, color=style(0).colour, label="as predicted 10 s before")
+        draw_curve(
+            panels[k],
+            t,
+            predicted,
+            color=style(0).colour,
+            label=f"as predicted {one.relation.pace.guard_s:g} s before",
+        )
         panels[k].set_ylabel(f"{surface}\n[{one.relation.unit}]")
         draw_curve(
             panels[-1], t, diagnosis.ratios[surface], color=style(k + 1).colour, label=surface

@@ -66,7 +66,7 @@ def relations_by_model(flight: FlightTable, aircraft: Aircraft) -> Relations:
     made = [
         Relation(
             SURFACE_OF[name],
-            "thrust by acceleration" if j == THROTTLE else "deflection by moments",
+            f"{'thrust' if j == THROTTLE else 'deflection'} made less commanded",
             "N" if j == THROTTLE else "rad",
             done[:, j] - commanded[:, j],
             np.stack([np.ones(len(done)), commanded[:, j]], axis=1),
