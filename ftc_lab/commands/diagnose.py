@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 from gcs.commands.common import QuietOption
@@ -147,7 +146,7 @@ def _json(watched: "Mapping[Surface, Watched]", diagnosis: "Diagnosis") -> dict[
         "surfaces": {
             surface: {
                 "judged_by": one.relation.text,
-                "judged_s": float(np.count_nonzero(one.residuals.weight) / diagnosis.rate_hz),
+                "judged_s": round(one.judged_s, 1),
                 "largest_evidence": round(float(diagnosis.ratios[surface].max()), 2),
                 "at_s": round(float(diagnosis.time_s[diagnosis.ratios[surface].argmax()]), 2),
             }
@@ -169,10 +168,9 @@ def _print(
     )
     for surface, one in watched.items():
         ratios = diagnosis.ratios[surface]
-        judged_s = np.count_nonzero(one.residuals.weight) / diagnosis.rate_hz
         at = diagnosis.time_s[ratios.argmax()]
-        shown = (f"{ratios.max():.2f}", f"{at:.1f}") if judged_s else ("", "")
-        table.add_row(surface, one.relation.text, f"{judged_s:.0f}", *shown)
+        shown = (f"{ratios.max():.2f}", f"{at:.1f}") if one.judged_s else ("", "")
+        table.add_row(surface, one.relation.text, f"{one.judged_s:.0f}", *shown)
     output.print(table)
     for line in (*diagnosis.cannot, *_verdict(diagnosis)):
         output.print(line, soft_wrap=True)

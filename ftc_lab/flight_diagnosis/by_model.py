@@ -35,7 +35,7 @@ BY_MODEL = Pace(
     least_measured_s=1.2,
     block_s=0.4,
     named_s=0.6,
-    windows_s={"response": (0.2, 0.4, 0.8, 1.6), "shift": (), "drop": ()},
+    windows_s={"response": (0.4, 0.8, 1.6), "shift": (), "drop": ()},
 )
 SURFACE_OF: dict[str, Surface] = {
     "aileron": "aileron",
@@ -56,13 +56,12 @@ def relations_by_model(flight: FlightTable, aircraft: Aircraft) -> Relations:
     signals = Signals(flight, BY_MODEL.rate_hz)
     try:
         v, attitude, omega = _motion(signals)
-        held = np.stack([_command(signals, name, aircraft) for name in ACTUATORS], axis=1)
+        commanded = np.stack([_command(signals, name, aircraft) for name in ACTUATORS], axis=1)
     except MissingError as missing:
         raise BadInput(
             f"{flight.title} cannot be diagnosed by a model: {missing}", "leave out --aircraft"
         ) from None
-    done = _done(v, attitude, omega, held, aircraft)
-    commanded = _over_span(held)
+    done = _done(v, attitude, omega, commanded, aircraft)
     made = [
         Relation(
             SURFACE_OF[name],
@@ -104,12 +103,12 @@ def _to_ned(attitude: np.ndarray) -> np.ndarray:
 
 
 def _command(signals: Signals, name: str, aircraft: Aircraft) -> np.ndarray:
-    """Return the command in force [rad or N], shape (n,)."""
+    """Return the mean command over the last span [rad or N], shape (n,)."""
     if signals.has(f"held_{name}"):
-        return signals.held(f"held_{name}")
+        return signals.held_mean(f"held_{name}", _SPAN_S)
     if not signals.has(f"share_{name}"):
         raise MissingError(f"the log has no held_{name} or share_{name}")
-    share = signals.held(f"share_{name}")
+    share = signals.held_mean(f"share_{name}", _SPAN_S)
     if name == "throttle":
         return share * aircraft.thrust_limit_n
     low, high = aircraft.stops_deg[ACTUATORS.index(name)]
@@ -117,7 +116,11 @@ def _command(signals: Signals, name: str, aircraft: Aircraft) -> np.ndarray:
 
 
 def _done(
-    v: np.ndarray, attitude: np.ndarray, omega: np.ndarray, held: np.ndarray, aircraft: Aircraft
+    v: np.ndarray,
+    attitude: np.ndarray,
+    omega: np.ndarray,
+    commanded: np.ndarray,
+    aircraft: Aircraft,
 ) -> np.ndarray:
     """Return what the actuators did over the last span [rad, N], shape (n, 4)."""
     record = aircraft_record(aircraft)
@@ -131,9 +134,8 @@ def _done(
     V = np.linalg.norm(v, axis=1)
     steps = BY_MODEL.steps(_SPAN_S)
     turning = (omega - _before(omega, steps)) / _SPAN_S @ J.T
-    inner = _over_span(
-        np.cross(omega, omega @ J.T) - N - held[:, 3:] * np.array(record["thrust_arms"])
-    )
+    inner = _over_span(np.cross(omega, omega @ J.T) - N)
+    inner -= commanded[:, THROTTLE:] * np.array(record["thrust_arms"])
     C = _over_span(C.reshape(-1, 9)).reshape(-1, 3, 3)
     surfaces = np.full((len(v), 3), np.nan)
     good = np.isfinite(C).all(axis=(1, 2))

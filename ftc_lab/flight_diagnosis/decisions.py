@@ -41,18 +41,21 @@ class Learnt(BaseModel, frozen=True, extra="forbid"):
 
     Attributes:
         healthy: The largest evidence of a healthy flight, by surface.
+        judged_s: How long such a flight was judged [s]: a longer one has more to be the largest of.
         fault: Logistic regression of whether there is a fault on the logarithm of the largest
             ratio of evidence to threshold: intercept and slope.
         naming: By what ratios are multiplied to be logarithms of the surfaces' odds.
     """
 
     healthy: Mapping[Surface, Gumbel]
+    judged_s: float
     fault: tuple[float, float]
     naming: float
 
-    def threshold(self, surface: Surface) -> float:
-        """Return the evidence that is an alarm."""
-        return self.healthy[surface].exceeded_by(FALSE_ALARMS / len(self.healthy))
+    def threshold(self, surface: Surface, judged_s: float) -> float:
+        """Return the evidence that is an alarm in a flight that is judged for so long."""
+        longer = max(judged_s / self.judged_s, 1.0)
+        return self.healthy[surface].exceeded_by(FALSE_ALARMS / len(self.healthy) / longer)
 
     def probability(self, ratio: float) -> float:
         """Return how probable a fault is, given the largest ratio of evidence to threshold."""
@@ -92,7 +95,6 @@ class Diagnosis:
 
     Attributes:
         time_s: The grid, shape (n,).
-        rate_hz: Of the grid.
         ratios: Evidence relative to the threshold by surface, each of shape (n,); 1 is an alarm.
         finding: None if nothing was found.
         probability: That there is a fault.
@@ -101,7 +103,6 @@ class Diagnosis:
     """
 
     time_s: np.ndarray
-    rate_hz: float
     ratios: Mapping[Surface, np.ndarray]
     finding: Finding | None
     probability: float
@@ -116,6 +117,11 @@ class Watched(NamedTuple):
     residuals: Residuals
     evidence: np.ndarray
 
+    @property
+    def judged_s(self) -> float:
+        """How long it was judged: not while it was learnt [s]."""
+        return np.count_nonzero(self.residuals.weight) / self.relation.pace.rate_hz
+
 
 def watch(relations: Relations) -> dict[Surface, Watched]:
     """Learn the relations of a flight along it, and test them."""
@@ -127,20 +133,22 @@ def diagnose_flight(
     relations: Relations, watched: Mapping[Surface, Watched], known: Learnt
 ) -> Diagnosis:
     """Judge a flight by what others have shown."""
-    ratios = {surface: one.evidence / known.threshold(surface) for surface, one in watched.items()}
+    ratios = {
+        surface: one.evidence / known.threshold(surface, one.judged_s)
+        for surface, one in watched.items()
+    }
     first, pace = first_alarm(ratios), relations.pace
     finding = None
     if first is not None:
         finding = _finding(relations.time_s, watched, ratios, first, pace, known)
     most = max(float(one.max()) for one in ratios.values())
-    judged = max(np.count_nonzero(one.residuals.weight) for one in watched.values())
+    judged_s = max(one.judged_s for one in watched.values())
     return Diagnosis(
         relations.time_s,
-        pace.rate_hz,
         ratios,
         finding,
         known.probability(most),
-        float(judged / pace.rate_hz),
+        judged_s,
         relations.cannot,
     )
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ftc_lab.flight_diagnosis.decisions import Watched, watch
+from ftc_lab.flight_diagnosis.decisions import Learnt, Watched, watch
 from ftc_lab.flight_diagnosis.relations import SURFACES, Relations, Surface, relations_of
 from gcs.results.logs.read import read_flight
 
@@ -27,6 +27,13 @@ class Example(NamedTuple):
     onset_s: float
     relations: Relations
     watched: Mapping[Surface, Watched]
+
+    def ratio(self, known: Learnt, *, healthy: bool) -> float:
+        """Return the largest ratio of evidence to threshold before, or after, the fault."""
+        return max(
+            self.largest(surface, healthy=healthy) / known.threshold(surface, one.judged_s)
+            for surface, one in self.watched.items()
+        )
 
     def largest(self, surface: Surface, *, healthy: bool) -> float:
         """Return the largest evidence before, or after, the fault; 0 without any."""

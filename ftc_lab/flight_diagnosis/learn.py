@@ -25,6 +25,7 @@ from ftc_lab.flight_diagnosis.simulated import simulated_examples
 
 _LEAST = 0.5  # times the usual healthy time: flights with less count not, as they are hardly judged
 _PRIOR = 3.0  # standard deviation of coefficients: few flights do not make anything certain
+_PARTS = 24  # of the flights: each is judged by what the others show
 _LARGEST = 20.0  # coefficient of the names that is tried
 _HEADER = """\
 # Written by: python -m ftc_lab.flight_diagnosis.learn
@@ -37,19 +38,19 @@ _HEADER = """\
 def learnt_from(examples: list[Example]) -> Learnt:
     """Fit what is to be known of healthy flights and of faults."""
     healthy = {surface: _gumbel(examples, surface) for surface in SURFACES}
-    known = Learnt(healthy=healthy, fault=(0.0, 1.0), naming=1.0)
+    judged_s = float(np.median([next(iter(one.watched.values())).judged_s for one in examples]))
+    known = Learnt(healthy=healthy, judged_s=judged_s, fault=(0.0, 1.0), naming=1.0)
     ratios, faulty, names = [], [], []
     for one in examples:
         for before in (True, False) if one.truth else (True,):
-            at = {s: one.largest(s, healthy=before) / known.threshold(s) for s in SURFACES}
-            ratios.append(max(at.values()))
+            ratios.append(one.ratio(known, healthy=before))
             faulty.append(not before)
         found = diagnose_flight(one.relations, one.watched, known).finding
         if found is not None and found.alarm_s >= one.onset_s:
             at = {s: float(np.log(found.probabilities[s])) for s in SURFACES}
             names.append((one.truth, at))
     intercept, slope = _logistic(np.log(np.maximum(ratios, 1e-3)), np.array(faulty))
-    return Learnt(healthy=healthy, fault=(intercept, slope), naming=_sharpness(names))
+    return known.model_copy(update={"fault": (intercept, slope), "naming": _sharpness(names)})
 
 
 def _gumbel(examples: list[Example], surface: Surface) -> Gumbel:
@@ -95,9 +96,9 @@ class Judgement(NamedTuple):
     onset_delay_s: float
 
 
-def judge(one: Example, others: list[Example]) -> Judgement:
+def judge(one: Example, known: Learnt) -> Judgement:
     """Judge a flight by what is learnt from others."""
-    diagnosis = diagnose_flight(one.relations, one.watched, learnt_from(others))
+    diagnosis = diagnose_flight(one.relations, one.watched, known)
     found = diagnosis.finding
     if found is None:
         verdict = "missed" if one.truth else "quiet"
@@ -122,16 +123,17 @@ def main() -> None:
         flights = [one.name.split(".")[0] for one in examples]
     if len(examples) < 2:
         raise SystemExit(f"error: {sys.argv[1]} has no flights (*.csv, *.csv.xz)")
-    for k, one in enumerate(examples):
-        found = judge(one, examples[:k] + examples[k + 1 :])
-        print(
-            f"{found.verdict:24} {found.probability:5.2f} {found.alarm_delay_s:7.1f} "
-            f"{found.onset_delay_s:6.1f}  {found.name}"
-        )
+    for part in np.array_split(np.arange(len(examples)), min(len(examples), _PARTS)):
+        known = learnt_from([one for k, one in enumerate(examples) if k not in part])
+        for found in (judge(examples[k], known) for k in part):
+            print(
+                f"{found.verdict:24} {found.probability:5.2f} {found.alarm_delay_s:7.1f} "
+                f"{found.onset_delay_s:6.1f}  {found.name}"
+            )
     path = Path(__file__).with_name(LEARNT)
     content = yaml.safe_load(path.read_text(encoding="utf-8")) if path.exists() else {}
-    known = _rounded(learnt_from(examples).model_dump())
-    content[examples[0].relations.pace.kind] = {"learnt": known, "flights": flights}
+    shown = _rounded(learnt_from(examples).model_dump())
+    content[examples[0].relations.pace.kind] = {"learnt": shown, "flights": flights}
     text = _HEADER + yaml.safe_dump(content, sort_keys=True)
     path.write_text(text, encoding="utf-8")
 

@@ -196,11 +196,15 @@ class Signals:
         error = measured - self.of(f"reference_{name}")
         return _wrapped(error) if name in {"roll", "pitch"} else error
 
-    def held(self, name: str) -> np.ndarray:
-        """Return a command, which is in force until the next one, however late, shape (n,)."""
+    def held_mean(self, name: str, span_s: float) -> np.ndarray:
+        """Return the mean over the last seconds of a command, which is held, shape (n,)."""
         sent = self._flight[name]
-        last = np.searchsorted(sent.time_s, self.time_s, side="right") - 1
-        return np.where(last >= 0, sent.values[last], np.nan)
+        end_s = max(float(self.time_s[-1]), float(sent.time_s[-1]))
+        lasting = np.diff(np.append(sent.time_s, end_s))
+        integral = np.concatenate([[0.0], np.cumsum(sent.values * lasting)])
+        times = np.append(sent.time_s, end_s)
+        ends = (np.interp(self.time_s - ago, times, integral, np.nan) for ago in (0.0, span_s))
+        return np.asarray((next(ends) - next(ends)) / span_s)
 
     def _on_grid(self, channel: LogChannel) -> np.ndarray:
         if not np.ptp(channel.values):  # such as no wind

@@ -190,7 +190,11 @@ def test_what_was_learnt_asks_for_more_than_a_healthy_flight_usually_reaches() -
     known = learnt(relations_of(table(flown(None, length_s=30.0))))
     assert set(known.healthy) == set(SURFACES)
     for surface, usual in known.healthy.items():
-        assert known.threshold(surface) > usual.location + 3.0 * usual.scale
+        threshold = known.threshold(surface, known.judged_s)
+        assert threshold > usual.location + 3.0 * usual.scale
+        assert known.threshold(surface, 0.1 * known.judged_s) == threshold
+        longer = threshold + usual.scale * np.log(10.0)  # as maxima of ten flights
+        assert known.threshold(surface, 10.0 * known.judged_s) == pytest.approx(longer, rel=0.01)
     assert known.probability(0.3) < 0.05
     assert known.probability(2.0) > 0.9
 
