@@ -26,6 +26,7 @@ from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft
 
 _SPAN_S = 0.2  # over which moments and commands are averaged
+_LEAST_DEG, _LEAST_SHARE = 0.1, 0.002  # of a surface; of the thrust limit
 BY_MODEL = Pace(
     kind="model",
     rate_hz=25.0,
@@ -72,6 +73,7 @@ def relations_by_model(flight: FlightTable, aircraft: Aircraft) -> Relations:
             "response",
             BY_MODEL,
             commanded[:, j],
+            _LEAST_SHARE * aircraft.thrust_limit_n if j == THROTTLE else np.radians(_LEAST_DEG),
         )
         for j, name in enumerate(ACTUATORS)
     ]

@@ -53,7 +53,7 @@ def residuals_of(relation: Relation) -> Residuals:
     y = np.where(valid, relation.measured, 0.0)
     n, m = X.shape
     pace, predicted, weight = relation.pace, np.zeros(n), np.zeros(n)
-    model, guard = _Model(m, pace), pace.steps(pace.guard_s)
+    model, guard = _Model(m, pace, relation.least), pace.steps(pace.guard_s)
     for i in range(n):
         if i >= guard and valid[i - guard]:
             model.learn(X[i - guard], y[i - guard])
@@ -78,13 +78,14 @@ def _standardised(terms: np.ndarray, valid: np.ndarray) -> np.ndarray:
 class _Model:
     """Recursive least squares, and the size of their residuals."""
 
-    def __init__(self, terms: int, pace: Pace) -> None:
+    def __init__(self, terms: int, pace: Pace, least: float) -> None:
         self.coefficients = np.zeros(terms)
         self.measured = 0  # residuals
         prior = np.append(1.0, np.full(terms - 1, pace.steps(_PRIOR_S)))
         self._A, self._b = np.diag(prior), np.zeros(terms)
         self._P: np.ndarray = np.diag(1.0 / prior)
         self._forget = 1.0 - 1.0 / pace.steps(_MEMORY_S)
+        self._least = least
         self._correlated = pace.steps(_CORRELATED_S)
         self._not_learnt = pace.steps(pace.least_learnt_s)
         self._weights = self._squares = self._block_squares = 0.0
@@ -98,7 +99,7 @@ class _Model:
         """Return the variance of a residual, as large as means of blocks show it."""
         length = len(self._block)
         few = 1.0 + _FEW * length / self._weights
-        return self._block_squares / self._weights * few * length + _TINY
+        return (self._block_squares / self._weights * few + self._least**2) * length + _TINY
 
     def learn(self, x: np.ndarray, y: float) -> None:
         """Measure the residual of a sample, then learn it."""

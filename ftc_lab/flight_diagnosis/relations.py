@@ -109,6 +109,7 @@ class Relation(NamedTuple):
             down.
         pace: Of the grid.
         response: What a gain is tested of, shape (n,); None: of what the terms predict.
+        least: Deviation that counts for nothing: a simulator is better than any model is.
     """
 
     surface: Surface
@@ -119,6 +120,7 @@ class Relation(NamedTuple):
     test: Test
     pace: Pace = TELEMETRY
     response: np.ndarray | None = None
+    least: float = 0.0
 
 
 @dataclass(frozen=True)
