@@ -105,19 +105,22 @@ def _relations(
     flight: Path, uav: int | None, columns: Path | None, aircraft: str | None
 ) -> "Relations":
     """Return the relations by a model if there is one, else those that the log itself shows."""
-    from ftc_lab.flight_diagnosis.by_model import relations_by_model
+    from ftc_lab.flight_diagnosis.by_model import flown_run, relations_by_model
     from ftc_lab.flight_diagnosis.relations import relations_of
     from gcs.results.logs.read import read_flight
     from gcs.results.run_folder import SCENARIO
     from gcs.scenario.aircraft_file import load_aircraft
     from gcs.scenario.model import read_scenario
 
+    if (flight / SCENARIO).exists():
+        flown = read_scenario(flight / SCENARIO)
+        nominal = flown.aircraft_of(uav or flown.uavs[0].id)
+        if aircraft is not None:
+            nominal = load_aircraft(aircraft)
+        return relations_by_model(flown_run(flight, uav), nominal)
     table = read_flight(flight, uav, columns)
     if aircraft is not None:
         return relations_by_model(table, load_aircraft(aircraft))
-    if (flight / SCENARIO).exists():
-        flown = read_scenario(flight / SCENARIO)
-        return relations_by_model(table, flown.aircraft_of(uav or flown.uavs[0].id))
     return relations_of(table)
 
 

@@ -7,6 +7,9 @@ samples, and so is the command beside it. What it lacks of the command is regres
 a model that is somewhat wrong is corrected while the flight is healthy, within seconds.
 """
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 
 from ftc_autopilot.control.inversion import inversion_problem
@@ -19,7 +22,10 @@ from ftc_lab.flight_diagnosis.relations import (
     Surface,
 )
 from gcs.console.errors import BadInput
-from gcs.results.logs.table import FlightTable
+from gcs.results.logs.read import read_flight
+from gcs.results.logs.table import FlightTable, channel
+from gcs.results.store import EVENTS
+from gcs.results.ulog_export import sent_in
 from mavlink_defs.constants import ACTUATORS, THROTTLE
 from sitl_plant.airframe.aerodynamics import Aerodynamics, aerodynamics
 from sitl_plant.airframe.aircraft import aircraft_record
@@ -44,6 +50,28 @@ SURFACE_OF: dict[str, Surface] = {
     "rudder": "rudder",
     "throttle": "engine",
 }
+
+
+def flown_run(run: Path, uav: int | None) -> FlightTable:
+    """Return a flight of our own, with every command that was sent, not those of some steps only.
+
+    Raises:
+        BadInput: There is no recording, or no such UAV in it.
+    """
+    flight = read_flight(run, uav)
+    if not (run / EVENTS).exists():
+        return flight
+    sent = sent_in(run)
+    own = uav if uav is not None else min(sent, default=0)
+    if own not in sent:
+        return flight
+    time_s, channel_of, value = sent[own]
+    held = {
+        name: channel(f"held_{name}", time_s[channel_of == j], value[channel_of == j], EVENTS)
+        for j, name in enumerate(ACTUATORS)
+    }
+    found = {f"held_{name}": one for name, one in held.items() if one is not None}
+    return replace(flight, channels={**flight.channels, **found})
 
 
 def relations_by_model(flight: FlightTable, aircraft: Aircraft) -> Relations:
