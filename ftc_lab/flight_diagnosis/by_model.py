@@ -80,7 +80,7 @@ def relations_by_model(flight: FlightTable, aircraft: Aircraft) -> Relations:
     Raises:
         BadInput: It lacks what they are made of, or the aircraft has no inverse.
     """
-    if (problem := inversion_problem(aircraft)) is not None:
+    if (problem := inversion_problem(aircraft, needs_rudder=False)) is not None:
         raise BadInput(f"cannot diagnose by this aircraft: {problem}")
     signals = Signals(flight, BY_MODEL.rate_hz)
     try:
@@ -104,6 +104,7 @@ def relations_by_model(flight: FlightTable, aircraft: Aircraft) -> Relations:
             _LEAST_SHARE * aircraft.thrust_limit_n if j == THROTTLE else np.radians(_LEAST_DEG),
         )
         for j, name in enumerate(ACTUATORS)
+        if name != "rudder" or aircraft.has("rudder")
     ]
     return Relations(signals.time_s, tuple(made), ())
 
@@ -169,7 +170,9 @@ def _done(
     C = _over_span(C.reshape(-1, 9)).reshape(-1, 3, 3)
     surfaces = np.full((len(v), 3), np.nan)
     good = np.isfinite(C).all(axis=(1, 2))
-    surfaces[good] = np.linalg.solve(C[good], (turning + inner)[good][:, :, None])[:, :, 0]
+    n = 3 if aircraft.has("rudder") else 2  # without one, yaw is nobody's
+    moment = (turning + inner)[good][:, :n, None]
+    surfaces[good, :n] = np.linalg.solve(C[good][:, :n, :n], moment)[:, :, 0]
     gravity = _to_ned(attitude)[:, 2, :] * aircraft.gravity_m_s2
     along = (v * (F + mass * gravity)).sum(axis=1) / V
     thrust = mass * (V - _before(V, steps)) / _SPAN_S - _over_span(along)

@@ -58,7 +58,7 @@ def _gumbel(examples: list[Example], surface: Surface) -> Gumbel:
     healthy_s = [min(one.onset_s, one.relations.time_s[-1]) for one in examples]
     least_s = _LEAST * np.median(healthy_s)
     enough = [one for one, time_s in zip(examples, healthy_s, strict=True) if time_s >= least_s]
-    largest = [one.largest(surface, healthy=True) for one in enough]
+    largest = [one.largest(surface, healthy=True) for one in enough if surface in one.watched]
     low, median, high = np.percentile(largest, (25.0, 50.0, 75.0))
     scale = (high - low) / (np.log(np.log(4.0)) - np.log(np.log(4.0 / 3.0)))
     return Gumbel(location=float(median + scale * np.log(np.log(2.0))), scale=float(scale))
