@@ -8,6 +8,7 @@ import typer
 
 from gcs.commands.common import QuietOption
 from gcs.commands.options import JsonOption
+from gcs.console.errors import BadInput
 from gcs.console.lines import print_json
 from gcs.console.outputs import check_file, make_folder
 from gcs.console.progress import working
@@ -91,6 +92,9 @@ def diagnose(
     with working(console, "diagnosing"):
         watched = watch(relations)
         diagnosis = diagnose_flight(relations, watched, learnt(relations))
+    if not diagnosis.judged_s:
+        text = f"{flight} is too short: all of it is needed to learn what is healthy"
+        raise BadInput(text, "by a model (--aircraft) some 5 s are, else some 25 s of flight")
     if output is not None:
         _draw(output, watched, diagnosis)
     if as_json:
@@ -184,8 +188,6 @@ def _verdict(diagnosis: "Diagnosis") -> list[str]:
     found = diagnosis.finding
     sure = f"A fault is {min(diagnosis.probability, 0.99):.0%} probable"
     if found is None:
-        if not diagnosis.judged_s:
-            return ["Nothing was judged: the flight is too short to teach its relations."]
         return [f"Nothing failed that this log would show. {sure}."]
     unknown = ""
     if diagnosis.cannot:

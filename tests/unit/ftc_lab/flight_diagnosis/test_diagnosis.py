@@ -242,5 +242,5 @@ def test_the_command_tells_by_its_exit_status(tmp_path: Path) -> None:
 
 def test_of_a_short_flight_nothing_is_claimed(tmp_path: Path) -> None:
     done = _run(str(_written(tmp_path / "short.csv", flown(None, length_s=15.0))))
-    assert done.exit_code == 0
-    assert "Nothing was judged" in done.output
+    assert isinstance(done.exception, BadInput)
+    assert "short.csv is too short" in str(done.exception)
