@@ -14,8 +14,8 @@ import numpy as np
 
 from ftc_autopilot.control.inversion import inversion_problem
 from ftc_lab.flight_diagnosis.relations import (
+    LearningPace,
     MissingError,
-    Pace,
     Relation,
     Relations,
     Signals,
@@ -33,7 +33,7 @@ from sitl_plant.airframe.config import Aircraft
 
 _SPAN_S = 0.2  # over which moments and commands are averaged
 _LEAST_DEG, _LEAST_SHARE = 0.1, 0.002  # of a surface; of the thrust limit
-BY_MODEL = Pace(
+BY_MODEL = LearningPace(
     kind="model",
     rate_hz=25.0,
     lag_s=_SPAN_S / 2.0,

@@ -16,7 +16,7 @@ import yaml
 from pydantic import BaseModel
 
 from ftc_lab.flight_diagnosis.evidence import Residuals, evidence_of, onset_of, residuals_of
-from ftc_lab.flight_diagnosis.relations import Pace, Relation, Relations, Surface
+from ftc_lab.flight_diagnosis.relations import LearningPace, Relation, Relations, Surface
 
 FALSE_ALARMS = 0.02
 """Share of healthy flights that thresholds let alarm."""
@@ -158,7 +158,7 @@ def _finding(
     watched: Mapping[Surface, Watched],
     ratios: Mapping[Surface, np.ndarray],
     first: int,
-    pace: Pace,
+    pace: LearningPace,
     known: Learnt,
 ) -> Finding:
     """Return what failed, given the sample of the alarm."""

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ftc_lab.flight_diagnosis.relations import Pace, Relation
+from ftc_lab.flight_diagnosis.relations import LearningPace, Relation
 
 _MEMORY_S = 90.0  # after which a sample counts 1/e
 _PRIOR_S = 2.0  # of samples that the prior counts as
@@ -78,7 +78,7 @@ def _standardised(terms: np.ndarray, valid: np.ndarray) -> np.ndarray:
 class _Model:
     """Recursive least squares, and the size of their residuals."""
 
-    def __init__(self, terms: int, pace: Pace, least: float) -> None:
+    def __init__(self, terms: int, pace: LearningPace, least: float) -> None:
         self.coefficients = np.zeros(terms)
         self.measured = 0  # residuals
         prior = np.append(1.0, np.full(terms - 1, pace.steps(_PRIOR_S)))

@@ -86,7 +86,7 @@ def _sharpness(names: list[tuple[Surface | None, dict[Surface, float]]]) -> floa
     return float(factors[np.argmax(likely)])
 
 
-class Judgement(NamedTuple):
+class JudgedFlight(NamedTuple):
     """How a flight is judged by what the others show; delays are of alarm and onset [s]."""
 
     name: str
@@ -96,19 +96,19 @@ class Judgement(NamedTuple):
     onset_delay_s: float
 
 
-def judge(one: Example, known: Learnt) -> Judgement:
+def judge(one: Example, known: Learnt) -> JudgedFlight:
     """Judge a flight by what is learnt from others."""
     diagnosis = diagnose_flight(one.relations, one.watched, known)
     found = diagnosis.finding
     if found is None:
         verdict = "missed" if one.truth else "quiet"
-        return Judgement(one.name, verdict, diagnosis.probability, np.nan, np.nan)
+        return JudgedFlight(one.name, verdict, diagnosis.probability, np.nan, np.nan)
     if found.alarm_s < one.onset_s:
         verdict = f"false alarm: {found.surface}"
     else:
         verdict = "named" if found.surface == one.truth else f"misnamed: {found.surface}"
     delays = found.alarm_s - one.onset_s, found.onset_s - one.onset_s
-    return Judgement(one.name, verdict, diagnosis.probability, *delays)
+    return JudgedFlight(one.name, verdict, diagnosis.probability, *delays)
 
 
 def main() -> None:

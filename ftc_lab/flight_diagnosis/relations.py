@@ -49,7 +49,7 @@ _BY_HAND = {"MANUAL", "ACRO", "TRAINING"}  # modes of ArduPlane and PX4 that fol
 Test = Literal["response", "shift", "drop"]
 
 
-class Pace(NamedTuple):
+class LearningPace(NamedTuple):
     """How fast relations are sampled, learnt and tested; times in s.
 
     Attributes:
@@ -79,7 +79,7 @@ class Pace(NamedTuple):
         return round(span_s * self.rate_hz)
 
 
-TELEMETRY = Pace(
+TELEMETRY = LearningPace(
     kind="telemetry",
     rate_hz=10.0,
     lag_s=_MEAN_S / 2.0,
@@ -118,7 +118,7 @@ class Relation(NamedTuple):
     measured: np.ndarray
     terms: np.ndarray
     test: Test
-    pace: Pace = TELEMETRY
+    pace: LearningPace = TELEMETRY
     response: np.ndarray | None = None
     least: float = 0.0
 
@@ -138,7 +138,7 @@ class Relations:
     cannot: tuple[str, ...]
 
     @property
-    def pace(self) -> Pace:
+    def pace(self) -> LearningPace:
         """How fast they are tested."""
         return self.relations[0].pace
 
