@@ -32,7 +32,7 @@ from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft
 
 _SPAN_S = 0.2  # over which moments and commands are averaged
-_LEAST_DEG, _LEAST_SHARE = 0.1, 0.002  # of a surface; of the thrust limit
+_LEAST_DEG, _LEAST_SHARE = 0.1, 0.01  # of a surface; of the thrust limit
 BY_MODEL = LearningPace(
     kind="model",
     rate_hz=25.0,
