@@ -53,7 +53,7 @@ SURFACE_OF: dict[str, Surface] = {
 
 
 def flown_run(run: Path, uav: int | None) -> FlightTable:
-    """Return a flight of our own, with every command that was sent, not those of some steps only.
+    """Return a flight of our own, with every command that was sent, between recorded steps, too.
 
     Raises:
         BadInput: There is no recording, or no such UAV in it.
