@@ -86,7 +86,7 @@ class _Logs:
 
     def begin(self, files: Mapping[int, BinaryIO], start_us: int) -> None:
         """Write the definitions, and prepare what has times of its own."""
-        events = _events_of(self._run)
+        events = sent_in(self._run)
         for system, file in files.items():
             self._writers[system] = UlogWriter(
                 file,
@@ -157,7 +157,7 @@ def _split(times: np.ndarray, messages: np.ndarray) -> Iterator[_Timed]:
         yield at, data[k * size : (k + 1) * size]
 
 
-def _events_of(run: Path) -> dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+def sent_in(run: Path) -> dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Return time, channel and value of each UAV's events; of a torn file up to its tear."""
     parts = []
     for batch in batches(run / EVENTS):

@@ -1,0 +1,204 @@
+"""``gcs diagnose``: what failed in a recorded flight, when, and how sure that is."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gcs.commands.common import QuietOption
+from gcs.commands.options import JsonOption
+from gcs.console.errors import BadInput
+from gcs.console.lines import print_json
+from gcs.console.outputs import check_file, make_folder
+from gcs.console.progress import working
+from gcs.console.terminal import console_of, numbers, table_of, texts
+
+if TYPE_CHECKING:
+    from ftc_lab.flight_diagnosis.decisions import Diagnosis, Watched
+    from ftc_lab.flight_diagnosis.relations import Relations, Surface
+    from gcs.console.terminal import Terminal
+
+EPILOG = """
+Examples:
+
+- gcs diagnose flight.bin
+- gcs diagnose flight.csv --columns mine.yaml --output evidence.png
+- gcs diagnose flight.ulg --json | jq .finding
+
+Exit status: 0 nothing was found, 1 something failed, 2 bad input, or nothing that can be judged.
+"""
+
+
+def diagnose(
+    flight: Annotated[
+        Path,
+        typer.Argument(
+            help="Log of a flight: .tlog, .bin, .ulg, .csv, .parquet, .mat, or a run folder.",
+            metavar="FLIGHT",
+            show_default=False,
+        ),
+    ],
+    uav: Annotated[
+        int | None,
+        typer.Option(help="Which UAV, if the log has several.", metavar="ID", show_default=False),
+    ] = None,
+    columns: Annotated[
+        Path | None,
+        typer.Option(
+            help="Column map of a table; by default one that fits.",
+            metavar="FILE",
+            show_default=False,
+        ),
+    ] = None,
+    aircraft: Annotated[
+        str | None,
+        typer.Option(
+            help="Judge by a model of the aircraft, a bundled one or a file: needs commands to the "
+            "actuators and the wind, and takes seconds in place of half a minute. Of a run folder, "
+            "by default the one that its laws knew.",
+            metavar="AIRCRAFT",
+            show_default=False,
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Picture of the evidence to write (.png, .svg, .pdf); by default none.",
+            metavar="FILE",
+            show_default=False,
+        ),
+    ] = None,
+    quiet: QuietOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Say whether something failed in a flight: what, when, and how sure.
+
+    Engine, aileron, elevator and rudder are judged, each by a relation between recorded signals
+    that the flight itself teaches while it is healthy: some 25 s of flight are needed first.
+    Nothing of the aircraft has to be known. What the log does not show is said, not guessed; left
+    and right look the same. How large evidence is in healthy flights, and how probable a fault is
+    then, was learnt from flights of one aircraft.
+    """
+    from ftc_lab.flight_diagnosis.decisions import diagnose_flight, learnt, watch
+
+    if output is not None:
+        check_file(output, "--output")
+    console = console_of(quiet=quiet)
+    with working(console, "reading the flight"):
+        relations = _relations(flight, uav, columns, aircraft)
+    with working(console, "diagnosing"):
+        watched = watch(relations)
+        diagnosis = diagnose_flight(relations, watched, learnt(relations))
+    if not diagnosis.judged_s:
+        text = f"{flight} is too short: all of it is needed to learn what is healthy"
+        raise BadInput(text, "by a model (--aircraft) some 5 s are, else some 25 s of flight")
+    if output is not None:
+        _draw(output, watched, diagnosis)
+    if as_json:
+        print_json(_json(watched, diagnosis), indent=2)
+    else:
+        _print(console_of(stderr=False, quiet=quiet), watched, diagnosis)
+    if diagnosis.finding is not None:
+        raise typer.Exit(1)
+
+
+def _relations(
+    flight: Path, uav: int | None, columns: Path | None, aircraft: str | None
+) -> "Relations":
+    """Return the relations by a model if there is one, else those that the log itself shows."""
+    from ftc_lab.flight_diagnosis.by_model import flown_run, relations_by_model
+    from ftc_lab.flight_diagnosis.relations import relations_of
+    from gcs.results.logs.read import read_flight
+    from gcs.results.run_folder import SCENARIO
+    from gcs.scenario.aircraft_file import load_aircraft
+    from gcs.scenario.model import read_scenario
+
+    if (flight / SCENARIO).exists():
+        flown = read_scenario(flight / SCENARIO)
+        nominal = flown.aircraft_of(uav or flown.uavs[0].id)
+        if aircraft is not None:
+            nominal = load_aircraft(aircraft)
+        return relations_by_model(flown_run(flight, uav), nominal)
+    table = read_flight(flight, uav, columns)
+    if aircraft is not None:
+        return relations_by_model(table, load_aircraft(aircraft))
+    return relations_of(table)
+
+
+def _draw(output: Path, watched: "Mapping[Surface, Watched]", diagnosis: "Diagnosis") -> None:
+    from ftc_lab.figures.diagnosis import draw_diagnosis
+
+    make_folder(output.parent, "--output")
+    draw_diagnosis(watched, diagnosis).savefig(output)
+
+
+def _json(watched: "Mapping[Surface, Watched]", diagnosis: "Diagnosis") -> dict[str, object]:
+    found = diagnosis.finding
+    return {
+        "failed": found is not None,
+        "probability": round(diagnosis.probability, 3),
+        "finding": None
+        if found is None
+        else {
+            "surface": found.surface,
+            "onset_s": round(found.onset_s, 2),
+            "onset_between_s": [round(one, 2) for one in found.between_s],
+            "alarm_s": round(found.alarm_s, 2),
+            "evidence": round(found.ratio, 2),
+            "probabilities": {name: round(p, 3) for name, p in found.probabilities.items()},
+        },
+        "surfaces": {
+            surface: {
+                "judged_by": one.relation.text,
+                "judged_s": round(one.judged_s, 1),
+                "largest_evidence": round(float(diagnosis.ratios[surface].max()), 2),
+                "at_s": round(float(diagnosis.time_s[diagnosis.ratios[surface].argmax()]), 2),
+            }
+            for surface, one in watched.items()
+        },
+        "not_judged": list(diagnosis.cannot),
+    }
+
+
+def _print(
+    output: "Terminal", watched: "Mapping[Surface, Watched]", diagnosis: "Diagnosis"
+) -> None:
+    table = table_of(
+        texts("surface"),
+        texts("judged by"),
+        numbers("for [s]"),
+        numbers("largest evidence / threshold"),
+        numbers("at [s]"),
+    )
+    for surface, one in watched.items():
+        ratios = diagnosis.ratios[surface]
+        at = diagnosis.time_s[ratios.argmax()]
+        shown = (f"{ratios.max():.2f}", f"{at:.1f}") if one.judged_s else ("", "")
+        table.add_row(surface, one.relation.text, f"{one.judged_s:.0f}", *shown)
+    output.print(table)
+    for line in (*diagnosis.cannot, *_verdict(diagnosis)):
+        output.print(line, soft_wrap=True)
+
+
+def _verdict(diagnosis: "Diagnosis") -> list[str]:
+    """Return the verdict, in lines."""
+    found = diagnosis.finding
+    sure = f"A fault is {min(diagnosis.probability, 0.99):.0%} probable"
+    if found is None:
+        return [f"Nothing failed that this log would show. {sure}."]
+    unknown = ""
+    if diagnosis.cannot:
+        unknown = " What is not judged can show as one of these."
+    others = [
+        f"{name} {share:.0%}"
+        for name, share in sorted(found.probabilities.items(), key=lambda item: -item[1])
+    ]
+    return [
+        f"The {found.surface} failed at {found.onset_s:.1f} s ({found.between_s[0]:.1f} to "
+        f"{found.between_s[1]:.1f} s); alarm at {found.alarm_s:.1f} s, then {found.ratio:.1f} "
+        "times the threshold.",
+        f"{sure}; if there is one, it is of the {', '.join(others)}.{unknown}",
+    ]

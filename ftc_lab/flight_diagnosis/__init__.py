@@ -1,0 +1,1 @@
+"""What failed in a recorded flight, and when: from how its answers relate to its commands."""

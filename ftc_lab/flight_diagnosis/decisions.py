@@ -1,0 +1,189 @@
+"""What the evidence of a flight says: whether something failed, which, when, how sure.
+
+The largest evidence that a healthy flight reaches differs from surface to surface. It is known from
+other flights, as two numbers of a Gumbel distribution, which maxima have; a threshold is what one
+healthy flight in so many exceeds. What fails first is named by the evidence within 2 s after the
+alarm, relative to the thresholds: later, much follows from it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.resources import files
+from typing import NamedTuple
+
+import numpy as np
+import yaml
+from pydantic import BaseModel
+
+from ftc_lab.flight_diagnosis.evidence import Residuals, evidence_of, onset_of, residuals_of
+from ftc_lab.flight_diagnosis.relations import LearningPace, Relation, Relations, Surface
+
+FALSE_ALARMS = 0.02
+"""Share of healthy flights that thresholds let alarm."""
+LEARNT = "learnt.yaml"
+"""What was learnt from other flights, beside this module."""
+_LONGEST_S = 15.0  # before an alarm, in which a fault may have begun
+
+
+class Gumbel(BaseModel, frozen=True, extra="forbid"):
+    """Distribution of the largest evidence of a healthy flight."""
+
+    location: float
+    scale: float
+
+    def exceeded_by(self, share: float) -> float:
+        """Return what a share of the flights exceeds."""
+        return self.location - self.scale * float(np.log(-np.log1p(-share)))
+
+
+class Learnt(BaseModel, frozen=True, extra="forbid"):
+    """What other flights have shown.
+
+    Attributes:
+        healthy: The largest evidence of a healthy flight, by surface.
+        judged_s: How long such a flight was judged [s]: a longer one has more to be the largest of.
+        fault: Logistic regression of whether there is a fault on the logarithm of the largest
+            ratio of evidence to threshold: intercept and slope.
+        naming: By what ratios are multiplied to be logarithms of the surfaces' odds.
+    """
+
+    healthy: Mapping[Surface, Gumbel]
+    judged_s: float
+    fault: tuple[float, float]
+    naming: float
+
+    def threshold(self, surface: Surface, judged_s: float) -> float:
+        """Return the evidence that is an alarm in a flight that is judged for so long."""
+        longer = max(judged_s / self.judged_s, 1.0)
+        return self.healthy[surface].exceeded_by(FALSE_ALARMS / len(self.healthy) / longer)
+
+    def probability(self, ratio: float) -> float:
+        """Return how probable a fault is, given the largest ratio of evidence to threshold."""
+        intercept, slope = self.fault
+        return float(1.0 / (1.0 + np.exp(-(intercept + slope * np.log(max(ratio, 1e-3))))))
+
+
+def learnt(relations: Relations) -> Learnt:
+    """Return what the file beside this module has for relations of their kind."""
+    text = files(__package__).joinpath(LEARNT).read_text(encoding="utf-8")
+    return Learnt.model_validate(yaml.safe_load(text)[relations.pace.kind]["learnt"])
+
+
+class Finding(NamedTuple):
+    """What failed.
+
+    Attributes:
+        surface: The most probable.
+        alarm_s: Until when the log has to be read to find it [s].
+        onset_s: Since when, most likely [s].
+        between_s: From when to when that may be, by 95 % of the likelihood [s].
+        ratio: Its largest evidence within 2 s, relative to its threshold.
+        probabilities: Of each surface, given that one has failed.
+    """
+
+    surface: Surface
+    alarm_s: float
+    onset_s: float
+    between_s: tuple[float, float]
+    ratio: float
+    probabilities: dict[Surface, float]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What was found in a flight.
+
+    Attributes:
+        time_s: The grid, shape (n,).
+        ratios: Evidence relative to the threshold by surface, each of shape (n,); 1 is an alarm.
+        finding: None if nothing was found.
+        probability: That there is a fault.
+        judged_s: How long anything was judged [s]: not while relations were learnt.
+        cannot: What could not be judged, and why.
+    """
+
+    time_s: np.ndarray
+    ratios: Mapping[Surface, np.ndarray]
+    finding: Finding | None
+    probability: float
+    judged_s: float
+    cannot: tuple[str, ...]
+
+
+class Watched(NamedTuple):
+    """A relation along a flight; the evidence against it has shape (n,)."""
+
+    relation: Relation
+    residuals: Residuals
+    evidence: np.ndarray
+
+    @property
+    def judged_s(self) -> float:
+        """How long it was judged: not while it was learnt [s]."""
+        return np.count_nonzero(self.residuals.weight) / self.relation.pace.rate_hz
+
+
+def watch(relations: Relations) -> dict[Surface, Watched]:
+    """Learn the relations of a flight along it, and test them."""
+    found = {one.surface: (one, residuals_of(one)) for one in relations.relations}
+    return {surface: Watched(*both, evidence_of(*both)) for surface, both in found.items()}
+
+
+def diagnose_flight(
+    relations: Relations, watched: Mapping[Surface, Watched], known: Learnt
+) -> Diagnosis:
+    """Judge a flight by what others have shown."""
+    ratios = {
+        surface: one.evidence / known.threshold(surface, one.judged_s)
+        for surface, one in watched.items()
+    }
+    first, pace = first_alarm(ratios), relations.pace
+    finding = None
+    if first is not None:
+        finding = _finding(relations.time_s, watched, ratios, first, pace, known)
+    most = max(float(one.max()) for one in ratios.values())
+    judged_s = max(one.judged_s for one in watched.values())
+    return Diagnosis(
+        relations.time_s,
+        ratios,
+        finding,
+        known.probability(most),
+        judged_s,
+        relations.cannot,
+    )
+
+
+def _finding(
+    time_s: np.ndarray,
+    watched: Mapping[Surface, Watched],
+    ratios: Mapping[Surface, np.ndarray],
+    first: int,
+    pace: LearningPace,
+    known: Learnt,
+) -> Finding:
+    """Return what failed, given the sample of the alarm."""
+    surface, largest = named(ratios, first, pace.steps(pace.named_s))
+    end = min(first + pace.steps(pace.named_s / 2.0), len(time_s) - 1)
+    onset = onset_of(*watched[surface][:2], max(first - pace.steps(_LONGEST_S), 0), end)
+    since = np.maximum(time_s[list(onset)] - pace.lag_s, time_s[0]).tolist()
+    weights = {one: float(np.exp(known.naming * ratio)) for one, ratio in largest.items()}
+    chances = {one: weight / sum(weights.values()) for one, weight in weights.items()}
+    return Finding(
+        surface, float(time_s[first]), since[0], (since[1], since[2]), largest[surface], chances
+    )
+
+
+def first_alarm(ratios: Mapping[Surface, np.ndarray]) -> int | None:
+    """Return the first sample at which evidence is above its threshold; None if it never is."""
+    above = np.max(list(ratios.values()), axis=0) > 1.0
+    return int(np.argmax(above)) if above.any() else None
+
+
+def named(
+    ratios: Mapping[Surface, np.ndarray], first: int, steps: int
+) -> tuple[Surface, dict[Surface, float]]:
+    """Return the surface of most evidence soon after an alarm, and the largest ratio of each."""
+    largest = {
+        surface: float(one[first : first + steps + 1].max()) for surface, one in ratios.items()
+    }
+    return max(largest, key=lambda surface: largest[surface]), largest
