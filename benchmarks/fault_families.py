@@ -109,6 +109,30 @@ def hardover(rng: random.Random) -> tuple[list[Fault], Keys]:
     return [_of(actuator, rng.uniform(2.0, 20.0), hardover_deg=angle)], {}
 
 
+def far_hardover(rng: random.Random) -> tuple[list[Fault], Keys]:
+    """An aileron that runs far away at its servo's rate, for 1.5 s."""
+    return _far_off("hardover_deg", rng)
+
+
+def far_stuck(rng: random.Random) -> tuple[list[Fault], Keys]:
+    """An aileron stuck so far away, for as long."""
+    return _far_off("stuck_deg", rng)
+
+
+def _far_off(kind: str, rng: random.Random) -> tuple[list[Fault], Keys]:
+    start_s = round(rng.uniform(2.0, 20.0), 3)
+    angle = rng.choice([1.0, -1.0]) * rng.uniform(9.0, 30.0)
+    return [_of("aileron", start_s, end_s=start_s + 1.5, **{kind: angle})], {}
+
+
+def comes_and_goes(rng: random.Random) -> tuple[list[Fault], Keys]:
+    """A surface that is stuck for half of every 0.5 to 10 s, until the end."""
+    stuck = {"effectiveness": 0.0, "intermittent_deg": rng.uniform(-4.0, 4.0)}
+    frequency_hz = _log_uniform(rng, 0.1, 2.0)
+    start_s = rng.uniform(2.0, 6.0)
+    return [_of(rng.choice(SURFACES), start_s, frequency_hz=frequency_hz, **stuck)], {}
+
+
 def constant(rng: random.Random) -> tuple[list[Fault], Keys]:
     """Any actuator stuck, biased or weak, for a while or for good."""
     actuator, start_s = rng.choice(ACTUATORS), rng.uniform(2.0, 22.0)
@@ -175,6 +199,9 @@ FAMILIES: dict[str, Callable[[random.Random], tuple[list[Fault], Keys]]] = {
         intermittent,
         drift,
         hardover,
+        far_hardover,
+        far_stuck,
+        comes_and_goes,
         constant,
         pair,
         wrong_model,

@@ -23,6 +23,7 @@ from ftc_lab.design.airframe import Airframe, home
 from ftc_lab.design.parameters import Line, Rule, by_unit, rounded, scaled, text_of
 from ftc_lab.design.similarity import Similarity
 from mavlink_defs.config.quantity import Quantity
+from mavlink_defs.constants import AILERON
 
 _SERVO = 0.5  # K2 times the servos' lag
 _ENGINE = 0.3  # c_v times the engine's lag
@@ -120,6 +121,7 @@ class Rules:
             "return_deg_s": self._rates,
             "lead_s": self._leads,
             "alpha_limit_deg": self._below_stall,
+            "roll_room_deg": self._share_of_aileron,
             "delay_s": lambda _: Line(self.given.gyro_delay_s, "delay of the gyro, given"),
         }
         if hasattr(model, "K2"):
@@ -172,6 +174,12 @@ class Rules:
             return Line(number, "default")
         until = " ..., times × s" if isinstance(value, Schedule) else ""
         return Line(number, f"{text_of(value)} of 35 deg, as a share of the stop{until}")
+
+    def _share_of_aileron(self, value: float) -> Line:
+        """The same share of the aileron's stop."""
+        share = self.similar.stops[AILERON]
+        rule = "default" if share == 1.0 else f"{value:g} of 35 deg, as a share of the stop"
+        return Line(rounded(value, share), rule)
 
     def _share_of_thrust(self, value: float) -> Line:
         """A force by its unit, but no larger a share of the thrust limit than at home."""

@@ -20,6 +20,7 @@ LIMITS = Limits(
     smooth_jump=math.inf,
     swing=1.5,
     excitation=1.2,
+    runaway=12.0,
     prior=0.4,
     window=0.06,
     confirm=0.008,

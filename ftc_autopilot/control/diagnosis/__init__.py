@@ -7,6 +7,7 @@ lacks (`excitation`). Nothing here knows of fault commands.
 """
 
 from ftc_autopilot.common.phases import HEALTHY, LOST, SUSPECT
+from ftc_autopilot.control.diagnosis.decisions import is_in_care, may_be_weak
 from ftc_autopilot.control.diagnosis.diagnose import diagnose
 from ftc_autopilot.control.diagnosis.excitation import dithered, dithered_thrust, probe, probed
 from ftc_autopilot.control.diagnosis.parameters import DiagnosisParameters, ThrottleDiagnosis
@@ -22,6 +23,8 @@ __all__ = [
     "diagnose",
     "dithered",
     "dithered_thrust",
+    "is_in_care",
+    "may_be_weak",
     "probe",
     "probed",
 ]

@@ -29,6 +29,9 @@ from ftc_autopilot.control.diagnosis.regression import estimate, long_estimate, 
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import square
 
+WATCHED = 2.0
+"""Cooldowns after a return, in which none holds."""
+
 
 @compiled
 def phase_of(actuator: np.void) -> int:
@@ -36,6 +39,30 @@ def phase_of(actuator: np.void) -> int:
     if actuator["lost"] != 0:
         return LOST
     return SUSPECT if actuator["suspect_s"] > 0.0 else HEALTHY
+
+
+@compiled
+def is_in_care(j: int, state: np.void) -> bool:
+    """Return whether actuator j comes and goes, and is kept lost until it has long been well.
+
+    Args:
+        j: The actuator, number as FTC_ACTUATOR.
+        state: Record of dtype `DIAGNOSIS`.
+    """
+    return bool(state["actuators"][j]["care_s"] > 0.0)
+
+
+@compiled
+def may_be_weak(j: int, gains: np.void, state: np.void) -> bool:
+    """Return whether lost surface j is on its trial, and has not jumped: it is not free again.
+
+    Args:
+        j: The surface, number as FTC_ACTUATOR.
+        gains: Parameters, record made of `DiagnosisParameters`.
+        state: Record of dtype `DIAGNOSIS`.
+    """
+    actuator = state["actuators"][j]
+    return bool(actuator["decided_s"] < gains["trial_s"] and actuator["z_tail"] == 0.0)
 
 
 @compiled
@@ -70,6 +97,7 @@ def decide(
     actuator["confidence"] = max(0.0, 1.0 - found.error)
     actuator["decided_s"] += dt
     if actuator["lost"] == 0:
+        actuator["lately_s"] = max(actuator["lately_s"] - dt, 0.0)
         seen, dead = _looks_lost(actuator, found, is_check, limits, age, dt, gains)
         confirm = limits.confirm
     else:
@@ -78,7 +106,7 @@ def decide(
         confirm = gains["return_confirm_s"]
     actuator["confirmed_s"] = actuator["confirmed_s"] + dt if seen else 0.0
     if actuator["confirmed_s"] > confirm:
-        _change(actuator)
+        _change(actuator, gains)
     return dead
 
 
@@ -146,7 +174,8 @@ def _looks_lost(
     )
     later = is_check and found.by_dither > gains["following"] * actuator["effectiveness"]
     excited = moved > enough and not later  # after a dead time that is not known yet
-    return may_be and _is_lost(found, excited, actuator, limits, gains), dead
+    runs = moved > enough and _runs_away(actuator, found, r, limits, gains)
+    return may_be and (runs or _is_lost(found, excited, actuator, limits, gains)), dead
 
 
 @compiled
@@ -161,6 +190,9 @@ def _looks_well(
 ) -> bool:
     """Return whether a lost actuator seems to work; a trial may return it with a share at once."""
     moved = actuator["measured"] - actuator["stuck"]
+    if actuator["care_s"] > 0.0:
+        _take_care(actuator, moved, limits, dt, gains)
+        return False
     may_return = actuator["decided_s"] > gains["return_start_s"]
     arrived = may_return and not is_throttle and _has_arrived(actuator, moved, limits, gains)
     jumped = abs(moved) > limits.jump and not arrived
@@ -174,11 +206,27 @@ def _looks_well(
     on_trial = is_new and not is_throttle and actuator["decided_s"] > gains["trial_least_s"]
     least = max(gains["weak_effectiveness"], gains["weak_sigma"] * found.dither_error)
     if on_trial and found.by_dither > least:
-        _change(actuator)
+        _change(actuator, gains)
         actuator["effectiveness"] = min(found.by_dither, 1.0)
+        if found.by_dither < gains["following"]:  # it is weak, and was so all the time
+            actuator["lately_s"] = 0.0
         actuator["offset"] = actuator["measured"] - found.by_dither * actuator["commanded"]
         seen = False
     return bool(seen)
+
+
+@compiled
+def _take_care(actuator: np.void, moved: float, limits: Limits, dt: float, gains: np.void) -> None:
+    """Count how long an actuator that was lost again soon after its return has been well.
+
+    It is kept where it sticks, well or not, so that its coming and going disturbs nothing.
+    """
+    if abs(actuator["smooth"]) < gains["quiet"] * limits.jump:
+        actuator["care_s"] = max(actuator["care_s"] - dt, 0.0)
+    else:
+        more = gains["relapse_weight"] * dt
+        actuator["care_s"] = min(actuator["care_s"] + more, gains["relapse_s"])
+        actuator["stuck"] += dt / gains["mean_s"] * moved
 
 
 @compiled
@@ -221,6 +269,24 @@ def _is_lost(
 
 
 @compiled
+def _runs_away(
+    actuator: np.void, found: _Estimates, r: float, limits: Limits, gains: np.void
+) -> bool:
+    """Return whether a surface has run far away from its command while that went the other way.
+
+    A working one that swings comes back before it is so far away; one with an offset follows what
+    counteracts the offset. Twice as far away it is of no use, and not to follow is enough.
+    """
+    away = abs(r - actuator["drift_mean"])
+    at_most = found.rho + gains["lost_command_sigma"] * found.error
+    against = away > limits.runaway and at_most < -gains["runaway_against"]
+    useless = (
+        away > 2.0 * limits.runaway and at_most < gains["following"] * actuator["effectiveness"]
+    )
+    return bool(against or useless)
+
+
+@compiled
 def _has_arrived(actuator: np.void, moved: float, limits: Limits, gains: np.void) -> bool:
     """Return whether a lost surface has jumped most of the way to a command far away from it."""
     way = actuator["commanded"] - (actuator["measured"] - moved)
@@ -249,7 +315,7 @@ def _follows(actuator: np.void, limits: Limits, gains: np.void, is_throttle: boo
 
 
 @compiled
-def _change(actuator: np.void) -> None:
+def _change(actuator: np.void, gains: np.void) -> None:
     """Declare a lost actuator back in service, any other one lost."""
     actuator["decided_s"], actuator["confirmed_s"], actuator["quiet_s"] = 0.0, 0.0, 0.0
     actuator["suspect_s"] = 0.0
@@ -259,6 +325,10 @@ def _change(actuator: np.void) -> None:
         actuator["offset"], actuator["effectiveness"] = 0.0, 1.0
         actuator["long_var_u"], actuator["long_cov"], actuator["long_var_y"] = 0.0, 0.0, 0.0
         restart_instrument(actuator, False)
+        watched_s = WATCHED * gains["cooldown_s"]
+        if actuator["lately_s"] > watched_s - gains["relapse_s"]:
+            actuator["care_s"], actuator["decided_s"] = gains["relapse_s"], gains["trial_s"]
+        actuator["lately_s"] = watched_s
     else:
         actuator["lost"] = 0
         actuator["offset"] = actuator["measured"] - actuator["commanded"]

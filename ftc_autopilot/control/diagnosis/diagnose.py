@@ -6,7 +6,12 @@ import numpy as np
 
 from ftc_autopilot.control.diagnosis.decisions import decide, phase_of
 from ftc_autopilot.control.diagnosis.instrument import restart_instrument
-from ftc_autopilot.control.diagnosis.measurement import measure, past_dither, restart_command
+from ftc_autopilot.control.diagnosis.measurement import (
+    dither_in_force,
+    measure,
+    past_dither,
+    restart_command,
+)
 from ftc_autopilot.control.diagnosis.parameters import Limits, limits_of
 from ftc_autopilot.control.diagnosis.regression import long_estimate, restart
 from ftc_autopilot.control.diagnosis.suspicions import monitor, watch_stop
@@ -70,7 +75,8 @@ def diagnose(
             actuator["variance"] = square(_FIRST_SIGMA * limits.jump)
         monitor(actuator, limits, state["age"], dt, gains)
         if j < THROTTLE:
-            at_stop = held[j] < _AT_STOP * lowest or held[j] > _AT_STOP * highest
+            command = held[j] - dither_in_force(j, state)
+            at_stop = command < _AT_STOP * lowest or command > _AT_STOP * highest
             watch_stop(actuator, limits, at_stop, dt, gains)
         dither = past_dither(j, now, gains, state)
         found = decide(actuator, dither, limits, state["age"], dt, gains, j == THROTTLE)

@@ -134,6 +134,13 @@ def past_dither(j: int, now: Step, gains: np.void, state: np.void) -> float:
 
 
 @compiled
+def dither_in_force(j: int, state: np.void) -> float:
+    """Return the dither that the held command of actuator j has [rad or N]."""
+    dither: float = state["dithers"][_row(0, state), j]
+    return dither
+
+
+@compiled
 def _note_commands(now: Step, state: np.void) -> None:
     """Note the commands in force; the first ones, and those after a gap, were before, too."""
     starts = now.first or state["age"] <= 1.5 * now.dt or now.seen.after_gap

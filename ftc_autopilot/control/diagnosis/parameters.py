@@ -184,6 +184,12 @@ class DiagnosisParameters(Renaming):
     flat: float = _number(0.17, "Loss: a flat response, relative to the command's movement.")
     flat_sigma: float = _number(2.5, "Loss: the same, in standard deviations of the noise.")
     flat_noise: float = _number(0.25, "Loss: most noise there, relative to the jump threshold.")
+    runaway_deg: _Angles = Field(
+        default=(12.0, 12.0, 12.0),
+        description="Loss: residuals that no working surface has that moves against its command "
+        "[deg].",
+    )
+    runaway_against: float = _number(0.2, "Loss: the same, least slope against the command.")
     lost_margin: float = _number(0.4, "Loss: room for standard errors of the effectiveness.")
     lost_command_sigma: float = _number(1.5, "Loss: these, of the regression on the command.")
     lost_sigma: float = _number(2.5, "Loss: these, of the regression on the dither.")
@@ -201,6 +207,12 @@ class DiagnosisParameters(Renaming):
     )
     weak_effectiveness: float = _number(0.13, "Return test: an actuator with less stays lost.")
     weak_sigma: float = _number(5.5, "Return test: standard errors between it and none.")
+    relapse_s: float = _time(
+        1.0,
+        "Relapse: an actuator that is lost again within this time of its return stays lost until "
+        "it has been well for as long: a period of the probe.",
+    )
+    relapse_weight: float = _number(10.0, "Relapse: what is not well counts so many times as much.")
     return_r2: float = _number(0.6, "Return test: least coefficient of determination.")
 
     offset_start_s: float = _time(0.05, "Offsets: none earlier, while the filters fill.")
@@ -237,6 +249,7 @@ class Limits(NamedTuple):
     smooth_jump: float
     swing: float  # residual of an actuator that swings, to either side
     excitation: float
+    runaway: float  # residual of a surface that runs away
     prior: float
     window: float
     confirm: float
@@ -260,6 +273,7 @@ def limits_of(gains: np.void, j: int) -> Limits:
             smooth_jump=math.inf,
             swing=math.inf,
             excitation=throttle["excitation_n"],
+            runaway=math.inf,
             prior=throttle["prior_n"],
             window=throttle["window_s"],
             confirm=throttle["confirm_s"],
@@ -274,6 +288,7 @@ def limits_of(gains: np.void, j: int) -> Limits:
         smooth_jump=gains["smooth_jump_rad"][j],
         swing=gains["swing"] * gains["jump_rad"][j],
         excitation=gains["excitation_rad"][j],
+        runaway=gains["runaway_rad"][j],
         prior=gains["prior_rad"][j],
         window=gains["window_s"][j],
         confirm=gains["confirm_s"][j],

@@ -61,6 +61,8 @@ ACTUATOR = np.dtype(
         ("decided_s", "f8"),  # since the last decision
         ("stop_s", "f8"),  # for which the command has been at the stop, the residual large
         ("quiet_s", "f8"),  # for which the residual has been small
+        ("lately_s", "f8"),  # left, in service, in which no cooldown holds after a loss
+        ("care_s", "f8"),  # left until one with a relapse may return
         # results
         ("lost", "i8"),
         ("stuck", "f8"),  # mean of y while lost

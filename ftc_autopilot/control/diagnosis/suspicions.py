@@ -151,7 +151,7 @@ def watch_stop(actuator: np.void, limits: Limits, at_stop: bool, dt: float, gain
         dt: Control period [s].
         gains: Parameters, record made of `DiagnosisParameters`.
     """
-    if actuator["suspect_s"] > 0.0:
+    if actuator["suspect_s"] > 0.0 and stop_suspected(actuator, gains):
         return
     r = actuator["measured"] - actuator["effectiveness"] * actuator["commanded"]
     unchanged = _is_unchanged(actuator, r, limits, gains)
@@ -201,7 +201,8 @@ def _suspect(
     be dithered against the change of its residual, as the law's own answer moves it; what it does
     then has the tail of the jump in it, if the residual has `jumped`.
     """
-    if actuator["cooldown_s"] <= early_s:
+    relapses = actuator["lately_s"] > 0.0 and actuator["suspect_s"] == 0.0
+    if actuator["cooldown_s"] <= early_s or relapses:
         actuator["dither_sign"], actuator["followed_s"] = -math.copysign(1.0, away), 0.0
         actuator["dither_s"] = 0.0
         actuator["suspect_s"] = limits.suspicion

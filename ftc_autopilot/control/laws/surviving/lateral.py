@@ -6,11 +6,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ftc_autopilot.common.angles import wrap
-from ftc_autopilot.control.diagnosis import probed
+from ftc_autopilot.common.motion import MeasuredMotion
+from ftc_autopilot.control.diagnosis import is_in_care, may_be_weak, probed
 from ftc_autopilot.control.laws.surviving.gains import gain_at
 from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import AILERON, RUDDER
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.airframe.aerodynamics import lateral
 from sitl_plant.airframe.aircraft import AircraftRecord
 from sitl_plant.airframe.rigid_body import angular_acceleration
@@ -30,7 +31,45 @@ class LateralTrim(NamedTuple):
 
 
 @compiled
-def lateral_trim(now: Step, lost: int, aircraft: AircraftRecord, diagnosis: np.void) -> LateralTrim:
+def turn_rates(
+    now: Step, aircraft: AircraftRecord, gains: np.void, diagnosis: np.void
+) -> tuple[float, float]:
+    """Return between which yaw rates, body axes, the aileron can hold the roll angle [rad/s].
+
+    A turn that bank does not make builds up sideslip, whose rolling moment the aileron balances.
+    With its way to either stop, by what is left of it and less the room that the roll needs, it
+    balances β*, in a steady turn of r*: no yaw rate may take the sideslip nearer to that than at
+    the rate K1 of the heading.
+
+        r* + K1 (β - β*)
+
+    Args:
+        now: The present step.
+        aircraft: Nominal aircraft.
+        gains: Parameters, record made of `Surviving`.
+        diagnosis: Record of dtype `DIAGNOSIS`.
+    """
+    aileron, stops = diagnosis["actuators"][AILERON], range_of(aircraft, AILERON)
+    rho, f, k = aileron["effectiveness"], aileron["offset"], gains["K1"][2]
+    room = gains["roll_room_rad"]
+    least, most = f + rho * stops[0] + room, f + rho * stops[1] - room
+    low = lateral_trim(now, AILERON, least, aircraft, diagnosis)
+    high = lateral_trim(now, AILERON, most, aircraft, diagnosis)
+    beta = sideslip(now.motion)
+    one, other = low.r + k * (beta - low.beta), high.r + k * (beta - high.beta)
+    return min(one, other), max(one, other)
+
+
+@inlined
+def sideslip(motion: MeasuredMotion) -> float:
+    """Return the sideslip [rad]."""
+    return math.asin(clamp(motion.v[1] / motion.V, -1.0, 1.0))
+
+
+@compiled
+def lateral_trim(
+    now: Step, lost: int, stuck: float, aircraft: AircraftRecord, diagnosis: np.void
+) -> LateralTrim:
     """Return the trim at the reference's roll angle with the aileron or the rudder stuck.
 
     It solves for β, the other surface δ and r from the rolling and the yawing moment and the side
@@ -41,10 +80,10 @@ def lateral_trim(now: Step, lost: int, aircraft: AircraftRecord, diagnosis: np.v
 
     Args:
         now: The present step.
-        lost: AILERON or RUDDER, stuck at f.
+        lost: AILERON or RUDDER.
+        stuck: Where it stands, f [rad].
         aircraft: Nominal aircraft.
-        diagnosis: Record of dtype `DIAGNOSIS`; f is `stuck` of the lost surface, f_δ `offset` of
-            the other one.
+        diagnosis: Record of dtype `DIAGNOSIS`; f_δ is `offset` of the other one.
     """
     motion, actuators = now.motion, diagnosis["actuators"]
     air = lateral(motion.V, aircraft)
@@ -53,11 +92,11 @@ def lateral_trim(now: Step, lost: int, aircraft: AircraftRecord, diagnosis: np.v
     if lost == AILERON:
         l_lost, n_lost, l_delta, n_delta = l.aileron, n.aileron, l.rudder, n.rudder
         Y_lost, Y_delta = air.side.aileron, air.side.rudder
-        stuck, offset = actuators[AILERON]["stuck"], actuators[RUDDER]["offset"]
+        offset = actuators[RUDDER]["offset"]
     else:
         l_lost, n_lost, l_delta, n_delta = l.rudder, n.rudder, l.aileron, n.aileron
         Y_lost, Y_delta = air.side.rudder, air.side.aileron
-        stuck, offset = actuators[RUDDER]["stuck"], actuators[AILERON]["offset"]
+        offset = actuators[AILERON]["offset"]
     turn = aircraft["g"] * math.sin(now.reference.phi[0]) * math.cos(motion.phi[1]) / motion.v[0]
     turn += (air.side.bias + Y_lost * stuck + Y_delta * offset) / momentum
     by_r = 1.0 - air.side.r / momentum  # r = turn + side β + side_delta δ
@@ -87,9 +126,8 @@ def rudder_for_roll(
     Its mean shows whether the rudder alone suffices: see `driven_aileron`.
     """
     motion = now.motion
-    beta = math.asin(clamp(motion.v[1] / motion.V, -1.0, 1.0))
     x = (
-        beta - trim.beta,
+        sideslip(motion) - trim.beta,
         motion.omega[0],
         motion.omega[2] - trim.r,
         wrap(motion.phi[0] - now.reference.phi[0]),
@@ -104,19 +142,34 @@ def rudder_for_roll(
 
 
 @compiled
-def driven_aileron(now: Step, gains: np.void, state: np.void, stops: tuple[float, float]) -> float:
+def driven_aileron(
+    now: Step, needed: float, gains: np.void, state: np.void, aircraft: AircraftRecord
+) -> float:
     """Return what the lost aileron is sent [rad]: its position, a probe, and a drive.
 
-    When the rudder has stood at its stop for long, the aileron is driven toward the helping side:
-    that costs nothing if it is stuck, and decides if it is only very weak.
+    Until it has shown whether it is only weak, it is sent what then makes the deflection that the
+    roll needs: the rudder alone rolls the wrong way at first. When the rudder has stood at its stop
+    for long, the aileron is driven toward the helping side: that costs nothing if it is stuck, and
+    decides if it is only very weak. One that comes and goes stays where it sticks.
     """
-    mean = state["rudder_mean"]
-    if mean < _AT_THE_STOP * stops[0] or mean > _AT_THE_STOP * stops[1]:
+    own, stops = range_of(aircraft, AILERON), range_of(aircraft, RUDDER)
+    mean, comes_and_goes = state["rudder_mean"], is_in_care(AILERON, state["diagnosis"])
+    if comes_and_goes:
+        state["aileron_driven"] = 0.0
+    elif mean < _AT_THE_STOP * stops[0] or mean > _AT_THE_STOP * stops[1]:
         more = math.copysign(now.dt * gains["driving_rad_s"], state["rudder_mean"])
         driven = state["aileron_driven"] + more
         state["aileron_driven"] = clamp(driven, -_MAX_DRIVE, _MAX_DRIVE)
-    stuck = float(state["diagnosis"]["actuators"][AILERON]["stuck"])
-    aileron: float = probed(AILERON, stuck, gains["diagnosis"], state["diagnosis"])
+    lost, diagnosis = state["diagnosis"]["actuators"][AILERON], gains["diagnosis"]
+    base, half_s = float(lost["stuck"]), diagnosis["dither_half_s"][AILERON]
+    if may_be_weak(AILERON, diagnosis, state["diagnosis"]):
+        size = diagnosis["trial_rad"][AILERON]
+        base = clamp(needed / diagnosis["weak_effectiveness"], own[0] + size, own[1] - size)
+        is_sent_anyway = lost["decided_s"] % half_s < now.dt
+        if is_sent_anyway or abs(base - state["aileron_tried"]) > size:
+            state["aileron_tried"] = base
+        base = float(state["aileron_tried"])
+    aileron: float = probed(AILERON, base, diagnosis, state["diagnosis"])
     return aileron + float(state["aileron_driven"])
 
 

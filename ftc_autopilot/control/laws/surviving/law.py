@@ -12,6 +12,7 @@ from ftc_autopilot.control.laws.surviving.lateral import (
     driven_aileron,
     lateral_trim,
     rudder_for_roll,
+    turn_rates,
     waiting_rudder,
 )
 from ftc_autopilot.control.laws.surviving.longitudinal import pitch_trim, thrust_for_pitch
@@ -24,7 +25,7 @@ from sitl_plant.airframe.aircraft import AIRCRAFT, AircraftRecord
 from sitl_plant.airframe.rigid_body import angular_acceleration
 from sitl_plant.airframe.stops import has_actuator, range_of, stop_beside
 from sitl_plant.airframe.thrust import available_thrust
-from sitl_plant.vec3 import mat3, mul, sub
+from sitl_plant.vec3 import clamp, mat3, mul, sub
 
 _MIN_COSINE = 0.3  # of the roll angle, in the turn rate of a trim
 
@@ -62,11 +63,17 @@ def reconfigured(
     no_throttle = may and actuators[THROTTLE]["lost"] != 0
 
     rates = commanded_rates(now, gains, state)
+    state["slows_turn"] = 0
     if no_aileron or no_rudder:  # yaw is left to the trim
-        trim = lateral_trim(
-            now, AILERON if no_aileron and has_rudder else RUDDER, aircraft, diagnosis
-        )
+        stuck = AILERON if no_aileron and has_rudder else RUDDER
+        trim = lateral_trim(now, stuck, float(actuators[stuck]["stuck"]), aircraft, diagnosis)
         rates = rates[0], rates[1], trim.r / max(math.cos(motion.phi[0]), _MIN_COSINE)
+    elif may:
+        least, most = turn_rates(now, aircraft, gains, diagnosis)
+        cosine = max(math.cos(motion.phi[0]), _MIN_COSINE)
+        turning = clamp(rates[2], least / cosine, most / cosine)
+        state["slows_turn"] = int(turning != rates[2])
+        rates = rates[0], rates[1], turning
     commanded = commanded_acceleration(now, rates, gains, state)
     J = mat3(aircraft["J"])
     by_itself = angular_acceleration(motion.omega, motion.air.N, J, mat3(aircraft["J_inv"]))
@@ -79,7 +86,8 @@ def reconfigured(
     if no_aileron:
         if not no_rudder:
             rudder = rudder_for_roll(now, trim, gains, state, range_of(aircraft, RUDDER))
-        aileron = driven_aileron(now, gains, state, range_of(aircraft, RUDDER))
+        needed = aileron_for_roll(now, commanded, aircraft, diagnosis)
+        aileron = driven_aileron(now, needed, gains, state, aircraft)
     else:
         state["aileron_driven"], state["rudder_mean"] = 0.0, now.held[RUDDER]
         if no_rudder:

@@ -36,10 +36,12 @@ class FaultTolerant(LawParameters):
             ("diagnosis", DIAGNOSIS),
             ("omega_d_filtered", "f8", (3,)),  # rad/s
             ("pitch_lowered", "f8"),  # of the reference, for the angle of attack, <= 0 [rad]
+            ("slows_turn", "i8"),  # 1: the aileron cannot hold the roll in the turn asked for
             ("gave_up_speed", "i8"),  # 1: the thrust holds the pitch angle
             ("pitch_integral", "f8"),  # rad s
             ("rudder_mean", "f8"),  # rad
             ("aileron_driven", "f8"),  # rad
+            ("aileron_tried", "f8"),  # about which it is moved while it may be only weak [rad]
         ]
     )
     DERIVED: ClassVar[tuple[tuple[str, str, tuple[int, ...]], ...]] = (
@@ -93,6 +95,12 @@ class FaultTolerant(LawParameters):
     )
     driving_deg_s: float = quantity(
         "deg/s", "Rate at which a lost aileron is then driven to help.", 40.0, gt=0.0
+    )
+    roll_room_deg: float = quantity(  # K1 K2 ask for it at 0.6 deg of roll error
+        "deg",
+        "Healthy aileron's deflection that the sideslip of turns leaves to the roll.",
+        1.5,
+        gt=0.0,
     )
     pitch_error_limit_deg: float = quantity(
         "deg", "With the elevator lost, the speed is held up to this error.", 3.0, ge=0.0

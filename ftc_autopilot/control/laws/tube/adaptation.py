@@ -33,7 +33,8 @@ DERIVATIVES = 2
 
 _REST = DERIVATIVES  # column of what the nominal aircraft does not explain
 _SETTLED = 4.0  # filters of the diagnosis, in their time constants, before anything is learnt
-_MAX_ERROR = 0.4  # relative
+MAX_ERROR = 0.4
+"""Of a derivative, relative."""
 
 
 @inlined
@@ -78,7 +79,7 @@ def adapt(now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void) -
         determinant = a * c - b * b
         found = (c * g[0] - b * g[1]) / determinant, (a * g[1] - b * g[0]) / determinant
         for k in range(DERIVATIVES):
-            theta[k] = clamp(found[k], -_MAX_ERROR, _MAX_ERROR)
+            theta[k] = clamp(found[k], -MAX_ERROR, MAX_ERROR)
     error = state["derivative_error"]
     correct_derivatives(aircraft, error[0, 1], error[1, 0], error[1, 1], state["model"])
 

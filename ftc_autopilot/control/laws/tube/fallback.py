@@ -1,8 +1,8 @@
 """Fallback: the surviving law flies after the loss of an actuator, with a large error, or events.
 
-That is, after the loss of more than the rudder, with a large error of roll or pitch, while an
-actuator swings or is suspect at its stop, or a channel has more events than the tube law should
-need.
+That is, after the loss of more than the rudder, with a large error of roll or pitch, while aileron
+or elevator is weaker than the adaptation can believe or a turn has to be slow, while an actuator
+swings or is suspect at its stop, or a channel has more events than the tube law should need.
 """
 
 import math
@@ -11,6 +11,7 @@ import numpy as np
 
 from ftc_autopilot.control.diagnosis.parameters import limits_of
 from ftc_autopilot.control.diagnosis.suspicions import stop_suspected
+from ftc_autopilot.control.laws.tube.adaptation import MAX_ERROR
 from ftc_autopilot.control.step import Command, Step, Thresholds
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
@@ -58,7 +59,9 @@ def fallback_flies(now: Step, gains: np.void, state: np.void) -> bool:
         if actuators[j]["suspect_s"] > 0.0 and stop_suspected(actuators[j], diagnosis):
             state["fallback_left"] = max(state["fallback_left"], actuators[j]["suspect_s"])
     large = max(abs(now.errors.e[0]), abs(now.errors.e[1])) > gains["fallback_error_rad"]
-    if large or (lost and not only_rudder_lost(gains, state)):
+    weakest = min(actuators[AILERON]["effectiveness"], actuators[ELEVATOR]["effectiveness"])
+    weak = weakest < 1.0 - MAX_ERROR or state["fallback"]["slows_turn"] != 0
+    if large or weak or (lost and not only_rudder_lost(gains, state)):
         state["fallback_left"] = max(state["fallback_left"], gains["fallback_s"])
     rate = state["event_rate"]
     for j in range(N_CHANNELS):

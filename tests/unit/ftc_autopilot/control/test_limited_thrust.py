@@ -211,10 +211,9 @@ def test_a_trim_of_pitch_is_a_steady_flight(
 @pytest.mark.parametrize("lost", [AILERON, RUDDER])
 def test_a_lateral_trim_leaves_no_moment(lost: int, propelled: np.void) -> None:
     other, diagnosis = RUDDER if lost == AILERON else AILERON, np.zeros(1, DIAGNOSIS)[0]
-    diagnosis["actuators"][lost]["stuck"] = 0.03
     reference = Reference(45.0, 0.0, (0.3, 0.0, 0.0), NOTHING)
     now = step_of(seen(propelled, thrust=800.0, phi=(0.0, 0.1, 0.0)), reference=reference)
-    found = lateral_trim(now, lost, propelled, diagnosis)
+    found = lateral_trim(now, lost, 0.03, propelled, diagnosis)
     delta = [0.0, 0.0, 0.0]
     delta[lost], delta[other] = 0.03, found.delta
     v = (45.0 * math.cos(found.beta), 45.0 * math.sin(found.beta), 0.0)

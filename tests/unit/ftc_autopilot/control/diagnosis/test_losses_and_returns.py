@@ -236,11 +236,13 @@ def test_a_stuck_surface_that_jumps_is_tried_again(side: float) -> None:
         assert (actuator["z_tail"] > 0.0) == (decided_s == 0.0)
 
 
-def tried(rho: float, seconds: float, noise: float = 0.02, suspect_s: float = 0.0) -> np.void:
+def tried(
+    rho: float, seconds: float, noise: float = 0.02, suspect_s: float = 0.0, lately_s: float = 0.0
+) -> np.void:
     """An actuator that is moved to and fro by 5°, lost just now or suspect; it rests at 3°."""
     lost = suspect_s == 0.0
     actuator = actuator_with(decided_s=0.0, lost=float(lost), suspect_s=suspect_s, measured=3.0)
-    actuator["variance"], actuator["stuck"] = noise**2, 3.0
+    actuator["variance"], actuator["stuck"], actuator["lately_s"] = noise**2, 3.0, lately_s
     random, u, dither = np.random.default_rng(4), 0.0, 0.0
     before = phase_of(actuator)
     for k in range(round(seconds / DT)):
@@ -278,3 +280,89 @@ def test_an_actuator_with_less_than_is_sure_stays_lost(rho: float, noise: float)
 )
 def test_a_dither_decides_by_what_it_moves(rho: float, phase: int) -> None:
     assert phase_of(tried(rho, 0.3, suspect_s=0.6)) == phase
+
+
+# running away
+
+
+def run_away(against: float, away: float, **changes: float) -> np.void:
+    """An actuator that is not suspect, whose response has this slope and this residual."""
+    var_u = 4.0
+    fields = {"samples": 60.0, "var_u": var_u, "cov": cov_for(against, var_u), "var_y": 9.0}
+    return actuator_with(**fields | {"measured": away} | changes)
+
+
+RUNAWAYS: dict[str, tuple[dict[str, float], dict[str, float]]] = {
+    "far": ({"against": -0.5, "away": 12.1}, {"against": -0.5, "away": 11.9}),
+    "to the other side": ({"against": -0.5, "away": -12.1}, {"against": -0.5, "away": -11.9}),
+    "from its slow mean": (
+        {"against": -0.5, "away": 5.0, "drift_mean": -7.1},
+        {"against": -0.5, "away": 13.0, "drift_mean": 1.1},
+    ),
+    "against its command": ({"against": -0.21, "away": 15.0}, {"against": -0.19, "away": 15.0}),
+    "surely": (
+        {"against": -0.5, "away": 15.0, "variance": 0.49},
+        {"against": -0.5, "away": 15.0, "variance": 0.51},
+    ),
+    "of no use": ({"against": 0.49, "away": 24.1}, {"against": 0.51, "away": 24.1}),
+    "so far away": ({"against": 0.3, "away": 24.1}, {"against": 0.3, "away": 23.9}),
+    "excited": (
+        {"against": -0.5, "away": 15.0, "var_u": 1.21**2, "cov": cov_for(-0.5, 1.21**2)},
+        {"against": -0.5, "away": 15.0, "var_u": 1.19**2, "cov": cov_for(-0.5, 1.19**2)},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", RUNAWAYS)
+def test_a_surface_that_runs_away_is_lost_within_each_limit(name: str) -> None:
+    """Whether it is suspect or not."""
+    inside, outside = RUNAWAYS[name]
+    assert decided(run_away(**inside), 10) == LOST
+    assert decided(run_away(**outside), 10) == HEALTHY
+
+
+# lost again soon after its return
+
+
+def test_a_second_loss_within_a_second_is_a_relapse() -> None:
+    for lately_s, care_s, decided_s in ((4.02, 1.0, 0.6), (4.0, 0.0, 0.0)):
+        actuator = flat(lately_s=lately_s)
+        while decided(actuator, 1) != LOST:
+            pass
+        assert actuator["care_s"] == pytest.approx(care_s)
+        assert actuator["decided_s"] == pytest.approx(decided_s)  # no trial, if it is one
+        assert actuator["lately_s"] == 5.0
+    away = gone(lately_s=5.0, **of_long(0.0, 0.0, 0.0))
+    decided(away, 9)
+    assert away["lately_s"] == 5.0  # it is not back yet
+
+
+def test_a_relapse_is_over_when_the_actuator_has_long_been_well() -> None:
+    actuator = gone(care_s=0.1, commanded=10.0)
+    assert decided(actuator, 100) == LOST
+    assert actuator["care_s"] == pytest.approx(0.0, abs=1e-9)
+    assert steps_until_returned(actuator) in {50, 51, 52}
+
+
+def test_what_is_not_well_counts_ten_times_as_much() -> None:
+    for smooth, care_s in ((1.49, 0.5 - DT), (-1.51, 0.5 + 10.0 * DT)):
+        actuator = gone(care_s=0.5, smooth=smooth)
+        decided(actuator, 1)
+        assert actuator["care_s"] == pytest.approx(care_s)
+    longest = gone(care_s=1.0, smooth=9.0)
+    decided(longest, 3)
+    assert longest["care_s"] == 1.0
+
+
+def test_one_that_comes_and_goes_stays_where_it_sticks() -> None:
+    """Not where it is sent while it works, and it is not tried again."""
+    for smooth, stuck in ((9.0, 10.0 + DT / 0.15 * 3.0), (0.0, 10.0)):
+        actuator = gone(care_s=1.0, smooth=smooth, measured=13.0)
+        decided(actuator, 1)
+        assert actuator["stuck"] == pytest.approx(stuck)
+        assert actuator["decided_s"] == pytest.approx(9.0 + DT)
+
+
+@pytest.mark.parametrize(("rho", "lately_s"), [(0.3, 0.0), (0.8, 5.0)])
+def test_a_weak_actuator_does_not_come_and_go(rho: float, lately_s: float) -> None:
+    assert tried(rho, 0.5, lately_s=5.0)["lately_s"] == lately_s

@@ -246,7 +246,8 @@ def test_the_time_at_the_stop_is_counted_without_a_break() -> None:
     assert stopped(1.99, 200)["stop_s"] == 0.0
     assert stopped(9.0, 200, at_stop=False)["stop_s"] == 0.0
     assert stopped(9.0, 200, lost=1)["stop_s"] == 0.0
-    assert stopped(9.0, 200, suspect_s=0.1)["stop_s"] == 0.0
+    assert stop_suspected(stopped(9.0, 101, suspect_s=0.3), GAINS)  # of another test
+    assert stopped(9.0, 99, suspect_s=0.3)["suspect_s"] == 0.3
     actuator = stopped(9.0, 90)
     watch_stop(actuator, LIMITS, False, DT, GAINS)
     assert actuator["stop_s"] == 0.0

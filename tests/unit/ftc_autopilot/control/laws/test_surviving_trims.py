@@ -16,6 +16,7 @@ from ftc_autopilot.control.laws.surviving.lateral import (
     driven_aileron,
     lateral_trim,
     rudder_for_roll,
+    turn_rates,
 )
 from ftc_autopilot.control.laws.surviving.law import at_stop, reaching_stops
 from ftc_autopilot.control.laws.surviving.longitudinal import (
@@ -160,9 +161,9 @@ def test_a_lateral_trim_leaves_no_moment(lost: int, any_aircraft: np.void, state
     """Of the surfaces, one stuck and the other with an offset; the side force bends the path."""
     other, stuck, offset = RUDDER if lost == AILERON else AILERON, 0.03, 0.02
     actuators = state["diagnosis"]["actuators"]
-    actuators[lost]["stuck"], actuators[other]["offset"] = stuck, offset
+    actuators[other]["offset"] = offset
     now = seen(any_aircraft, reference=(0.3, 0.0, 0.0), phi=(0.0, 0.1, 0.0))
-    trim = lateral_trim(now, lost, any_aircraft, state["diagnosis"])
+    trim = lateral_trim(now, lost, stuck, any_aircraft, state["diagnosis"])
     alpha, delta = 1e-9, [0.0, 0.0, 0.0]
     delta[lost], delta[other] = stuck, trim.delta + offset
     steady = seen(any_aircraft, 45.0, trim.beta, alpha, omega=(0.0, 0.0, trim.r)).motion
@@ -186,7 +187,13 @@ def test_the_rudder_feeds_back_what_is_off_the_trim(
         nominal, V, 0.04, phi=(math.pi - 0.1, 0.0, 0.0), omega=(0.02, 0.0, 0.3),
         reference=(0.05 - math.pi, 0.0, 0.0),
     )  # fmt: skip
-    trim = lateral_trim(now, AILERON, nominal, state["diagnosis"])
+    trim = lateral_trim(
+        now,
+        AILERON,
+        float(state["diagnosis"]["actuators"][AILERON]["stuck"]),
+        nominal,
+        state["diagnosis"],
+    )
     state["rudder_mean"] = 0.1
     x = np.array([0.04 - trim.beta, 0.02, 0.3 - trim.r, -0.15])
     rudder = rudder_for_roll(now, trim, gains, state, (-STOP, STOP))
@@ -213,9 +220,51 @@ def test_the_lost_aileron_is_driven_while_the_rudder_is_at_its_stop(
     state["rudder_mean"], state["aileron_driven"] = mean * STOP, math.radians(before_deg)
     aileron = state["diagnosis"]["actuators"][AILERON]
     aileron["lost"], aileron["stuck"], aileron["decided_s"] = 1, 0.1, 9.0
-    sent = driven_aileron(seen(nominal), gains, state, (-STOP, STOP))
+    sent = driven_aileron(seen(nominal), 0.0, gains, state, nominal)
     assert math.degrees(state["aileron_driven"]) == pytest.approx(after_deg)
     assert sent == pytest.approx(0.1 + math.radians(2.0 + after_deg))  # 2°: the probe
+
+
+TRIED = ((0.0, 0.2), (0.002, 0.2), (0.035, 0.5), (0.037, 0.5), (0.07, 0.1), (0.072, 0.4))
+"""Times since the loss [s], and what the aileron is then moved about [rad]."""
+
+
+@pytest.mark.parametrize(("jumped", "decided_s"), [(False, 0.0), (True, 0.0), (False, 0.6)])
+def test_an_aileron_that_may_be_weak_is_sent_what_the_roll_needs(
+    jumped: bool, decided_s: float, nominal: np.void, gains: np.void, state: np.void
+) -> None:
+    """As for the least effectiveness; it changes with the movements of the trial, or as far."""
+    aileron = state["diagnosis"]["actuators"][AILERON]
+    aileron["lost"], aileron["stuck"], aileron["z_tail"] = 1, 0.1, float(jumped)
+    for k, (time_s, base) in enumerate(TRIED):
+        aileron["decided_s"] = decided_s + time_s
+        needed = (0.2, 0.3, 9.0, 0.4, 0.1, 0.4)[k] * 0.13  # 0.13: weak_effectiveness
+        sent = driven_aileron(seen(nominal), needed, gains, state, nominal)
+        if decided_s > 0.0:
+            assert sent == pytest.approx(0.1 + math.radians(2.0))
+            continue
+        first_half = time_s % 0.07 < 0.035
+        room = math.radians(25.0)  # the stop less the movement
+        about = 0.1 if jumped else min(base, room)
+        assert sent == pytest.approx(about + math.radians(10.0 if first_half else -10.0))
+
+
+@pytest.mark.parametrize(("effectiveness", "offset"), [(1.0, 0.0), (0.2, 0.0), (0.2, 0.05)])
+def test_a_turn_leaves_the_aileron_room_for_the_roll(
+    effectiveness: float, offset: float, nominal: np.void, gains: np.void, state: np.void
+) -> None:
+    """At its sideslip it turns as the trim with the rest does; away from there 5.2/s faster."""
+    actuator = state["diagnosis"]["actuators"][AILERON]
+    actuator["effectiveness"], actuator["offset"] = effectiveness, offset
+    rest = effectiveness * STOP - math.radians(1.5)
+    for beta in (-0.3, 0.0, 0.1):
+        now = seen(nominal, beta=beta)
+        trims = [
+            lateral_trim(now, AILERON, offset + side * rest, nominal, state["diagnosis"])
+            for side in (-1.0, 1.0)
+        ]
+        limits = sorted(trim.r + 5.2 * (beta - trim.beta) for trim in trims)
+        assert turn_rates(now, nominal, gains, state["diagnosis"]) == pytest.approx(limits)
 
 
 def test_the_aileron_alone_makes_the_roll_acceleration(nominal: np.void, state: np.void) -> None:

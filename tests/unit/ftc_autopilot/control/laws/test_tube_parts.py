@@ -49,6 +49,7 @@ def gains_of(**parameters: Any) -> np.void:
 
 def new_state() -> np.void:
     state: np.void = np.zeros(1, Tube.STATE)[0]
+    state["fallback"]["diagnosis"]["actuators"]["effectiveness"] = 1.0
     return state
 
 
@@ -324,6 +325,24 @@ def test_the_surviving_law_takes_over_for_as_long_as_needed(nominal: np.void) ->
     actuators[1]["lost"] = 0
     assert sum(fallback_flies(now, gains, state) for _ in range(1000)) in {499, 500}
     assert not fallback_flies(now, gains_of(survive=False), state)
+
+
+@pytest.mark.parametrize("actuator", [0, 1])
+def test_the_surviving_law_takes_over_from_what_cannot_believe_in_a_weak_surface(
+    nominal: np.void, actuator: int
+) -> None:
+    gains, state, now = gains_of(), new_state(), step_of(measured(nominal))
+    weak = state["fallback"]["diagnosis"]["actuators"][actuator]
+    weak["effectiveness"] = 0.61
+    assert not fallback_flies(now, gains, state)
+    weak["effectiveness"] = 0.59
+    assert fallback_flies(now, gains, state)
+
+
+def test_the_surviving_law_flies_while_a_turn_has_to_be_slow(nominal: np.void) -> None:
+    gains, state, now = gains_of(), new_state(), step_of(measured(nominal))
+    state["fallback"]["slows_turn"] = 1
+    assert fallback_flies(now, gains, state)
 
 
 def test_without_rudder_the_tube_law_flies_on(nominal: np.void) -> None:
