@@ -1,13 +1,17 @@
 """What can be flown: how tight a turn, how steep a climb."""
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from ftc_autopilot.guidance.runway import RunwayFigures
-from sitl_plant.airframe.aerodynamics import carried_linearly
+from mavlink_defs.runtime.jit import in_python
+from sitl_plant.airframe import aerodynamics
 from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft
 
+if TYPE_CHECKING:  # stations need the limits, and no figures
+    from ftc_autopilot.guidance.runway import RunwayFigures
+
+_carried_linearly = in_python(aerodynamics.carried_linearly)
 _PLANNED_BANK = math.radians(20.0)
 """Bank of a turn whose radius is free [rad]."""
 _RESERVE = math.radians(5.0)
@@ -49,7 +53,7 @@ class FlightLimits(NamedTuple):
     fastest_m_s: float = math.inf
     lowest_m: float = -math.inf
     highest_m: float = math.inf
-    runway: RunwayFigures | None = None
+    runway: "RunwayFigures | None" = None
 
 
 def level_airspeed(aircraft: Aircraft, incidence_rad: float) -> float:
@@ -57,7 +61,7 @@ def level_airspeed(aircraft: Aircraft, incidence_rad: float) -> float:
 
     The thrust, which equals the drag, carries its part of the weight.
     """
-    at_zero, slope = carried_linearly(aircraft_record(aircraft))
+    at_zero, slope = _carried_linearly(aircraft_record(aircraft))
     lift = max(at_zero + slope * incidence_rad, 1e-6)
     area = 0.5 * aircraft.air_density_kg_m3 * aircraft.wing_area_m2
     return math.sqrt(aircraft.mass_kg * aircraft.gravity_m_s2 / (area * lift))
