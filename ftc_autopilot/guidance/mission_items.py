@@ -231,6 +231,9 @@ def _placed(
     there, is its height, `before`.
     """
     command = item.command
+    if command == LAND and (limits.runway is None or not limits.runway.lands):
+        text = "the aircraft has no gear to land on; add `gear: {kind: tricycle}` to it, or"
+        raise ItemError(item.seq, dialect.MAV_MISSION_UNSUPPORTED, f"{text} `{{kind: belly}}`")
     if command == TAKEOFF:
         return MissionTarget(item, height=_take_off_height(item, origin, home))
     flown_to = command in PLACES and command != RETURN
@@ -261,10 +264,7 @@ def _landing(
     limits: FlightLimits,
 ) -> MissionTarget:
     """Return a landing; its height is the one of the centre of gravity at touchdown."""
-    if limits.runway is None or not limits.runway.lands:
-        text = "the aircraft has no gear to land on; add `gear: {kind: tricycle}` to it, or"
-        raise ItemError(item.seq, dialect.MAV_MISSION_UNSUPPORTED, f"{text} `{{kind: belly}}`")
-    if place is None:
+    if limits.runway is None or place is None:
         text = "the place of touchdown is not given"
         raise ItemError(item.seq, dialect.MAV_MISSION_INVALID_PARAM5_X, text)
     return MissionTarget(item, place, height + limits.runway.height, length=math.inf)

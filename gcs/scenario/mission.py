@@ -308,7 +308,7 @@ def with_mission_file(
         "here": None,
         "items": entries,
         "planned_home": home if here else None,
-        "not_flown": list(held.not_flown) or None,
+        "not_flown": list(not_flown) or None,
     }
     changed: dict[Any, Any] = merged(tree, {"mission": mission})
     return changed

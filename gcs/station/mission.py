@@ -9,7 +9,6 @@ import math
 from collections.abc import Sequence
 from typing import TypeAlias
 
-from ftc_autopilot.guidance.mission_commands import command_text
 from mavlink_defs import dialect
 from mavlink_defs.config.problems import counted
 from mavlink_defs.float32 import decimal_of_float32
@@ -100,6 +99,8 @@ def item_text(item: MissionItem) -> str:
         return f"{'inclusion' if stay_in else 'exclusion'} circle, radius {p1:g} m"
     if (stay_in := POLYGONS.get(item.command)) is not None:
         return f"corner of an {'inclusion' if stay_in else 'exclusion'} polygon of {p1:g}"
+    from ftc_autopilot.guidance.mission_commands import command_text
+
     return command_text(item)
 
 

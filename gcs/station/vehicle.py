@@ -7,11 +7,10 @@ Every operation returns, or raises `CommandRefused` (with the vehicle's reason) 
 import contextlib
 import math
 from collections.abc import Iterable
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from gcs.console.errors import BadInput, CommandRefused, NoAnswer
 from gcs.station.given import fault_of
-from gcs.station.navigation import KnownHome, home_of
 from gcs.station.notifications import INFO, WARNING, Notification, enum_name
 from gcs.station.plan_transfers import PlanTransfers
 from gcs.station.subscriptions import Subscription
@@ -26,6 +25,9 @@ from mavlink_defs.faults.sensors import SENSOR_NAMES
 from mavlink_defs.services.command import CommandFinished
 from mavlink_defs.services.fault_list import FaultLister, FaultsListed
 from mavlink_defs.services.param import Param, ParamFinished, ParamLister, ParamReader, ParamSetter
+
+if TYPE_CHECKING:
+    from gcs.station.navigation import KnownHome
 
 _TRIES = 3
 
@@ -129,12 +131,14 @@ class Vehicle(PlanTransfers):
                 if number in self.state.latest:
                     return
 
-    async def home(self) -> KnownHome:
+    async def home(self) -> "KnownHome":
         """Return where its home is.
 
         Raises:
             NoAnswer: It does not say.
         """
+        from gcs.station.navigation import home_of
+
         for _ in range(_TRIES):
             if (home := home_of(self.state)) is not None:
                 return home

@@ -134,9 +134,9 @@ def test_a_fence_is_disabled_where_the_mission_says_so(bench: PathBench) -> None
     disable = mission_item(1, dialect.MAV_CMD_DO_FENCE_ENABLE, (0.0,))
     bench.upload_items((HOME, disable, waypoint(2, 3000.0, 0.0)))
     fence = bench.vehicle._plan.fence
-    fence._record["enable"] = 1
     bench.fly()
     bench.command(START)
+    fence._record["enable"] = 1
     assert "fence disabled" in bench.texts(bench.go_to(10.0))
     assert not fence.enabled
 
