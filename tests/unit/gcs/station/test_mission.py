@@ -136,7 +136,7 @@ def test_a_mission_is_a_profile_or_not() -> None:
         (item(dialect.MAV_CMD_NAV_LOITER_TO_ALT, 0.0, -90.0), "loiter to altitude, radius -90 m"),
         (item(dialect.MAV_CMD_DO_JUMP_TAG, 7.0, 1.0), "jump to tag 7, 1 time"),
         (item(dialect.MAV_CMD_DO_SET_SERVO, 9.0, 1500.0), "DO_SET_SERVO 9 1500"),
-        (item(dialect.MAV_CMD_NAV_LAND), "NAV_LAND"),
+        (item(dialect.MAV_CMD_NAV_LAND), "land"),
     ],
 )
 def test_texts_of_items(one: MissionItem, text: str) -> None:
