@@ -380,6 +380,12 @@ class Scenario(Model):
             aircraft = uav.aircraft or self.aircraft
             for loc, text in start_problems(uav.initial, aircraft, self.ground):
                 yield ("uavs", i, *loc), text
+            if uav.initial.on_ground and self.navigation == "estimated":
+                text = "flights by sensors begin in the air, as the estimator needs the airspeed"
+                yield (
+                    ("uavs", i, "initial", "on_ground"),
+                    f"{text}; or set 'navigation: true_state'",
+                )
             if not uav.initial.on_ground:
                 place = ("uavs", i, "initial")
                 yield from airspeed_problems(

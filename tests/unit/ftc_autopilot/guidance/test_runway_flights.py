@@ -132,6 +132,7 @@ def test_an_approach_that_is_not_stable_is_given_up_and_flown_again(
     [
         ({"mission.items": [FAR, LAND]}, "stands on the ground; begin with NAV_TAKEOFF"),
         ({"aircraft.gear.kind": "belly"}, "neither wheels nor a launcher"),
+        ({"navigation": "estimated"}, "flights by sensors begin in the air"),
         ({"runway.length_m": 100.0}, "the runway is 100 m long, a take-off takes"),
         ({"mission.items.0": {"take_off": {"height_m": 3.0}}}, "must be >= 10 m"),
         ({"mission.items.4.waypoint.height_m": 1.0}, "raise the item before"),

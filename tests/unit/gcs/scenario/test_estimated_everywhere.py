@@ -14,7 +14,8 @@ from mavlink_defs.config.inherit import OF_TRUE_STATE, merged
 from mavlink_defs.config.models import ConfigError
 from sitl_plant.sensing.config import Sensors
 
-SCENARIOS = [name for name in bundled_names() if not name.startswith("campaigns/")]
+ON_THE_GROUND = "runway/"  # where flights by sensors do not begin
+SCENARIOS = [n for n in bundled_names() if not n.startswith(("campaigns/", ON_THE_GROUND))]
 ADDITIONS = [
     ["estimated"],
     ["estimated", "cheap_imu"],
