@@ -155,31 +155,36 @@ def read_ulog(path: Path) -> FlightTable:
     )
     if not channels:
         raise BadInput(f"{path} has no topic of a flight, such as vehicle_attitude")
-    if log.dropouts:
-        lost = sum(one.duration for one in log.dropouts) / 1e3
-        remarks.append(f"the logger lost {lost:.3g} s in {len(log.dropouts)} pieces")
-    if log.file_corruption:
-        remarks.append("the file is damaged or cut off; what could be read is shown")
     status = used.get("vehicle_status")
     return FlightTable(
         title=visible(", ".join(filter(None, (path.name, log.msg_info_dict.get("vehicle"))))),
         kind="ulg",
         channels=channels,
         modes=() if status is None else tuple(_modes(_time_s(status) - shift, status)),
-        texts=tuple(
-            LogText(
-                one.timestamp / 1e6 - shift, one.log_level - ord("0"), visible(one.message.strip())
-            )
-            for one in log.logged_messages
-        ),
+        texts=tuple(_texts(log, shift)),
         parameters={
             name: float(value)
             for name, value in log.initial_parameters.items()
             if isinstance(value, int | float)
         },
         started=_started(data, shift),
-        remarks=tuple(remarks),
+        remarks=(*remarks, *_losses(log)),
     )
+
+
+def _texts(log: Any, shift: float) -> Iterator[LogText]:
+    for one in log.logged_messages:
+        level = one.log_level - ord("0")
+        yield LogText(one.timestamp / 1e6 - shift, level, visible(one.message.strip()))
+
+
+def _losses(log: Any) -> Iterator[str]:
+    """Yield what of the flight did not reach the file."""
+    if log.dropouts:
+        lost = sum(one.duration for one in log.dropouts) / 1e3
+        yield f"the logger lost {lost:.3g} s in {len(log.dropouts)} pieces"
+    if log.file_corruption:
+        yield "the file is damaged or cut off; what could be read is shown"
 
 
 def _open(path: Path) -> Any:
