@@ -12,7 +12,7 @@ RUN FTC_SITL_MACHINE_CODE=1 pip wheel --no-cache-dir --no-deps --wheel-dir /dist
 FROM python:3.13-slim
 COPY --from=build /dist /dist
 COPY --from=build /constraints.txt /dist
-RUN pip install --no-cache-dir --constraint /dist/constraints.txt "$(echo /dist/*.whl)[compile,export,foxglove,jsbsim,lab,python,tools,web]" \
+RUN pip install --no-cache-dir --constraint /dist/constraints.txt "$(echo /dist/*.whl)[compile,export,foxglove,jsbsim,lab,logs,python,tools,web]" \
     && useradd --create-home --uid 1000 pilot \
     && mkdir /cache /fleet /flights \
     && chown 1000 /cache /fleet /flights

@@ -22,7 +22,7 @@ baseline = _command(
     "Study",
     LAB_PACKAGES,
 )
-diagnose = _command("diagnose", "Say what failed in a recorded flight, and when.", "Study")
+diagnose = _command("diagnose", "Say what failed in a flight, and when.", "Study")
 reproduce = _command(
     "reproduce", "Fly the paper's scenarios, compare with its results.", "Study", LAB_PACKAGES
 )

@@ -63,7 +63,10 @@ OWN: Mapping[str, GcsCommand] = {
         log=("log", "Replay a log of any autopilot, or list what is in it."),
         web=("web", "Serve the dashboard to browsers until Ctrl-C."),
     ),
-    **_panel("Study", export=("export", "Convert the recording of a flight for other programs.")),
+    **_panel(
+        "Study",
+        export=("export", "Convert the recording of a flight, or a log, for other programs."),
+    ),
     **_panel(
         "Aircraft and laws",
         laws=("laws", "List the control laws, ours and other packages', or show one."),

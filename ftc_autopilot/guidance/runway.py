@@ -291,16 +291,18 @@ def _stance_of(aircraft: Aircraft) -> _Stance:
     starts = CANNOT_START if gear.kind == "belly" else FROM_WHEELS
     stop = min(map(abs, aircraft.stops_deg[2]))
     return _Stance(
-        starts if gear.launcher is None else FROM_LAUNCHER,
-        1.0,
-        height,
-        pitch,
-        -gear.steer / math.radians(stop) if stop > 0.0 else 0.0,
-        side * weight * abs(main[0]) if gear.steer > 0.0 else 0.0,  # the wheel's load by its arm
-        rolling,
-        rolling if gear.kind == "belly" else brake * on_main,
-        0.0 if gear.launcher is None else gear.launcher.length_m,
-        math.atan2(main[2] - tail[2], main[0] - tail[0]),
+        starts=starts if gear.launcher is None else FROM_LAUNCHER,
+        lands=1.0,
+        height=height,
+        pitch=pitch,
+        steering=-gear.steer / math.radians(stop) if stop > 0.0 else 0.0,
+        grip=side * weight * abs(main[0])
+        if gear.steer > 0.0
+        else 0.0,  # the wheel's load by its arm
+        rolling=rolling,
+        braking=rolling if gear.kind == "belly" else brake * on_main,
+        launch=0.0 if gear.launcher is None else gear.launcher.length_m,
+        tail=math.atan2(main[2] - tail[2], main[0] - tail[0]),
     )
 
 

@@ -19,6 +19,7 @@ from ftc_autopilot.vehicle.formation_messages import FormationMessages
 from ftc_autopilot.vehicle.message import declared_in
 from ftc_autopilot.vehicle.mission import Mission
 from ftc_autopilot.vehicle.path_messages import PathMessages
+from ftc_autopilot.vehicle.runway import RunwayMessages
 from ftc_autopilot.vehicle.sensor_messages import SensorMessages, TrueStateSensors
 from ftc_autopilot.vehicle.state_messages import StateMessages
 from ftc_autopilot.vehicle.status_messages import StatusMessages
@@ -38,6 +39,7 @@ MAKERS = (
     StatusMessages,
     Mission,
     VehicleFence,
+    RunwayMessages,
 )
 """Classes whose methods make messages; a vehicle has one of the two of sensors."""
 

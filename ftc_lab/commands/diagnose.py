@@ -23,7 +23,7 @@ EPILOG = """
 Examples:
 
 - gcs diagnose flight.bin
-- gcs diagnose flight.csv --columns mine.yaml --output evidence.png
+- gcs diagnose flight.csv --columns mine.yaml --out evidence.png
 - gcs diagnose flight.ulg --json | jq .finding
 
 Exit status: 0 nothing was found, 1 something failed, 2 bad input, or nothing that can be judged.
@@ -61,10 +61,10 @@ def diagnose(
             show_default=False,
         ),
     ] = None,
-    output: Annotated[
+    out: Annotated[
         Path | None,
         typer.Option(
-            "--output",
+            "--out",
             "-o",
             help="Picture of the evidence to write (.png, .svg, .pdf); by default none.",
             metavar="FILE",
@@ -74,7 +74,7 @@ def diagnose(
     quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Say whether something failed in a flight: what, when, and how sure.
+    """Say what failed in a flight, and when.
 
     Engine, aileron, elevator and rudder are judged, each by a relation between recorded signals
     that the flight itself teaches while it is healthy: some 25 s of flight are needed first.
@@ -84,8 +84,8 @@ def diagnose(
     """
     from ftc_lab.flight_diagnosis.decisions import diagnose_flight, learnt, watch
 
-    if output is not None:
-        check_file(output, "--output")
+    if out is not None:
+        check_file(out, "--out")
     console = console_of(quiet=quiet)
     with working(console, "reading the flight"):
         relations = _relations(flight, uav, columns, aircraft)
@@ -95,8 +95,8 @@ def diagnose(
     if not diagnosis.judged_s:
         text = f"{flight} is too short: all of it is needed to learn what is healthy"
         raise BadInput(text, "by a model (--aircraft) some 5 s are, else some 25 s of flight")
-    if output is not None:
-        _draw(output, watched, diagnosis)
+    if out is not None:
+        _draw(out, watched, diagnosis)
     if as_json:
         print_json(_json(watched, diagnosis), indent=2)
     else:
@@ -131,7 +131,7 @@ def _relations(
 def _draw(output: Path, watched: "Mapping[Surface, Watched]", diagnosis: "Diagnosis") -> None:
     from ftc_lab.figures.diagnosis import draw_diagnosis
 
-    make_folder(output.parent, "--output")
+    make_folder(output.parent, "--out")
     draw_diagnosis(watched, diagnosis).savefig(output)
 
 

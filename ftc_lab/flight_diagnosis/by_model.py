@@ -93,15 +93,17 @@ def relations_by_model(flight: FlightTable, aircraft: Aircraft) -> Relations:
     done = _done(v, attitude, omega, commanded, aircraft)
     made = [
         Relation(
-            SURFACE_OF[name],
-            f"{'thrust' if j == THROTTLE else 'deflection'} made less commanded",
-            "N" if j == THROTTLE else "rad",
-            done[:, j] - commanded[:, j],
-            np.stack([np.ones(len(done)), commanded[:, j]], axis=1),
-            "response",
-            BY_MODEL,
-            commanded[:, j],
-            _LEAST_SHARE * aircraft.thrust_limit_n if j == THROTTLE else np.radians(_LEAST_DEG),
+            surface=SURFACE_OF[name],
+            text=f"{'thrust' if j == THROTTLE else 'deflection'} made less commanded",
+            unit="N" if j == THROTTLE else "rad",
+            measured=done[:, j] - commanded[:, j],
+            terms=np.stack([np.ones(len(done)), commanded[:, j]], axis=1),
+            test="response",
+            pace=BY_MODEL,
+            response=commanded[:, j],
+            least=_LEAST_SHARE * aircraft.thrust_limit_n
+            if j == THROTTLE
+            else np.radians(_LEAST_DEG),
         )
         for j, name in enumerate(ACTUATORS)
         if name != "rudder" or aircraft.has("rudder")

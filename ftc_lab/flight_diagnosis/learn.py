@@ -22,6 +22,7 @@ from ftc_lab.flight_diagnosis.decisions import LEARNT, Gumbel, Learnt, diagnose_
 from ftc_lab.flight_diagnosis.examples import Example, example_of
 from ftc_lab.flight_diagnosis.relations import SURFACES, Surface
 from ftc_lab.flight_diagnosis.simulated import simulated_examples
+from gcs.console.lines import print_line
 
 _LEAST = 0.5  # times the usual healthy time: flights with less count not, as they are hardly judged
 _PRIOR = 3.0  # standard deviation of coefficients: few flights do not make anything certain
@@ -126,7 +127,7 @@ def main() -> None:
     for part in np.array_split(np.arange(len(examples)), min(len(examples), _PARTS)):
         known = learnt_from([one for k, one in enumerate(examples) if k not in part])
         for found in (judge(examples[k], known) for k in part):
-            print(
+            print_line(
                 f"{found.verdict:24} {found.probability:5.2f} {found.alarm_delay_s:7.1f} "
                 f"{found.onset_delay_s:6.1f}  {found.name}"
             )

@@ -357,7 +357,7 @@ UAV_FIGURES: list[Figure[UavSummary]] = [
         for name, unit in {"sink_m_s": "m/s", "bank_deg": "deg", "drift_m_s": "m/s"}.items()
     ),
     Figure("off_centre_m", "m", _off_centre),
-    Figure("landed", "", _landed, str, "higher", whole=True),
+    Figure("landed", "", _landed, "{:g}".format, "higher"),
     _count("messages", lambda uav: uav.actuator_messages),
     _count("neighbour_messages", lambda uav: uav.neighbour_messages),
     _share("neighbour_saving", lambda uav: uav.neighbour_saving),

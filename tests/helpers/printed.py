@@ -69,6 +69,7 @@ NO_TABLE = {
         "names the file it has written",
     ),
     **dict.fromkeys(("guidance header", "laws header", "triggers header"), "a program in C"),
+    "diagnose": "ends with 1 if it finds something; its own tests look at the table",
     "ardupilot": "waits for an ArduPilot; its tables are as of fly",
     "reproduce": "one sentence; its tables are in report.html",
     "up": "addresses, a line for each",

@@ -40,7 +40,8 @@ def test_a_scenario_flies_as_it_flew(kept: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert len(warned_of(done.stderr)) == 5
     before, now = (json.loads((kept / f / "summary.json").read_text()) for f in ("run", "now"))
-    assert now["uavs"] == before["uavs"]
+    for now_uav, before_uav in zip(now["uavs"], before["uavs"], strict=True):
+        assert {key: now_uav[key] for key in before_uav} == before_uav
     with pytest.warns(RenamedWarning):
         flown = load_scenario(kept / "run" / "scenario.yaml")
     assert flown == load_scenario(kept / "now" / "scenario.yaml")

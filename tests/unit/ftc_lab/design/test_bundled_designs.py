@@ -1,5 +1,6 @@
 """Bundled aircraft and scenarios that commands have written are what these write today."""
 
+import re
 import shlex
 from importlib.util import find_spec
 from pathlib import Path
@@ -83,4 +84,5 @@ def test_an_aircraft_is_identified_again(path: Path, tmp_path: Path) -> None:
     version = __import__("jsbsim").__version__
     if f"JSBSim {version}" not in path.read_text():
         pytest.skip(f"identified with another version than {version}")
-    assert again(path, tmp_path / "again.yaml") == path.read_text()
+    of_air = re.sub(r"(?m)^(# Gear: .*\n|gear:.*\n(  .*\n)*)", "", path.read_text())
+    assert again(path, tmp_path / "again.yaml") == of_air

@@ -53,6 +53,7 @@ def similar_to(aircraft: Aircraft) -> Aircraft:
         "airspeed_min_m_s": aircraft.airspeed_min_m_s * VELOCITY,
         "airspeed_max_m_s": aircraft.airspeed_max_m_s * VELOCITY,
         "cruise_m_s": 45.0 * VELOCITY,
+        "gear": None,  # nothing here touches the ground
     }
     return Aircraft.model_validate(aircraft.model_dump() | changed)
 

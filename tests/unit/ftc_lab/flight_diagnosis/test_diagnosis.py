@@ -227,7 +227,7 @@ def _written(path: Path, signals: Mapping[str, np.ndarray]) -> Path:
 def test_the_command_tells_by_its_exit_status(tmp_path: Path) -> None:
     broken = _written(tmp_path / "broken.csv", flown("engine"))
     picture = tmp_path / "made" / "evidence.png"
-    done = _run(str(broken), "--output", str(picture))
+    done = _run(str(broken), "--out", str(picture))
     assert done.exit_code == 1, done.output
     assert "The engine failed at" in done.output
     assert picture.stat().st_size > 10_000

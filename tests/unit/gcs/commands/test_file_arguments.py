@@ -37,6 +37,8 @@ READ = {
     ("log", "file"): ["log", "@"],
     ("log", "columns"): ["log", TABLE, "--columns", "@"],
     ("export", "columns"): ["export", TABLE, "--to", "csv", "--columns", "@"],
+    ("diagnose", "flight"): ["diagnose", "@"],
+    ("diagnose", "columns"): ["diagnose", TABLE, "--columns", "@"],
     ("wire", "file"): ["wire", "@"],
     ("profile upload", "file"): ["profile", "upload", "@", *NOWHERE],
     ("profile check", "file"): ["profile", "check", "@", *NOWHERE],

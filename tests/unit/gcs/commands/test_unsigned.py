@@ -48,7 +48,7 @@ def test_files_for_other_hosts(gcs, host: str, is_refused: bool, tmp_path: Path)
 
 @pytest.mark.parametrize("command", ["up", "config"])
 def test_a_scenario_for_others(gcs, command: str, tmp_path: Path) -> None:
-    out = ("--out", tmp_path / "out")
+    out = ("--out", tmp_path / "out", *(("--free-ports",) if command == "up" else ()))
     status, err = gcs(command, "paper/scenario1", "--set", "links.host=0.0.0.0", *out)
     assert status == 2
     assert "is 0.0.0.0, which other machines can reach" in err

@@ -19,6 +19,7 @@ SHORT = "--set duration_s=0.02"
 FLY = f"paper/scenario1 {SHORT} --in-process --no-figures"
 NOWHERE = "--connect udpout:127.0.0.1:1 --timeout 0.1"
 FILES = {
+    "diagnose": "diagnose flight.csv",
     "design": "design aerosonde --law tube",
     "identify": "identify own:aerosonde --cruise 24",
     "mission download": f"mission download {NOWHERE}",
