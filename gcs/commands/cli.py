@@ -44,7 +44,6 @@ _SPACE = "free some space, or choose a writable folder; files written so far sta
 _EPILOG = """
 Examples:
 
-- gcs                                  (dashboard of the fleet of `gcs up`)
 - gcs --connect udpin:0.0.0.0:14550    (as the only ground station)
 - gcs log flight.tlog                  (dashboard with a log)
 """
