@@ -13,8 +13,9 @@ from ftc_autopilot.common.geography import Origin, place_of
 from ftc_autopilot.hot.drops import GCS
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.hot.state import new_autopilots
+from ftc_autopilot.vehicle.message import declared_in
 from ftc_autopilot.vehicle.status_messages import VERSION
-from ftc_autopilot.vehicle.telemetry import DEFAULT_INTERVALS_US
+from ftc_autopilot.vehicle.telemetry import DEFAULT_INTERVALS_US, MAKERS
 from ftc_autopilot.vehicle.vehicle import VehicleServices
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
@@ -349,3 +350,8 @@ def test_answers_and_telemetry_wait_for_their_turn_and_none_is_forgotten(bench: 
     params = [m for m in said if m.get_type() == "PARAM_VALUE"]
     assert {m.param_index for m in params} == set(range(params[0].param_count))
     assert sum(m.get_msgId() == ATTITUDE for m in said) == 10
+
+
+def test_what_makes_messages_of_a_vehicle_is_listed(bench: Bench) -> None:
+    """What is not listed can be asked for, but is not streamed from the start."""
+    assert set(bench.telemetry._makers) <= {each.number for each in declared_in(*MAKERS)}
