@@ -17,8 +17,9 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from mavlink_defs.constants import RUDDER
+from mavlink_defs.runtime.jit import in_python
+from sitl_plant.airframe import stops
 from sitl_plant.airframe.config import Inertia
-from sitl_plant.airframe.stops import share_of
 from sitl_plant.simulators import jsbsim_aircraft
 from sitl_plant.simulators.base import Body, Motion, SimulatorError
 from sitl_plant.simulators.config import JsbSimPlant
@@ -34,6 +35,8 @@ except ImportError as missing:
         "plant.kind is 'jsbsim': the package jsbsim is not installed here",
         "pip install 'jsbsim>=1.3.3'",
     ) from missing
+
+_share_of = in_python(stops.share_of)
 
 _LATITUDE_DEG = 45.0  # where gravity is standard gravity, 9.80665 m/s², to 0.005 %
 _GRAVITY = 9.80665  # m/s²
@@ -188,7 +191,7 @@ class JsbSim:
         for surface, angle in zip(self._surfaces, delta, strict=True):
             surface.put(angle)
         low, high = self.stops[RUDDER] if self.stops else (0.0, 0.0)
-        self._wheels[0].set_double_value(-share_of(delta[RUDDER], low, high))
+        self._wheels[0].set_double_value(-float(_share_of(delta[RUDDER], low, high)))
         if self._engine is None:
             self._thrust.set_double_value(thrust / LBF)
         else:
