@@ -1,5 +1,6 @@
 """Clocks of logs: where they jump, and how far one is from another."""
 
+from datetime import UTC, datetime
 from itertools import pairwise
 
 import numpy as np
@@ -35,3 +36,11 @@ def longest_stretch(time_s: np.ndarray) -> tuple[slice, str]:
         f"{more}: only the longest stretch, of {spans[longest]:.6g} s, is read, {left_out} of "
         f"{len(time_s)} rows are left out"
     )
+
+
+def utc(since_1970_s: float) -> datetime | None:
+    """Return a date; None of a time that is none, as of a damaged log."""
+    try:
+        return datetime.fromtimestamp(since_1970_s, UTC)
+    except (OverflowError, ValueError, OSError):
+        return None

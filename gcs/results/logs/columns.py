@@ -5,7 +5,6 @@ import gzip
 import io
 import lzma
 from collections.abc import Callable, Iterator, Mapping
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -13,7 +12,7 @@ import numpy as np
 
 from gcs.console.errors import BadInput
 from gcs.console.extras import check_packages
-from gcs.results.logs.clocks import longest_stretch
+from gcs.results.logs.clocks import longest_stretch, utc
 from gcs.results.logs.column_map import ColumnMap, MappedColumn, TimeColumn, bundled_maps, read_map
 from gcs.results.logs.names import UNITS, factor
 from gcs.results.logs.table import FlightTable, LogChannel, by_name, channel
@@ -31,6 +30,7 @@ _PACKED: Mapping[str, Callable[[BinaryIO], Any]] = {
 }
 _SEPARATORS = ",;\t"
 _LEAST_NUMBERS = 0.5  # of a column; else it is one of texts
+_LONGEST_S = 2**32 / 1e3  # simulated time in messages; what is more is a date
 _SHOWN = 12  # columns that a message names
 
 _Columns = Mapping[str, np.ndarray]
@@ -55,8 +55,10 @@ def read_columns(path: Path, kind: str, uav: int | None, map_file: Path | None) 
     else:
         columns = _of_parquet(path) if kind == "parquet" else _of_mat(path)
     if not any(map(len, columns.values())):
-        raise BadInput(f"{path} has no rows")
+        text = f"{path} has no column of numbers"
+        raise BadInput(text, "rows of numbers, apart by , ; or tabs, with decimal points, in UTF-8")
     chosen = _map_of(path, columns, map_file)
+    columns = _beside(chosen.time.column, columns)
     columns = _of_one(path, columns, uav, remarks)
     time_s, clock, since_s = _times(path, columns, chosen.time)
     absent = [one.column for one in chosen.channels.values() if one.column not in columns]
@@ -70,7 +72,7 @@ def read_columns(path: Path, kind: str, uav: int | None, map_file: Path | None) 
     channels = by_name(
         _channel(name, one, time_s[rows] - begin, columns[one.column][rows], clock)
         for name, one in chosen.channels.items()
-        if len(columns.get(one.column, ())) == len(time_s)
+        if one.column in columns
     )
     if not channels:
         raise BadInput(f"{path} has no numbers in its columns")
@@ -78,7 +80,7 @@ def read_columns(path: Path, kind: str, uav: int | None, map_file: Path | None) 
         title=f"{visible(path.name)}, {chosen.title}" if chosen.title else visible(path.name),
         kind=kind,
         channels=channels,
-        started=datetime.fromtimestamp(since_s + begin, UTC) if clock == "UTC" else None,
+        started=utc(since_s + begin) if clock == "UTC" else None,
         remarks=tuple(remarks),
     )
 
@@ -112,9 +114,20 @@ def _map_of(path: Path, columns: _Columns, map_file: Path | None) -> ColumnMap:
     return fitting
 
 
+def _beside(time: str, columns: _Columns) -> _Columns:
+    """Return numbers for each time: MAT files have columns of other lengths, too."""
+    return {
+        name: values
+        for name, values in columns.items()
+        if len(values) == len(columns[time]) and (values.dtype.kind != "M" or name == time)
+    }
+
+
 def _of_one(path: Path, columns: _Columns, uav: int | None, remarks: list[str]) -> _Columns:
     """Return the rows of one UAV, of a table that has several."""
     if "uav" not in columns:
+        if uav is not None:
+            raise BadInput(f"--uav is {uav}, and {path} does not say whose it is: no column 'uav'")
         return columns
     ids = [int(one) for one in np.unique(columns["uav"]) if np.isfinite(one)]
     if uav is not None and uav not in ids:
@@ -138,7 +151,9 @@ def _times(path: Path, columns: _Columns, of: TimeColumn) -> tuple[np.ndarray, s
     if np.isfinite(time_s).sum() < max(2, len(time_s) // 2):
         text = f"{path}: its column {of.column!r} is no time"
         raise BadInput(f"{text}, expected dates or numbers in {of.unit}")
-    return time_s, "simulated" if "uav" in columns else "log", 0.0
+    known = time_s[np.isfinite(time_s)]
+    is_ours = "uav" in columns and known.min() >= 0.0 and known.max() < _LONGEST_S
+    return time_s, "simulated" if is_ours else "log", 0.0
 
 
 # files
@@ -183,9 +198,9 @@ def _of_parquet(path: Path) -> _Columns:
     try:
         with open_file(path) as file:
             return _of_table(parquet.read_table(file))
-    except OSError as problem:
-        raise BadInput(f"cannot read {path}: {problem.strerror or problem}") from None
-    except pa.ArrowInvalid as problem:
+    except (OSError, pa.ArrowInvalid) as problem:  # of broken ones arrow raises OSError, too
+        if getattr(problem, "strerror", None):
+            raise BadInput(f"cannot read {path}: {problem.strerror}") from None
         raise BadInput(f"{path} is no Parquet file: {_first_line(problem)}") from None
 
 

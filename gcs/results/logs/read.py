@@ -64,6 +64,8 @@ def read_flight(path: Path, uav: int | None = None, columns: Path | None = None)
     kind = kind_of(path)
     if columns is not None and kind not in {"csv", "parquet", "mat"}:
         raise BadInput(f"--columns is of tables: csv, parquet and mat, and {path} is none")
+    if uav is not None and kind in {"bin", "ulg"}:
+        raise BadInput(f"--uav is {uav}, and {path} is of one vehicle", "leave it out")
     flight = _read(path, kind, uav, columns)
     return replace(flight, remarks=(*flight.remarks, *shortcomings(flight)))
 

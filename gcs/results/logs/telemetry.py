@@ -5,14 +5,13 @@ messages without one are placed by what was heard around them.
 """
 
 from collections.abc import Iterator, Mapping
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 
 from gcs.console.errors import BadInput
 from gcs.console.extras import TOOLS_PACKAGES, missing
-from gcs.results.logs.clocks import longest_stretch
+from gcs.results.logs.clocks import longest_stretch, utc
 from gcs.results.logs.heard import HeardSystem, layout_of, read_systems
 from gcs.results.logs.table import FlightTable, LogText, by_name
 from gcs.results.logs.telemetry_fields import ARDUPILOT, MESSAGES, PX4, message_channels
@@ -60,9 +59,7 @@ def read_telemetry(path: Path, uav: int | None) -> FlightTable:
         modes=tuple(_modes(heard, clock)),
         texts=tuple(_texts(heard, clock)),
         parameters=_parameters(heard),
-        started=datetime.fromtimestamp(clock.heard_at_0, UTC)
-        if clock.heard_at_0 > _UNIX_S
-        else None,
+        started=utc(clock.heard_at_0) if clock.heard_at_0 > _UNIX_S else None,
         remarks=tuple(remarks),
     )
 

@@ -6,7 +6,7 @@ Topics and fields are as in PX4 1.12 to 1.16, https://github.com/PX4/PX4-Autopil
 import contextlib
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ import numpy as np
 from gcs.console.errors import BadInput
 from gcs.console.extras import load_package
 from gcs.results.logs import names
-from gcs.results.logs.clocks import longest_stretch
+from gcs.results.logs.clocks import longest_stretch, utc
 from gcs.results.logs.fields import Fields, Values, channels_of, vector, with_angles
 from gcs.results.logs.table import FlightTable, LogChannel, LogText, by_name, channel
 from mavlink_defs.config.user_files import open_file
@@ -100,6 +100,7 @@ _OUR_TOPICS: tuple[tuple[str, Fields], ...] = (
 """The same in our own exports: airspeed as it was measured, and outputs in units of their own."""
 _MAGIC = b"ULog\x01\x12\x35"
 _OTHER_TOPICS = ("vehicle_status", "ftc_event")
+_SLOW_S = 1.0  # by which other topics may begin earlier, or end later, than the fastest
 _LEAST_PULSE = 200.0  # what is less is no pulse [µs]
 _MODES = {
     0: "MANUAL",
@@ -219,11 +220,12 @@ def _span(
     flown = [_time_s(values) for name, values in data.items() if name in known]
     if not any(map(len, flown)):
         raise BadInput(f"{path} has no topic of a flight, such as vehicle_attitude")
-    stretch, jump = longest_stretch(max(flown, key=len))
-    chosen = max(flown, key=len)[stretch]
-    if jump:
-        return float(chosen.min()), float(chosen.max()), [jump]
-    return min(float(one.min()) for one in flown if len(one)), float("inf"), []
+    fastest = max(flown, key=len)
+    stretch, jump = longest_stretch(fastest)
+    times = np.concatenate(flown)
+    low, high = fastest[stretch].min() - _SLOW_S, fastest[stretch].max() + _SLOW_S
+    near = times[(times >= low) & (times <= high)]
+    return float(near.min()), float(near.max()), [jump] if jump else []
 
 
 def _prepared(name: str, values: Values, ours: bool) -> Values:
@@ -233,9 +235,13 @@ def _prepared(name: str, values: Values, ours: bool) -> Values:
     if name == "vehicle_attitude_setpoint":
         return with_angles(values, "q_d[0] q_d[1] q_d[2] q_d[3]")
     if name == "actuator_outputs" and not ours:
-        number = int(values["noutputs"].max(initial=0)) if "noutputs" in values else 16
-        pulses = {field: values[field] for field in (f"output[{k}]" for k in range(number))}
-        return {one: np.where(p >= _LEAST_PULSE, p, np.nan) for one, p in pulses.items()}
+        number = values["noutputs"] if "noutputs" in values else 16
+        pulses = {k: values.get(f"output[{k}]", np.empty(0)) for k in range(16)}
+        return {
+            f"output[{k}]": np.where((p >= _LEAST_PULSE) & (k < number), p, np.nan)
+            for k, p in pulses.items()
+            if len(p)
+        }
     if name in {"vehicle_gps_position", "sensor_gps"} and "fix_type" in values:
         has_fix = values["fix_type"] >= 2
         return {field: np.where(has_fix, column, np.nan) for field, column in values.items()}
@@ -269,5 +275,5 @@ def _started(data: Mapping[str, Values], shift_s: float) -> datetime | None:
             if len(known):
                 utc_s = float(data[name]["time_utc_usec"][known[0]]) / 1e6
                 at = float(_time_s(data[name])[known[0]]) - shift_s
-                return datetime.fromtimestamp(utc_s - at, UTC)
+                return utc(utc_s - at)
     return None

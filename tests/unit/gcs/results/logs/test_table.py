@@ -78,6 +78,12 @@ def test_a_grid_spans_what_channels_have_in_common() -> None:
         flight(made("p", [0.0, 1.0], [0, 0]), made("q", [2.0, 3.0], [0, 0])).grid(names=("p", "q"))
 
 
+def test_a_grid_that_no_memory_holds_is_refused() -> None:
+    bursts = np.add.outer(10.0 * np.arange(60.0), 1e-6 * np.arange(100.0)).ravel()
+    with pytest.raises(BadInput, match=r"590 s at 1e\+06 Hz: 5.9e\+08 rows"):
+        flight(made("p", bursts, np.ones(6000))).grid()
+
+
 def test_a_place_at_zero_north_and_east_is_none() -> None:
     place = [made("latitude", [0, 1, 2], [0, 0, 45]), made("longitude", [0, 1, 2], [0, 0, 9])]
     found = by_name([*place, made("altitude", [0, 1, 2], [0, 0, 300])])

@@ -150,6 +150,14 @@ def test_a_log_that_is_cut_off_is_read_up_to_there(tmp_path: Path) -> None:
     assert any("frames are read: " in one and "cut off" in one for one in flight.remarks)
 
 
+def test_a_time_of_reception_that_is_no_date_is_none(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.tlog", (1, plane()))
+    data = bytearray(path.read_bytes())
+    data[:8] = b"\xff" * 8
+    path.write_bytes(data)
+    assert read_flight(path).duration_s == pytest.approx(9.9)
+
+
 def test_damaged_and_unknown_frames_are_counted(tmp_path: Path) -> None:
     path = written(tmp_path / "a.tlog", (1, plane()))
     data = bytearray(path.read_bytes())

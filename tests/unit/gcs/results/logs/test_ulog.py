@@ -156,6 +156,22 @@ def test_a_clock_that_goes_back_is_told(tmp_path: Path) -> None:
     assert flight.duration_s == pytest.approx(2.98)
 
 
+def test_a_damaged_time_or_number_does_not_reach_the_others(tmp_path: Path) -> None:
+    path = px4_log(tmp_path / "a.ulg", TIMES)
+    data = bytearray(path.read_bytes())
+    at = int(TIMES[70]).to_bytes(8, "little")
+    places = [k for k in range(len(data)) if data.startswith(at, k)]
+    assert len(places) == len(FIELDS)
+    for topic in ("vehicle_status", "airspeed"):
+        place = places[list(FIELDS).index(topic)]
+        data[place + 5] = 7  # 90 days later
+    data[places[list(FIELDS).index("actuator_outputs")] + 8 + 1] = 9  # thousands of outputs
+    path.write_bytes(data)
+    flight = read_flight(path)
+    assert flight.duration_s == pytest.approx(3.98)
+    assert "output_2" in flight
+
+
 def test_a_log_that_is_cut_off_is_read_up_to_there(tmp_path: Path) -> None:
     flight = read_flight(px4_log(tmp_path / "a.ulg", TIMES, keep=0.6))
     assert 1.5 < flight.duration_s < 3.0
