@@ -22,7 +22,6 @@ from ftc_lab.flight_diagnosis.relations import (
     Surface,
 )
 from gcs.console.errors import BadInput
-from gcs.results.logs.read import read_flight
 from gcs.results.logs.table import FlightTable, channel
 from gcs.results.store import EVENTS
 from gcs.results.ulog_export import sent_in
@@ -52,25 +51,21 @@ SURFACE_OF: dict[str, Surface] = {
 }
 
 
-def flown_run(run: Path, uav: int | None) -> FlightTable:
-    """Return a flight of our own, with every command that was sent, between recorded steps, too.
+def flown_run(run: Path, flight: FlightTable, uav: int | None) -> FlightTable:
+    """Return a flight of our own with every command that was sent, between recorded steps, too.
 
-    Raises:
-        BadInput: There is no recording, or no such UAV in it.
+    Args:
+        run: The run folder.
+        flight: What was read of it.
+        uav: System id; None: the first one.
     """
-    flight = read_flight(run, uav)
-    if not (run / EVENTS).exists():
-        return flight
-    sent = sent_in(run)
-    own = uav if uav is not None else min(sent, default=0)
-    if own not in sent:
-        return flight
-    time_s, channel_of, value = sent[own]
-    held = {
-        name: channel(f"held_{name}", time_s[channel_of == j], value[channel_of == j], EVENTS)
+    sent = sent_in(run) if (run / EVENTS).exists() else {}
+    time_s, channel_of, value = sent.get(uav or min(sent, default=0), (np.empty(0),) * 3)
+    held = (
+        channel(f"held_{name}", time_s[channel_of == j], value[channel_of == j], EVENTS)
         for j, name in enumerate(ACTUATORS)
-    }
-    found = {f"held_{name}": one for name, one in held.items() if one is not None}
+    )
+    found = {one.name: one for one in held if one is not None}
     return replace(flight, channels={**flight.channels, **found})
 
 

@@ -40,7 +40,14 @@ def learnt_from(examples: list[Example]) -> Learnt:
     """Fit what is to be known of healthy flights and of faults."""
     healthy = {surface: _gumbel(examples, surface) for surface in SURFACES}
     judged_s = float(np.median([next(iter(one.watched.values())).judged_s for one in examples]))
-    known = Learnt(healthy=healthy, judged_s=judged_s, fault=(0.0, 1.0), naming=1.0)
+    known = Learnt(
+        healthy=healthy,
+        judged_s=judged_s,
+        fault=(0.0, 1.0),
+        naming=1.0,
+        flights=len(examples),
+        faults=0,
+    )
     ratios, faulty, names = [], [], []
     for one in examples:
         for before in (True, False) if one.truth else (True,):
@@ -48,10 +55,10 @@ def learnt_from(examples: list[Example]) -> Learnt:
             faulty.append(not before)
         found = diagnose_flight(one.relations, one.watched, known).finding
         if found is not None and found.alarm_s >= one.onset_s:
-            at = {s: float(np.log(found.probabilities[s])) for s in SURFACES}
-            names.append((one.truth, at))
+            names.append((one.truth, found.ratios))
     intercept, slope = _logistic(np.log(np.maximum(ratios, 1e-3)), np.array(faulty))
-    return known.model_copy(update={"fault": (intercept, slope), "naming": _sharpness(names)})
+    fitted = {"fault": (intercept, slope), "naming": _sharpness(names), "faults": len(names)}
+    return known.model_copy(update=fitted)
 
 
 def _gumbel(examples: list[Example], surface: Surface) -> Gumbel:
@@ -82,8 +89,8 @@ def _sharpness(names: list[tuple[Surface | None, dict[Surface, float]]]) -> floa
     likely = -0.5 * (factors / _PRIOR) ** 2
     for truth, at in names:
         if truth is not None:
-            values = factors[:, None] * np.array(list(at.values()))
-            likely += factors * at[truth] - np.log(np.exp(values).sum(axis=1))
+            more = np.array(list(at.values())) - at[truth]
+            likely -= np.logaddexp.reduce(factors[:, None] * more, axis=1)
     return float(factors[np.argmax(likely)])
 
 
@@ -144,6 +151,8 @@ def _rounded(value: object) -> object:
         return {key: _rounded(one) for key, one in value.items()}
     if isinstance(value, (list, tuple)):
         return [_rounded(one) for one in value]
+    if isinstance(value, int):
+        return value
     return float(f"{value:.4g}")
 
 

@@ -43,6 +43,7 @@ _FLYING = 0.3  # of the usual speed: slower is on the ground
 _EDGE_S = 2.0  # left out after take-off and before touch-down
 _SLOWEST_M_S = 4.0  # slower is standing or taxiing, and no usual speed
 _MEASURED = {"airspeed": ("V", "indicated_airspeed"), "height": ("altitude", "baro_height")}
+_TINY = 1e-9  # of what never changes, as its means differ
 _BY_HAND = {"MANUAL", "ACRO", "TRAINING"}  # modes of ArduPlane and PX4 that follow no attitude
 
 
@@ -153,7 +154,7 @@ def relations_of(flight: FlightTable) -> Relations:
     found, cannot = [], []
     for surface, make in _MAKERS.items():
         try:
-            found.append(make(signals))
+            found.append(_alive(make(signals)))
         except MissingError as missing:
             cannot.append(f"{surface} not judged: {missing}")
     if not found:
@@ -161,6 +162,14 @@ def relations_of(flight: FlightTable) -> Relations:
     flying = signals.flying()
     kept = [one._replace(measured=np.where(flying, one.measured, np.nan)) for one in found]
     return Relations(signals.time_s, tuple(kept), tuple(cannot))
+
+
+def _alive(relation: Relation) -> Relation:
+    """Return a relation; MissingError if what it measures is of a sensor that is none."""
+    known = relation.measured[np.isfinite(relation.measured)]
+    if len(known) and not np.ptp(known) > _TINY:
+        raise MissingError(f"{relation.text}: the first never changes")
+    return relation
 
 
 class MissingError(Exception):
