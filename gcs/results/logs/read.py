@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from gcs.console.errors import BadInput
-from gcs.results.logs.judgement import shortcomings
+from gcs.results.logs.shortcomings import shortcomings
 from gcs.results.logs.table import FlightTable
 from gcs.results.store import TRAJECTORY
 from mavlink_defs.config.user_files import open_file
@@ -93,6 +93,6 @@ def _read(path: Path, kind: str | None, uav: int | None, columns: Path | None) -
             text = f"{path} is a folder without a recording"
             raise BadInput(f"{text}, expected a run folder or a log: {expected}")
         case _:
-            from gcs.results.logs.columns import read_columns
+            from gcs.results.logs.number_tables import read_columns
 
             return read_columns(path, kind, uav, columns)

@@ -12,9 +12,11 @@ import numpy as np
 from gcs.console.errors import BadInput
 from gcs.console.extras import TOOLS_PACKAGES, missing
 from gcs.results.logs.clocks import longest_stretch, utc
-from gcs.results.logs.heard import HeardSystem, layout_of, read_systems
+from gcs.results.logs.fields import rows
+from gcs.results.logs.reading import chosen_vehicle
 from gcs.results.logs.table import FlightTable, LogText, by_name
 from gcs.results.logs.telemetry_fields import ARDUPILOT, MESSAGES, PX4, message_channels
+from gcs.results.logs.telemetry_systems import HeardSystem, layout_of, read_systems
 from mavlink_defs import dialect
 from mavlink_defs.constants import MODE_NAMES
 from mavlink_defs.services.statustext import TextAssembler
@@ -35,10 +37,8 @@ def read_telemetry(path: Path, uav: int | None) -> FlightTable:
         BadInput: It cannot be read, is none, or has no such vehicle.
     """
     systems, remarks = read_systems(path)
-    chosen = _choose(path, systems, uav)
-    others = ", ".join(str(one) for one in sorted(systems) if one != chosen)
-    if others:
-        remarks.append(f"of system {chosen}; {others} are in it, too (--uav)")
+    chosen, others = _choose(path, systems, uav)
+    remarks += others
     heard = systems[chosen]
     clock = _Clock.of(heard, remarks)
     channels = by_name(
@@ -64,16 +64,13 @@ def read_telemetry(path: Path, uav: int | None) -> FlightTable:
     )
 
 
-def _choose(path: Path, systems: dict[int, HeardSystem], uav: int | None) -> int:
-    """Return the system to read, and leave ground stations out of the others."""
+def _choose(path: Path, systems: dict[int, HeardSystem], uav: int | None) -> tuple[int, list[str]]:
+    """As `chosen_vehicle`, which no ground station is."""
     for system in list(systems):
         if systems[system].heartbeat.get("type") == dialect.MAV_TYPE_GCS:
             del systems[system]
     if not systems:
         raise BadInput(f"{path} has frames of ground stations only")
-    if uav is not None and uav not in systems:
-        known = ", ".join(map(str, sorted(systems)))
-        raise BadInput(f"--uav is {uav}, expected one of {known}, as in {path}")
 
     def attitudes(system: int) -> tuple[int, int]:
         kinds = systems[system].kinds
@@ -82,7 +79,7 @@ def _choose(path: Path, systems: dict[int, HeardSystem], uav: int | None) -> int
         ]
         return max(own, default=0), -system
 
-    return max(systems, key=attitudes) if uav is None else uav
+    return chosen_vehicle(path, systems, uav, max(systems, key=attitudes))
 
 
 class _Clock:
@@ -112,13 +109,13 @@ class _Clock:
         places = np.concatenate([heard.kinds[one].places for one in kinds])
         own = np.concatenate([np.asarray(heard.own_s(one)) for one in kinds])
         order = np.argsort(places, kind="stable")
-        stretch, jump = longest_stretch(own[order])
-        remarks += [jump] if jump else []
+        stretch, jumps = longest_stretch(own[order])
+        remarks += jumps
         rows = order[stretch]
         own = own[rows]
         begin = 0.0 if name == "simulated" else float(own.min())
         found = cls(name, heard.time_s[places[rows]], np.maximum.accumulate(own), begin)
-        found.has_jumped = bool(jump)
+        found.has_jumped = bool(jumps)
         return found
 
     def times(self, heard: HeardSystem, name: str) -> tuple[np.ndarray, str]:
@@ -174,13 +171,10 @@ def _texts(heard: HeardSystem, clock: _Clock) -> Iterator[LogText]:
     if "STATUSTEXT" not in heard.kinds:
         return
     time_s = clock.placed_in(heard.heard_s("STATUSTEXT"))
-    values, assembler = heard.values("STATUSTEXT"), TextAssembler()
-    columns = (values[name].tolist() for name in ("severity", "text", "id", "chunk_seq"))
-    for at, severity, text, number, chunk in zip(time_s.tolist(), *columns, strict=True):
-        if np.isnan(at):
-            continue
-        message = dialect.MAVLink_statustext_message(severity, text, number, chunk)
-        for one in assembler.receive(message, at):
+    values, assembler = {**heard.values("STATUSTEXT"), "time_s": time_s}, TextAssembler()
+    for at, *fields in rows(values, "time_s", "severity", "text", "id", "chunk_seq"):
+        message = dialect.MAVLink_statustext_message(*fields)
+        for one in assembler.receive(message, at) if np.isfinite(at) else ():
             yield LogText(at, one.severity, one.text)
 
 

@@ -14,8 +14,8 @@ from gcs.results.logs.fields import (
     with_angles,
     with_course,
 )
-from gcs.results.logs.heard import HeardSystem
 from gcs.results.logs.table import LogChannel
+from gcs.results.logs.telemetry_systems import HeardSystem
 from gcs.results.quantities import QUANTITIES
 from mavlink_defs import dialect
 

@@ -119,10 +119,16 @@ def test_bytes_that_are_no_message_are_told(path: Path) -> None:
 
 
 def test_a_second_boot_in_a_log_is_told(path: Path) -> None:
-    log = fly(fly(described(), 3.0, 90_000_000), 8.0)
-    flight = read_flight(log.save(path))
+    log = described()
+    log.add("MODE", 91_000_000, 0, 0, 1)
+    fly(log, 3.0, 90_000_000)
+    log.add("MODE", BOOT_US + 1_000_000, 10, 10, 1)
+    flight = read_flight(fly(log, 8.0).save(path))
     assert flight.duration_s == pytest.approx(7.98, abs=0.03)
     assert any("the clock jumps by -8" in one for one in flight.remarks)
+    assert flight.modes == ((1.0, "AUTO"),)  # and not by hand, as in the first one
+    assert flight.started is not None
+    assert flight.started.isoformat() == "2024-02-03T23:59:43+00:00"
 
 
 @pytest.mark.parametrize(

@@ -119,7 +119,7 @@ def test_our_fleet_is_by_simulated_time_and_one_vehicle_is_chosen() -> None:
     known = np.isfinite(error)
     logged = flight["error_roll"].at(flight["roll"].time_s[known])
     assert error[known] == pytest.approx(logged, abs=2e-3)
-    assert "of system 2; 1, 3 are in it, too (--uav)" in flight.remarks
+    assert "of UAV 2; it has 1, 3, too (--uav)" in flight.remarks
     with pytest.raises(BadInput, match="--uav is 9, expected one of 1, 2, 3"):
         read_flight(DATA / "dashboard" / "flight.tlog", uav=9)
 
