@@ -131,8 +131,12 @@ def _draw(output: Path, watched: "Mapping[Surface, Watched]", diagnosis: "Diagno
     from ftc_lab.figures.diagnosis import draw_diagnosis
 
     make_folder(output.parent, "--out")
-    with complete_file(output) as file:
-        draw_diagnosis(watched, diagnosis).savefig(file, format=output.suffix[1:])
+    try:
+        with complete_file(output) as file:
+            draw_diagnosis(watched, diagnosis).savefig(file, format=output.suffix[1:])
+    except OSError as problem:  # whose status would be as of a fault that is found
+        text = f"cannot write {output}: {problem.strerror}"
+        raise BadInput(text, "choose another with --out") from None
 
 
 def _json(

@@ -11,6 +11,7 @@ lists, and from no others. The second line flies so many flights of our own, for
 a model of the aircraft.
 """
 
+import json
 import sys
 from pathlib import Path
 from typing import NamedTuple
@@ -140,20 +141,11 @@ def main() -> None:
             )
     path = Path(__file__).with_name(LEARNT)
     content = yaml.safe_load(path.read_text(encoding="utf-8")) if path.exists() else {}
-    shown = _rounded(learnt_from(examples).model_dump())
+    exact = learnt_from(examples).model_dump_json()
+    shown = json.loads(exact, parse_float=lambda number: float(f"{float(number):.4g}"))
     content[examples[0].relations.pace.kind] = {"learnt": shown, "flights": flights}
     text = _HEADER + yaml.safe_dump(content, sort_keys=True)
     path.write_text(text, encoding="utf-8")
-
-
-def _rounded(value: object) -> object:
-    if isinstance(value, dict):
-        return {key: _rounded(one) for key, one in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_rounded(one) for one in value]
-    if isinstance(value, int):
-        return value
-    return float(f"{value:.4g}")
 
 
 if __name__ == "__main__":

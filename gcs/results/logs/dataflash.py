@@ -7,7 +7,7 @@ a time. Messages and units are as in ArduPilot 4.6, https://ardupilot.org/plane/
 import contextlib
 import io
 from collections.abc import Iterator
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ import numpy as np
 from gcs.console.errors import BadInput
 from gcs.console.extras import TOOLS_PACKAGES, check_packages
 from gcs.results.logs import names
-from gcs.results.logs.clocks import longest_span
+from gcs.results.logs.clocks import longest_span, utc
 from gcs.results.logs.fields import (
     Fields,
     Values,
@@ -34,7 +34,8 @@ from mavlink_defs.visible import visible
 
 _HEADER = 3  # bytes of a message before its fields
 _INFO, _ERROR = 6, 3
-_GPS_EPOCH = datetime(1980, 1, 6, tzinfo=UTC)
+_GPS_EPOCH_S = datetime(1980, 1, 6, tzinfo=UTC).timestamp()
+_WEEK_S = 604_800.0
 _LEAP_S = 18  # of GPS time before UTC, since 2017
 _KINDS = {"ArduPlane": 1, "ArduCopter": 2, "ArduRover": 10, "ArduSub": 12}  # MAV_TYPE
 
@@ -164,8 +165,7 @@ def _started(gps: Values) -> datetime | None:
     """Return when the flight's time was 0, by the first message with GPS time."""
     for at, week, ms in rows(gps, "time_s", "GWk", "GMS"):
         if week > 0:
-            since_0 = timedelta(weeks=week, milliseconds=ms, seconds=-_LEAP_S - at)
-            return _GPS_EPOCH + since_0
+            return utc(_GPS_EPOCH_S + _WEEK_S * week + ms / 1e3 - _LEAP_S - at)
     return None
 
 
@@ -211,10 +211,11 @@ class _Messages:
         found: dict[str, np.ndarray] = {}
         stored, of = self._rows(name)
         for column, scale in zip(of.columns, of.msg_mults, strict=False) if of else ():
-            if stored.dtype[column].kind in "iuf":
-                found[column] = stored[column] * (scale or 1.0)
-            elif column in _TEXTS:
+            kind = stored.dtype[column].kind
+            if column in _TEXTS and kind == "S":
                 found[column] = stored[column]
+            elif column not in _TEXTS and kind in "iuf":
+                found[column] = stored[column] * (scale or 1.0)
         for field, unit_s in (("TimeUS", 1e-6), ("TimeMS", 1e-3)):
             if field in found:
                 return {**found, "time_s": found[field] * unit_s}
@@ -224,7 +225,10 @@ class _Messages:
         of = self._formats.get(name)
         if of is None:
             return np.empty(0), None
-        dtype = np.dtype(list(zip(of.columns, map(_numpy_type, of.format), strict=False)))
+        types = list(zip(of.columns, map(_numpy_type, of.format), strict=False))
+        if len({name for name, _ in types if name}) < len(types):  # of a damaged format
+            return np.empty(0), None
+        dtype = np.dtype(types)
         at = np.asarray(self._offsets[of.type], np.int64)
         at = at[at + of.len <= len(self._data)]
         if dtype.itemsize != of.len - _HEADER or not len(at):

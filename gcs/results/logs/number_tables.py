@@ -185,8 +185,7 @@ def _of_parquet(path: Path) -> _Columns:
     from pyarrow import parquet
 
     with reading(path, "is no Parquet file"), open_file(path) as file:
-        table = parquet.read_table(file)
-    return _of_table(table)
+        return _of_table(parquet.read_table(file))
 
 
 def _of_table(table: "pa.Table") -> _Columns:

@@ -4,6 +4,8 @@ import contextlib
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from gcs.console.errors import BadInput
 from gcs.results.logs.shortcomings import shortcomings
 from gcs.results.logs.table import FlightTable
@@ -66,7 +68,8 @@ def read_flight(path: Path, uav: int | None = None, columns: Path | None = None)
         raise BadInput(f"--columns is of tables: csv, parquet and mat, and {path} is none")
     if uav is not None and kind in {"bin", "ulg"}:
         raise BadInput(f"--uav is {uav}, and {path} is of one vehicle", "leave it out")
-    flight = _read(path, kind, uav, columns)
+    with np.errstate(all="ignore"):  # of damaged numbers
+        flight = _read(path, kind, uav, columns)
     return replace(flight, remarks=(*flight.remarks, *shortcomings(flight)))
 
 

@@ -178,7 +178,7 @@ def read_ulog(path: Path) -> FlightTable:
 
 def _texts(log: Any, zero_s: float) -> Iterator[LogText]:
     for one in log.logged_messages:
-        level = one.log_level - ord("0")
+        level = min(max(one.log_level - ord("0"), 0), 7)
         yield LogText(one.timestamp / 1e6 - zero_s, level, visible(one.message.strip()))
 
 

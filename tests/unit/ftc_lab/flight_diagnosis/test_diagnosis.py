@@ -15,7 +15,7 @@ from ftc_lab.commands.diagnose import diagnose
 from ftc_lab.flight_diagnosis.decisions import Diagnosis, diagnose_flight, learnt, watch
 from ftc_lab.flight_diagnosis.examples import example_of
 from ftc_lab.flight_diagnosis.learn import learnt_from
-from ftc_lab.flight_diagnosis.relations import SURFACES, Relations, relations_of
+from ftc_lab.flight_diagnosis.relations import SURFACES, Relations, Surface, relations_of
 from gcs.console.errors import BadInput
 from gcs.results.logs.table import FlightTable, by_name, channel
 
@@ -161,6 +161,52 @@ def test_a_signal_that_comes_once_a_second_is_not_judged_by() -> None:
     assert "p is renewed 1.0 times a second, expected 1.5" in str(refused.value.hint)
 
 
+@pytest.mark.parametrize("surface", ["aileron", "elevator"])
+def test_a_command_that_is_held_for_seconds_is_one(surface: str) -> None:
+    signals = flown(surface)
+    held = np.random.default_rng(1).uniform(-0.3, 0.3, 22).repeat(50)
+    for name in ("roll", "pitch"):
+        error = signals.pop(f"error_{name}")
+        signals |= {name: error + held, f"reference_{name}": held}
+    diagnosis = judged(table(signals))
+    assert diagnosis.cannot == ()
+    assert diagnosis.finding is not None
+    assert diagnosis.finding.surface == surface
+
+
+@pytest.mark.parametrize(
+    ("surface", "angle", "rate"), [("aileron", "roll", "p"), ("elevator", "pitch", "q")]
+)
+def test_a_rate_that_is_fed_forward_is_predicted(surface: Surface, angle: str, rate: str) -> None:
+    signals = flown(None)
+    commanded = 0.4 * np.sin(0.05 * signals["time_s"] ** 1.5)
+    actual = commanded + 0.01 * np.random.default_rng(1).normal(size=len(commanded))
+    signals |= {angle: actual, f"reference_{angle}": commanded}
+    signals[rate] = np.gradient(commanded, signals["time_s"])
+    del signals[f"error_{angle}"]
+    one = watch(relations_of(table(signals)))[surface]
+    judged_at = one.residuals.weight > 0.0
+    left = np.std(one.residuals.residual[judged_at])
+    assert left < 0.2 * np.std(one.relation.measured[judged_at])
+
+
+def test_a_number_that_is_damaged_is_no_evidence() -> None:
+    signals = flown(None)
+    signals["p"][600], signals["specific_force_y"][700] = 1e200, -3e33
+    assert judged(table(signals)).finding is None
+
+
+def test_a_step_of_the_airspeed_that_is_commanded_is_no_acceleration() -> None:
+    signals = flown(None)
+    changed = signals["error_airspeed"] - 4.0 * (signals["time_s"] > FAULT_S)
+    engines = [
+        next(one for one in relations_of(table(each)).relations if one.surface == "engine")
+        for each in (signals, signals | {"error_airspeed": changed})
+    ]
+    assert engines[0].measured == pytest.approx(engines[1].measured, nan_ok=True)
+    assert engines[0].terms[-1, 1] - engines[1].terms[-1, 1] == pytest.approx(4.0)
+
+
 def test_a_gap_is_left_out_and_not_bridged() -> None:
     signals = flown(None)
     kept = (signals["time_s"] < 50.0) | (signals["time_s"] > 57.0)
@@ -278,10 +324,20 @@ def test_what_is_not_judged_and_who_is_left_out_is_said(tmp_path: Path) -> None:
     assert "of UAV 1; it has 2, too (--uav)" in done.stderr
 
 
-def test_of_a_short_flight_nothing_is_claimed(tmp_path: Path) -> None:
-    done = _run(str(_written(tmp_path / "short.csv", flown(None, length_s=15.0))))
+@pytest.mark.parametrize("length_s", [0.4, 15.0])
+def test_of_a_short_flight_nothing_is_claimed(length_s: float, tmp_path: Path) -> None:
+    done = _run(str(_written(tmp_path / "short.csv", flown(None, length_s=length_s))))
     assert isinstance(done.exception, BadInput)
     assert "short.csv is too short" in str(done.exception)
+
+
+def test_a_picture_that_cannot_be_written_is_no_fault_that_was_found(tmp_path: Path) -> None:
+    full = tmp_path / "full.png"
+    full.symlink_to("/dev/full")
+    flight = _written(tmp_path / "flight.csv", flown(None, length_s=40.0))
+    done = _run(str(flight), "--out", str(full))
+    assert isinstance(done.exception, BadInput)  # status 2; 1 is of a fault
+    assert str(done.exception) == f"cannot write {full}: No space left on device"
 
 
 @pytest.mark.parametrize(

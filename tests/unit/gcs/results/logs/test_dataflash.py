@@ -118,6 +118,29 @@ def test_bytes_that_are_no_message_are_told(path: Path) -> None:
     assert any("bytes between its messages are none" in one for one in flight.remarks)
 
 
+@pytest.mark.parametrize(
+    ("whole", "damaged"),
+    [
+        (b"TimeUS,Message", b"TimeUS,TimeUS\0"),  # two fields of one name
+        (b"TimeUS,Mode,", b"TimeUS,,ode,"),  # one without a name
+        (b"TimeUS,Subsys", b"TimeXX,Subsys"),  # no time
+        (b"\x00\x00\x00\x3f", b"\x01\x00\xa0\x7f"),  # no number: a signalling NaN
+    ],
+)
+def test_what_is_damaged_does_not_reach_the_rest(whole: bytes, damaged: bytes, path: Path) -> None:
+    log = described()
+    log.add("MSG", BOOT_US, b"ArduPlane V4.6.0 (x)")
+    log.add("MODE", BOOT_US, 10, 10, 1)
+    log.add("ERR", BOOT_US, 11, 2)
+    fly(log).save(path)
+    data = path.read_bytes()
+    assert whole in data
+    path.write_bytes(data.replace(whole, damaged))
+    flight = read_flight(path)
+    assert flight.duration_s == pytest.approx(9.98)
+    assert len(flight["p"].values) >= 499
+
+
 def test_a_second_boot_in_a_log_is_told(path: Path) -> None:
     log = described()
     log.add("MODE", 91_000_000, 0, 0, 1)

@@ -166,10 +166,12 @@ def test_a_damaged_time_or_number_does_not_reach_the_others(tmp_path: Path) -> N
         place = places[list(FIELDS).index(topic)]
         data[place + 5] = 7  # 90 days later
     data[places[list(FIELDS).index("actuator_outputs")] + 8 + 1] = 9  # thousands of outputs
+    data[data.index(b"Low battery") - 9] = 0xFF  # of no level
     path.write_bytes(data)
     flight = read_flight(path)
     assert flight.duration_s == pytest.approx(3.98)
     assert "output_2" in flight
+    assert [one.severity for one in flight.texts] == [7]
 
 
 def test_a_log_that_is_cut_off_is_read_up_to_there(tmp_path: Path) -> None:
