@@ -154,22 +154,6 @@ def test_a_second_boot_in_a_log_is_told(path: Path) -> None:
     assert flight.started.isoformat() == "2024-02-03T23:59:43+00:00"
 
 
-@pytest.mark.parametrize(
-    ("content", "problem"),
-    [
-        (b"", "is empty"),
-        (b"a text" * 20, "is no log of ArduPilot"),
-        (b"\xa3\x95", "has no message of a flight"),
-        (b"\xa3\x95\x80" + bytes(300), "has no message of a flight|is a broken log"),
-    ],
-)
-def test_what_is_no_log_is_refused_in_a_line(content: bytes, problem: str, path: Path) -> None:
-    path.write_bytes(content)
-    with pytest.raises(BadInput, match=problem) as refused:
-        read_flight(path)
-    assert "\n" not in str(refused.value)
-
-
 def test_a_log_without_a_flight_is_refused(path: Path) -> None:
     log = described()
     log.add("PARM", BOOT_US, b"SERVO1_MIN", 1100.0)

@@ -194,22 +194,6 @@ def test_parameters(tmp_path: Path) -> None:
     assert flight.parameters == {"WHOLE": 7.0, "REAL": 1.5}
 
 
-@pytest.mark.parametrize(
-    ("content", "problem"),
-    [
-        (b"", "no MAVLink frame in it"),
-        (b"\0" * 8 + b"\xfd", "cut off"),
-        (b"# a text, and no log of anything\n" * 9, "no MAVLink frame at byte 8"),
-    ],
-)
-def test_what_is_no_log_is_refused_in_a_line(content: bytes, problem: str, tmp_path: Path) -> None:
-    path = tmp_path / "a.tlog"
-    path.write_bytes(content)
-    with pytest.raises(BadInput, match=problem) as refused:
-        read_flight(path)
-    assert "\n" not in str(refused.value)
-
-
 def test_a_log_of_stations_or_without_a_flight_is_refused(tmp_path: Path) -> None:
     station = [(0.1 * k, heartbeat(0, 8, dialect.MAV_TYPE_GCS)) for k in range(9)]
     with pytest.raises(BadInput, match="ground stations only"):

@@ -179,23 +179,6 @@ def test_a_log_that_is_cut_off_is_read_up_to_there(tmp_path: Path) -> None:
     assert 1.5 < flight.duration_s < 3.0
 
 
-@pytest.mark.parametrize(
-    ("content", "problem"),
-    [
-        (b"", "is empty"),
-        (b"a text" * 20, "is no ULog file"),
-        (b"ULog\x01\x12\x35", "is a broken ULog file|no topic of a flight"),
-        (b"ULog\x01\x12\x35" + bytes(200), "is a broken ULog file|no topic of a flight"),
-    ],
-)
-def test_what_is_no_log_is_refused_in_a_line(content: bytes, problem: str, tmp_path: Path) -> None:
-    path = tmp_path / "a.ulg"
-    path.write_bytes(content)
-    with pytest.raises(BadInput, match=problem) as refused:
-        read_flight(path)
-    assert "\n" not in str(refused.value)
-
-
 def test_without_pyulog_it_says_what_brings_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
