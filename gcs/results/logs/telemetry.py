@@ -5,6 +5,8 @@ messages without one are placed by what was heard around them.
 """
 
 from collections.abc import Iterator, Mapping
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
@@ -73,11 +75,8 @@ def _choose(path: Path, systems: dict[int, HeardSystem], uav: int | None) -> tup
         raise BadInput(f"{path} has frames of ground stations only")
 
     def attitudes(system: int) -> tuple[int, int]:
-        kinds = systems[system].kinds
-        own = [
-            len(kinds[name].places) for name in ("ATTITUDE", "ATTITUDE_QUATERNION") if name in kinds
-        ]
-        return max(own, default=0), -system
+        kinds = [systems[system].kinds.get(f"ATTITUDE{one}") for one in ("", "_QUATERNION")]
+        return max(len(one.places) for one in kinds if one) if any(kinds) else 0, -system
 
     return chosen_vehicle(path, systems, uav, max(systems, key=attitudes))
 
@@ -130,15 +129,15 @@ class _Clock:
             own = own + np.nanmedian(placed + self._begin - own)
         return np.where(np.isfinite(placed), own - self._begin, np.nan), self.name
 
-    def placed(self, heard_s: np.ndarray) -> np.ndarray:
-        """Return the flight's time when something was heard [s]; NaN before and after."""
-        return self._placed(heard_s, np.nan)
+    def placed(self, heard_s: np.ndarray, *, whole: bool = False) -> np.ndarray:
+        """Return the flight's time when something was heard [s].
 
-    def placed_in(self, heard_s: np.ndarray) -> np.ndarray:
-        """Return the same of what has no other time: before and after at the flight's ends."""
-        return self._placed(heard_s, np.nan if self.has_jumped else None)
-
-    def _placed(self, heard_s: np.ndarray, ends: float | None) -> np.ndarray:
+        Args:
+            heard_s: When, shape (n,) [s].
+            whole: What is before and after is at the flight's ends, unless the clock jumps; else it
+                is NaN.
+        """
+        ends = None if whole and not self.has_jumped else np.nan
         order = np.argsort(self._heard, kind="stable")
         own = self._own[order] - self._begin
         return np.asarray(np.interp(heard_s, self._heard[order], own, ends, ends))
@@ -147,13 +146,12 @@ class _Clock:
 def _modes(heard: HeardSystem, clock: _Clock) -> Iterator[tuple[float, str]]:
     if "HEARTBEAT" not in heard.kinds:
         return
-    numbers = heard.values("HEARTBEAT")["custom_mode"]
-    time_s = clock.placed_in(heard.heard_s("HEARTBEAT"))
-    at, numbers = time_s[np.isfinite(time_s)], numbers[np.isfinite(time_s)].astype(int)
-    last = np.append(np.diff(at) > 0.0, True)[: len(at)]  # of several at one time
-    at, numbers = at[last], numbers[last]
-    for k in np.flatnonzero(np.append(True, np.diff(numbers) != 0)[: len(at)]).tolist():
-        yield float(at[k]), _mode_name(int(numbers[k]), heard.heartbeat)
+    time_s = clock.placed(heard.heard_s("HEARTBEAT"), whole=True).tolist()
+    numbers = heard.values("HEARTBEAT")["custom_mode"].tolist()
+    last_of = dict(zip(time_s, numbers, strict=True))  # several are at one time
+    known = ((at, number) for at, number in last_of.items() if np.isfinite(at))
+    for number, same in groupby(known, itemgetter(1)):
+        yield next(same)[0], _mode_name(number, heard.heartbeat)
 
 
 def _mode_name(number: int, heartbeat: Mapping[str, int]) -> str:
@@ -170,7 +168,7 @@ def _mode_name(number: int, heartbeat: Mapping[str, int]) -> str:
 def _texts(heard: HeardSystem, clock: _Clock) -> Iterator[LogText]:
     if "STATUSTEXT" not in heard.kinds:
         return
-    time_s = clock.placed_in(heard.heard_s("STATUSTEXT"))
+    time_s = clock.placed(heard.heard_s("STATUSTEXT"), whole=True)
     values, assembler = {**heard.values("STATUSTEXT"), "time_s": time_s}, TextAssembler()
     for at, *fields in rows(values, "time_s", "severity", "text", "id", "chunk_seq"):
         message = dialect.MAVLink_statustext_message(*fields)

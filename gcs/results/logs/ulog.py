@@ -7,6 +7,8 @@ import contextlib
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from datetime import datetime
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -237,11 +239,8 @@ def _events(values: Values) -> Iterator[LogChannel | None]:
 
 
 def _modes(status: Values) -> Iterator[tuple[float, str]]:
-    last = None
-    for at, state in rows(status, "time_s", "nav_state"):
-        if state != last:
-            yield at, _MODES.get(state, f"mode {state}")
-        last = state
+    for state, same in groupby(rows(status, "time_s", "nav_state"), itemgetter(1)):
+        yield next(same)[0], _MODES.get(state, f"mode {state}")
 
 
 def _started(logged: Mapping[str, Values]) -> datetime | None:
