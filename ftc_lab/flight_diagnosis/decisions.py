@@ -139,7 +139,7 @@ class Watched(NamedTuple):
 
 
 def watch(relations: Relations) -> dict[Surface, Watched]:
-    """Learn the relations of a flight along it, and test those of which enough can be learnt."""
+    """Learn the relations of a flight along it, and test each of which enough is learnt."""
     found = {one.surface: (one, residuals_of(one)) for one in relations.relations}
     return {
         surface: Watched(*both, evidence_of(*both))
