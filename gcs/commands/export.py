@@ -52,6 +52,9 @@ def export(
     if run.is_file() and kind_of(run) not in {"recording", None}:
         _export_log(run, to, out or run.parent, uav, columns)
         return
+    if uav is not None or columns is not None:
+        option = "--columns" if uav is None else "--uav"
+        raise BadInput(f"{option} is of logs, and {run} is a run folder", "leave it out")
     folder = out or run
     if out is not None:
         make_folder(out)
