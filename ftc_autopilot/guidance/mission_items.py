@@ -5,7 +5,7 @@ of them. Positions are north and east of the origin and height above it [m].
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple, TypeAlias
 
 from ftc_autopilot.common.geography import Origin
@@ -41,8 +41,10 @@ GROUND_DELAY = dialect.MAV_CMD_NAV_DELAY
 WAYPOINTS = {WAYPOINT} | FLOWN_STRAIGHT
 PLACES = WAYPOINTS | {LOITER, LOITER_TURNS, LOITER_TIME, LOITER_TO_ALT, RETURN, LAND}
 """Commands that lead to a place."""
+_ROUND = {WAYPOINT, LOITER, LOITER_TURNS, LOITER_TIME, LOITER_TO_ALT}
+"""Commands with a radius."""
 JUMPS = {JUMP, JUMP_TO_TAG}
-COMMANDS = PLACES | JUMPS | {TAKEOFF, GROUND_DELAY, SPEED, DELAY, DISTANCE, SET_HOME}
+COMMANDS = PLACES | JUMPS | {TAKEOFF, GROUND_DELAY, SPEED, DELAY, DISTANCE, SET_HOME} | ANNOUNCED
 """All that a path is made of."""
 UNCHANGED, DEFAULT = -1.0, -2.0
 """Speeds of DO_CHANGE_SPEED that are none."""
@@ -165,7 +167,7 @@ def decode_items(
         if item.seq != seq:
             text = f"it is at place {seq}, but has number {item.seq}"
             raise ItemError(seq, dialect.MAV_MISSION_INVALID_SEQUENCE, text)
-        if item.command not in COMMANDS | ANNOUNCED:
+        if item.command not in COMMANDS:
             raise ItemError(seq, dialect.MAV_MISSION_UNSUPPORTED, refusal(item.command))
         on_ground = item.command in {TAKEOFF, GROUND_DELAY}
         if on_ground and any(t.item.command in PLACES for t in targets):
@@ -191,35 +193,44 @@ _Check: TypeAlias = tuple[int, str, bool, str]
 
 def _check_params(item: MissionItem, limits: FlightLimits, last: int, tags: set[float]) -> None:
     """Refuse params that cannot be flown; `last`: number of the last item; `tags`: that it has."""
-    low, high = limits.slowest_m_s, limits.fastest_m_s
-    p1, p2 = param(item, 1), param(item, 2)
-    within = (2, "acceptance radius", not p2 < 0.0, ">= 0 m")
-    radius = (3, "radius", abs(param(item, 3)) <= ANYWHERE_M, f"at most {ANYWHERE_M:g} m")
-    seconds = (0.0 <= p1 <= _MAX_S, f"0 to {_MAX_S} s")
-    jumps = (2, "jumps", p2 in range(-1, _MAX_TURNS + 1), f"-1 (always) to {_MAX_TURNS}")
-    known = ", ".join(f"{tag:g}" for tag in sorted(tags)) or "one of a JUMP_TAG (600)"
-    fast = (low <= p2 <= high or p2 in {UNCHANGED, DEFAULT}, f"{low:g} to {high:g} m/s")
-    checks: dict[int, list[_Check]] = {
-        WAYPOINT: [within, radius],
-        LOITER: [radius],
-        LOITER_TURNS: [(1, "turns", 0.0 < p1 <= _MAX_TURNS, f"1 to {_MAX_TURNS}"), radius],
-        LOITER_TIME: [(1, "time", *seconds), radius],
-        LOITER_TO_ALT: [(2, "radius", abs(p2) <= ANYWHERE_M, f"at most {ANYWHERE_M:g} m")],
-        # the aircraft holds airspeeds, whatever the type
-        SPEED: [
-            (1, "speed type", p1 in {0.0, 1.0}, "0 (airspeed) or 1 (ground speed)"),
-            (2, "speed", *fast),
-        ],
-        DELAY: [(1, "delay", *seconds)],
-        DISTANCE: [(1, "distance", 0.0 <= p1 <= ANYWHERE_M, f"0 to {ANYWHERE_M:g} m")],
-        JUMP: [(1, "jump to item", p1 in range(1, last + 1), f"1 to {last}"), jumps],
-        JUMP_TO_TAG: [(1, "jump to tag", p1 in tags, known), jumps],
-        SET_HOME: [(1, "use of the present place", p1 in {0.0, 1.0}, "0 or 1")],
-    }
-    for number, name, good, expected in checks.get(item.command, []):
+    for number, name, good, expected in _checks_of(item, limits, last, tags):
         if not good:
             text = f"{name} {_param(item, number):g}, must be {expected}"
             raise ItemError(item.seq, dialect.MAV_MISSION_INVALID_PARAM1 + number - 1, text)
+
+
+def _checks_of(
+    item: MissionItem, limits: FlightLimits, last: int, tags: set[float]
+) -> Iterator[_Check]:
+    command, p1, p2 = item.command, param(item, 1), param(item, 2)
+    if command == WAYPOINT:
+        yield 2, "acceptance radius", not p2 < 0.0, ">= 0 m"
+    elif command == LOITER_TURNS:
+        yield 1, "turns", 0.0 < p1 <= _MAX_TURNS, f"1 to {_MAX_TURNS}"
+    elif command in {LOITER_TIME, DELAY}:
+        name = "delay" if command == DELAY else "time"
+        yield 1, name, 0.0 <= p1 <= _MAX_S, f"0 to {_MAX_S} s"
+    elif command == SPEED:  # the aircraft holds airspeeds, whatever the type
+        yield 1, "speed type", p1 in {0.0, 1.0}, "0 (airspeed) or 1 (ground speed)"
+        low, high = limits.slowest_m_s, limits.fastest_m_s
+        good = low <= p2 <= high or p2 in {UNCHANGED, DEFAULT}
+        yield 2, "speed", good, f"{low:g} to {high:g} m/s"
+    elif command == DISTANCE:
+        yield 1, "distance", 0.0 <= p1 <= ANYWHERE_M, f"0 to {ANYWHERE_M:g} m"
+    elif command == SET_HOME:
+        yield 1, "use of the present place", p1 in {0.0, 1.0}, "0 or 1"
+    elif command == JUMP:
+        yield 1, "jump to item", p1 in range(1, last + 1), f"1 to {last}"
+    elif command == JUMP_TO_TAG and p1 not in tags:
+        known = ", ".join(f"{tag:g}" for tag in sorted(tags)) or "one of a JUMP_TAG (600)"
+        yield 1, "jump to tag", False, known
+    if command in JUMPS:
+        good = p2 in range(-1, _MAX_TURNS + 1)
+        yield 2, "jumps", good, f"-1 (always) to {_MAX_TURNS}"
+    elif command in _ROUND:
+        number = 2 if command == LOITER_TO_ALT else 3
+        good = abs(param(item, number)) <= ANYWHERE_M
+        yield number, "radius", good, f"at most {ANYWHERE_M:g} m"
 
 
 def _placed(

@@ -260,18 +260,20 @@ class _Builder:
             way = approach(self._pose, circle, abs(left.radius), side)
             if way is not None:
                 return way
-        wide, tight = (
-            radius_of(target.fastest, self._limits) for radius_of in (turn_radius, tightest_turn)
-        )
-        ways = [approach(self._pose, circle, radius) for radius in (wide, tight)]
+        wide = turn_radius(target.fastest, self._limits)
+
+        def loops(way: Sequence[Leg]) -> float:
+            return sum(leg.length_m for leg in way) // (math.pi * wide)
+
+        first = approach(self._pose, circle, wide)
+        if first is not None and loops(first) == 0.0:
+            return first
+        # a tighter turn may save a loop
+        ways = [first, approach(self._pose, circle, tightest_turn(target.fastest, self._limits))]
         if target.radius != 0.0:
             side = (math.copysign(1.0, target.radius),)
             ways.append(approach(self._pose, circle, abs(target.radius), side))
-        # the first one, unless it flies a loop that a tighter turn saves
-        return min(
-            (way for way in ways if way is not None),
-            key=lambda way: sum(leg.length_m for leg in way) // (math.pi * wide),
-        )
+        return min((way for way in ways if way is not None), key=loops)
 
     def _corner_radius(
         self, k: int, target: MissionTarget, corner: _Corner, length: float

@@ -1,6 +1,7 @@
 """From the items of a mission to the path that one aircraft flies."""
 
 import math
+from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
@@ -26,6 +27,7 @@ from mavlink_defs import dialect
 from mavlink_defs.mission_files import mission_item
 from mavlink_defs.profile import AirspeedLimits, ItemError
 from mavlink_defs.services.mission import MissionItem
+from mavlink_defs.services.mission_upload import content_of
 from sitl_plant.airframe.config import Aircraft
 from sitl_plant.airframe.rigid_body import R1
 from sitl_plant.vec3 import mul, norm, sub, vec3
@@ -36,6 +38,9 @@ _CLIMB_RESERVE_DEG = 5.0
 
 class Planner:
     """Makes the paths of one aircraft.
+
+    A mission that is changed in flight is checked, put in force and compared with the fence one
+    after the other, while nothing is controlled: the last two paths are kept for that.
 
     Attributes:
         airspeeds: Range of airspeeds on a path.
@@ -60,6 +65,7 @@ class Planner:
             runway: Its take-off and landing; None: neither is planned.
         """
         self._origin, self._in_formation = origin, formation is not None
+        self._made: deque[tuple[tuple[object, ...], np.void]] = deque(maxlen=2)
         own = limits_of(guidance, aircraft)
         self.airspeeds = AirspeedLimits(own.airspeed_min_m_s, own.airspeed_max_m_s)
         climb_deg = max(own.climb_max_deg - _CLIMB_RESERVE_DEG, 0.5 * own.climb_max_deg)
@@ -124,6 +130,17 @@ class Planner:
         Raises:
             ItemError: It cannot be flown.
         """
+        asked = start, home, first, *map(content_of, items[1:])
+        for of, path in self._made:
+            if of == asked:
+                return path
+        path = self._path(items, start, home, first)
+        self._made.append((asked, path))
+        return path
+
+    def _path(
+        self, items: Sequence[MissionItem], start: Start | None, home: Home, first: int
+    ) -> np.void:
         mission = decode_items(items, self._origin, home, self.limits)
         path = mission_path(mission, self.limits, home, start, first)
         if start is not None and start.stands and not path.marks.climb:
