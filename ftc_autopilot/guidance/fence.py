@@ -8,6 +8,7 @@ rests on one number, the clearance: the distance to the nearest edge, positive i
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -49,7 +50,7 @@ class FenceArea:
     Attributes:
         item: Number of its first item.
         stay_in: Whether it is an inclusion area.
-        corners: North and east of its corners, or of the centre of a circle, shape (k, 2) [m].
+        corners: North and east of its corners, shape (k, 2) [m]; a circle has one, its centre.
         radius: Of a circle; 0 for a polygon [m].
     """
 
@@ -58,16 +59,6 @@ class FenceArea:
     corners: np.ndarray
     radius: float = 0.0
 
-    def clearance(self, place: FencePlace) -> float:
-        """Return the distance to the edge, negative where one must not be [m]."""
-        north, east = place
-        if self.radius:
-            north_m, east_m = self.corners[0].tolist()
-            inside = self.radius - math.hypot(north - north_m, east - east_m)
-        else:
-            inside = _inside_by(self.corners, north, east)
-        return inside if self.stay_in else -inside
-
     @property
     def text(self) -> str:
         """What it is: "inclusion circle of item 3"."""
@@ -75,7 +66,8 @@ class FenceArea:
         return f"{kind} {'circle' if self.radius else 'polygon'} of item {self.item}"
 
 
-class Fence(NamedTuple):
+@dataclass(frozen=True)
+class Fence:
     """Areas, and where to go after a breach if the fence names a place; neither: no fence."""
 
     areas: tuple[FenceArea, ...] = ()
@@ -83,8 +75,51 @@ class Fence(NamedTuple):
 
     def nearest(self, place: FencePlace) -> tuple[float, FenceArea | None]:
         """Return the least clearance, and the area that has it; infinite without areas."""
-        found = [(area.clearance(place), area) for area in self.areas]
-        return min(found, key=lambda pair: pair[0], default=(math.inf, None))
+        if not self.areas:
+            return math.inf, None
+        clear = self.clearances(place)
+        nearest = int(clear.argmin())
+        return float(clear[nearest]), self.areas[nearest]
+
+    def clearances(self, place: FencePlace) -> np.ndarray:
+        """Return for each area the distance to its edge, negative where one must not be [m].
+
+        What is inside a polygon says the even-odd rule; around a circle's centre nothing is, and
+        its edge is a radius away from there. All edges are looked at in one go: a fence may have
+        hundreds of areas.
+        """
+        edges, sides, radii = self._edges
+        begin, end = edges.begin - place, edges.end - place
+        along = end - begin
+        share = np.clip(-(begin * along).sum(axis=1) / edges.squares, 0.0, 1.0)
+        distances = np.hypot(*(begin + share[:, None] * along).T)
+        turns = begin[:, 0] * along[:, 1] - begin[:, 1] * along[:, 0]
+        passes = (begin[:, 1] > 0.0) != (end[:, 1] > 0.0)  # the line to the north of the place
+        passed = np.add.reduceat(passes & (turns * along[:, 1] > 0.0), edges.first, dtype=int)
+        inside = np.where(passed % 2, 1.0, -1.0) * np.minimum.reduceat(distances, edges.first)
+        clear: np.ndarray = sides * (inside + radii)
+        return clear
+
+    @cached_property
+    def _edges(self) -> tuple["_Edges", np.ndarray, np.ndarray]:
+        """All edges, and of each area the sign of an inclusion area and the radius."""
+        lines = [area.corners for area in self.areas]
+        begin = np.concatenate(lines)
+        end = np.concatenate([np.roll(line, -1, axis=0) for line in lines])
+        squares = np.maximum(np.square(end - begin).sum(axis=1), np.finfo(float).tiny)
+        first = np.cumsum([0, *map(len, lines[:-1])])
+        sides = np.array([1.0 if area.stay_in else -1.0 for area in self.areas])
+        radii = np.array([area.radius for area in self.areas])
+        return _Edges(begin, end, squares, first), sides, radii
+
+
+class _Edges(NamedTuple):
+    """The edges of all areas, one after the other; the one of a circle is its centre."""
+
+    begin: np.ndarray  # [m]
+    end: np.ndarray  # [m]
+    squares: np.ndarray  # of their lengths, not 0 [m²]
+    first: np.ndarray  # number of the first edge of each area
 
 
 class RallyPoint(NamedTuple):
@@ -129,11 +164,12 @@ def decode_fence(items: Sequence[MissionItem], origin: Origin, home: Home | None
             text = f"command {item.command} is none of a fence"
             raise ItemError(item.seq, dialect.MAV_MISSION_UNSUPPORTED, text)
         at += 1
+    fence = Fence(tuple(areas), None if point is None else point[1])
     if home is not None:
-        _check_inside(areas, "home", (home.north_m, home.east_m))
+        _check_inside(fence, "home", (home.north_m, home.east_m))
     if point is not None:
-        _check_inside(areas, "the return point", point[1], point[0])
-    return Fence(tuple(areas), None if point is None else point[1])
+        _check_inside(fence, "the return point", point[1], point[0])
+    return fence
 
 
 def decode_rally(
@@ -262,31 +298,13 @@ def _check_frame(item: MissionItem) -> None:
         raise ItemError(item.seq, dialect.MAV_MISSION_UNSUPPORTED_FRAME, text)
 
 
-def _check_inside(
-    areas: Sequence[FenceArea], what: str, place: FencePlace, seq: int | None = None
-) -> None:
+def _check_inside(fence: Fence, what: str, place: FencePlace, seq: int | None = None) -> None:
     """Refuse a place that an area excludes: the item is `seq`, or the area's."""
-    for area in areas:
-        if (clear := area.clearance(place)) < 0.0:
-            by = f"{-clear:.0f} m"
-            text = f"{what} is {by} outside the {area.text}"
-            if not area.stay_in:
-                text = f"{what} is {by} within the {area.text}"
-            item = area.item if seq is None else seq
-            raise ItemError(item, dialect.MAV_MISSION_INVALID, text)
-
-
-def _inside_by(corners: np.ndarray, north: float, east: float) -> float:
-    """Return the distance from the edges of a polygon, positive inside by the even-odd rule [m]."""
-    begin = corners - np.array([north, east])
-    end = np.roll(begin, -1, axis=0)
-    along = end - begin
-    share = np.clip(-(begin * along).sum(axis=1) / np.square(along).sum(axis=1), 0.0, 1.0)
-    distance = float(np.hypot(*(begin + share[:, None] * along).T).min())
-    passes = (begin[:, 1] > 0.0) != (end[:, 1] > 0.0)  # the line to the north of the place
-    turns = begin[passes, 0] * along[passes, 1] - begin[passes, 1] * along[passes, 0]
-    is_inside = np.count_nonzero(turns * along[passes, 1] > 0.0) % 2
-    return distance if is_inside else -distance
+    clear, area = fence.nearest(place)
+    if area is not None and clear < 0.0:
+        where = f"{-clear:.0f} m {'outside' if area.stay_in else 'within'}"
+        text = f"{what} is {where} the {area.text}"
+        raise ItemError(area.item if seq is None else seq, dialect.MAV_MISSION_INVALID, text)
 
 
 def crossing_edges(corners: np.ndarray) -> tuple[int, int] | None:

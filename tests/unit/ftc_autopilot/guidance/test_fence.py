@@ -91,7 +91,8 @@ def test_clearance_is_the_distance_to_the_edge(
     assume(distances.min() > 1e-3)
     inside = abs(winding(corners, (north, east))) > math.pi
     expected = distances.min() if inside == stay_in else -distances.min()
-    found = FenceArea(0, stay_in, corners).clearance((north, east))
+    other = FenceArea(9, True, np.array([(0.0, 0.0)]), 1e5)  # far away
+    (found, _) = Fence((other, FenceArea(0, stay_in, corners), other)).nearest((north, east))
     assert math.copysign(1.0, found) == math.copysign(1.0, expected)
     assert found == pytest.approx(expected, abs=0.4)  # of two samples, half apart
 
@@ -100,7 +101,7 @@ def test_clearance_is_the_distance_to_the_edge(
 def test_clearance_of_a_circle(north: float, east: float, radius: float, stay_in: bool) -> None:
     area = FenceArea(0, stay_in, np.array([(3.0, -4.0)]), radius)
     inside = radius - math.dist((north, east), (3.0, -4.0))
-    assert area.clearance((north, east)) == pytest.approx(inside if stay_in else -inside)
+    assert Fence((area,)).nearest((north, east))[0] == pytest.approx(inside if stay_in else -inside)
 
 
 def share_a_point(a: Corners, b: Corners) -> bool:
@@ -218,7 +219,7 @@ def test_a_fence_is_all_inclusions_and_no_exclusion() -> None:
 def test_a_polygon_may_be_closed_by_its_first_corner() -> None:
     items = numbered(polygon([*SQUARE, SQUARE[0]]))
     (area,) = decode_fence(items, ORIGIN, Home()).areas
-    assert area.clearance((0.0, 0.0)) == pytest.approx(900.0, abs=0.1)
+    assert Fence((area,)).nearest((0.0, 0.0))[0] == pytest.approx(900.0, abs=0.1)
 
 
 def test_home_outside_is_no_matter_for_a_fence_that_was_accepted_before() -> None:
@@ -253,8 +254,8 @@ def test_a_path_that_leaves_is_noticed(north: float, east: float, radius: float)
     area = FenceArea(0, stay_in=False, corners=np.array([(north, east)]), radius=radius)
     end = float(path()["start"][path()["count"] - 1])  # of the way to the last circle
     points = [point_at(path(), s) for s in np.linspace(0.0, end, 3000)]
-    clear = np.array([area.clearance((p.north, p.east)) for p in points])
-    found = leaves_at(path(), lambda n, e, _: area.clearance((n, e)))
+    clear = np.array([Fence((area,)).nearest((p.north, p.east))[0] for p in points])
+    found = leaves_at(path(), lambda n, e, _: Fence((area,)).nearest((n, e))[0])
     if clear.min() < -10.0:
         assert found is not None
         assert found <= path()["item"][points[int(np.argmax(clear < -10.0))].leg]
