@@ -10,15 +10,17 @@ from typing import NamedTuple, TypeAlias
 
 from ftc_autopilot.common.geography import Origin
 from ftc_autopilot.guidance.limits import FlightLimits
-from ftc_autopilot.guidance.mission_commands import ANNOUNCED, FLOWN_STRAIGHT, TAG
+from ftc_autopilot.guidance.mission_commands import ANNOUNCED, FLOWN_STRAIGHT, PAYLOAD, TAG
 from ftc_autopilot.guidance.mission_places import (
     ANYWHERE_M,
+    RELATIVE_FRAMES,
     Home,
     check_height,
     height_of,
     north_east_of,
 )
 from mavlink_defs import dialect
+from mavlink_defs.config.problems import counted
 from mavlink_defs.constants import INT32_MAX
 from mavlink_defs.float32 import decimal_of_float32
 from mavlink_defs.profile import ItemError
@@ -49,6 +51,10 @@ COMMANDS = PLACES | JUMPS | {TAKEOFF, GROUND_DELAY, SPEED, DELAY, DISTANCE, SET_
 UNCHANGED, DEFAULT = -1.0, -2.0
 """Speeds of DO_CHANGE_SPEED that are none."""
 
+_TERRAIN_FRAMES = {
+    dialect.MAV_FRAME_GLOBAL_TERRAIN_ALT,
+    dialect.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT,
+}
 _MAX_TURNS = 1000
 _MAX_S = 86_400
 
@@ -86,6 +92,28 @@ def refusal(command: int) -> str:
     """Return why a command cannot be part of a path."""
     reason = _REASONS.get(command)
     return f"command {command} is not supported" + (f": {reason}" if reason else "")
+
+
+def remarks_on(items: Sequence[MissionItem]) -> Iterator[str]:
+    """Yield what is flown otherwise than the items of a mission, home included, may be meant."""
+    flown = items[1:]
+    low = [one.seq for one in flown if _height_over(items[0], one) <= 0.0]
+    if low:
+        more = f" and {len(low) - 1} more" if len(low) > 1 else ""
+        yield f"item {low[0]}{more} not above home: that is on the ground, if it is flat"
+    if number := sum(item.command in FLOWN_STRAIGHT for item in flown):
+        yield f"{counted(number, 'spline or arc')} flown as waypoint, on a line"
+    if number := sum(item.frame in _TERRAIN_FRAMES for item in flown):
+        yield f"{counted(number, 'altitude')} above terrain counted from home: the ground is flat"
+    if number := sum(item.command in PAYLOAD for item in flown):
+        yield f"{counted(number, 'payload command')} announced only"
+
+
+def _height_over(home: MissionItem, item: MissionItem) -> float:
+    """Return the height over home of a place in the air; infinite if none is given [m]."""
+    if item.command not in PLACES - {RETURN, LAND} or not has_place(item) or math.isnan(item.z):
+        return math.inf
+    return item.z if item.frame in RELATIVE_FRAMES else item.z - home.z
 
 
 class When(NamedTuple):

@@ -12,8 +12,7 @@ from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controller import restart_law
 from ftc_autopilot.control.controllers import NOT_STARTED, Controllers, ReferenceSource
 from ftc_autopilot.control.reference import profile_record
-from ftc_autopilot.guidance.mission_commands import remarks_on
-from ftc_autopilot.guidance.mission_items import is_path, refusal
+from ftc_autopilot.guidance.mission_items import is_path, refusal, remarks_on
 from ftc_autopilot.guidance.mission_places import Home
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.plugins.loading import calling

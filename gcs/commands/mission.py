@@ -9,7 +9,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from ftc_autopilot.guidance.mission_commands import remarks_on
+from ftc_autopilot.guidance.mission_items import remarks_on
 from ftc_autopilot.guidance.mission_places import home_item
 from gcs.commands import transfer
 from gcs.commands.mission_map import mission_map

@@ -4,7 +4,7 @@ import contextlib
 import warnings
 from collections.abc import Iterable, Iterator
 
-from ftc_autopilot.guidance.mission_commands import remarks_on
+from ftc_autopilot.guidance.mission_items import remarks_on
 from ftc_autopilot.plugins.loading import calling
 from gcs.scenario.fence import WatchedFence
 from gcs.scenario.model import Scenario

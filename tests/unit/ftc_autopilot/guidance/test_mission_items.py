@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from ftc_autopilot.common.geography import Origin, place_of, position_of
 from ftc_autopilot.guidance.limits import FlightLimits
-from ftc_autopilot.guidance.mission_commands import ANNOUNCED, command_text, remarks_on
-from ftc_autopilot.guidance.mission_items import MissionTarget, decode_items
+from ftc_autopilot.guidance.mission_commands import ANNOUNCED, command_text
+from ftc_autopilot.guidance.mission_items import MissionTarget, decode_items, remarks_on
 from ftc_autopilot.guidance.mission_places import Home
 from mavlink_defs import dialect
 from mavlink_defs.constants import INT32_MAX
@@ -211,6 +211,23 @@ def test_remarks_say_what_is_flown_otherwise() -> None:
         "1 altitude above terrain counted from home: the ground is flat",
         "1 payload command announced only",
     ]
+
+
+def test_a_place_on_the_ground_is_remarked_on_but_no_landing() -> None:
+    home = mission_item(0, 16, (), *HERE, 20.0, ABSOLUTE)
+    low = [item(16, z=0.0), item(18, z=20.0, frame=ABSOLUTE), item(21, z=0.0), item(20, z=0.0)]
+    high = [
+        item(16, z=1.0),
+        item(16, z=20.5, frame=ABSOLUTE),
+        mission_item(5, 17),
+        item(16, z=math.nan),
+    ]
+    assert not list(remarks_on((home, *high, *low[2:])))
+    assert list(remarks_on((home, *high, low[1]))) == [
+        "item 1 not above home: that is on the ground, if it is flat"
+    ]
+    (remark,) = remarks_on((home, *low))
+    assert remark.startswith("item 1 and 1 more not above home")
 
 
 @pytest.mark.parametrize(
