@@ -6,7 +6,7 @@ rests on one number, the clearance: the distance to the nearest edge, positive i
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple, TypeAlias
@@ -33,6 +33,7 @@ from mavlink_defs.plan_fence import CIRCLES, POLYGONS, RALLY_POINT, RETURN_POINT
 from mavlink_defs.profile import ItemError
 from mavlink_defs.services.mission import MissionItem
 
+_BOUNDARY = dialect.FENCE_BREACH_BOUNDARY
 _MIN_CORNERS = 3
 _MIN_AREA_M2 = 1.0
 _LOOK_M = 5.0
@@ -58,6 +59,11 @@ class FenceArea:
     stay_in: bool
     corners: np.ndarray
     radius: float = 0.0
+
+    @property
+    def where(self) -> str:
+        """Where one must not be: "outside" it or "within"."""
+        return "outside" if self.stay_in else "within"
 
     @property
     def text(self) -> str:
@@ -120,6 +126,97 @@ class _Edges(NamedTuple):
     end: np.ndarray  # [m]
     squares: np.ndarray  # of their lengths, not 0 [m²]
     first: np.ndarray  # number of the first edge of each area
+
+
+class FenceWatch(NamedTuple):
+    """A fence as it is watched.
+
+    Attributes:
+        fence: The areas.
+        parameters: Record of `fence_parameters.FenceRecords`.
+        home: What heights and the circle around home count from.
+        floor: Whether the least height counts.
+    """
+
+    fence: Fence
+    parameters: np.void
+    home: Home = Home()
+    floor: bool = True
+
+    @property
+    def kinds(self) -> int:
+        """What is watched, as of `FenceParameters.type`."""
+        return int(self.parameters["type"]) & ~(0 if self.floor else ALT_MIN)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is nothing to watch."""
+        kinds = self.kinds
+        return not (kinds & ~AREAS or (kinds & AREAS and self.fence.areas))
+
+    def at(self, place: tuple[float, float, float]) -> Iterator[tuple[int, float, str]]:
+        """Yield all that is watched: FENCE_BREACH, how far inside a place is, what if < 0.
+
+        Args:
+            place: North, east and height above the origin [m].
+        """
+        (north, east, height), home, p = place, self.home, self.parameters
+        above, kinds = height - home.height_m, self.kinds
+        if kinds & ALT_MIN:
+            low = float(p["alt_min_m"])
+            yield dialect.FENCE_BREACH_MINALT, above - low, f"below {low:g} m"
+        if kinds & ALT_MAX:
+            high = float(p["alt_max_m"])
+            yield dialect.FENCE_BREACH_MAXALT, high - above, f"above {high:g} m"
+        if kinds & AROUND_HOME:
+            radius = float(p["radius_m"])
+            inside = radius - math.hypot(north - home.north_m, east - home.east_m)
+            yield _BOUNDARY, inside, f"more than {radius:g} m from home"
+        if kinds & AREAS:
+            clear, area = self.fence.nearest((north, east))
+            where = "" if area is None else f"{area.where} the {area.text}"
+            yield _BOUNDARY, clear, where
+
+    def clearance(self, place: tuple[float, float, float]) -> float:
+        """Return how far inside a place is, north, east, height [m]; infinite if all is."""
+        return min((clear for _, clear, _ in self.at(place)), default=math.inf)
+
+    def room(self, place: tuple[float, float, float]) -> float:
+        """Return the distance from a place to what is watched beside heights [m]."""
+        beside = (clear for kind, clear, _ in self.at(place) if kind == _BOUNDARY)
+        return min(beside, default=math.inf)
+
+    def objection(self, place: tuple[float, float, float], *, stands: bool) -> str | None:
+        """Return why a vehicle must not begin at a place; the ground is below the least height."""
+        watch = self._replace(floor=False) if stands else self
+        found = (why for _, clear, why in watch.at(place) if clear < 0.0)
+        return next((f"outside the fence: {why}" for why in found), None)
+
+    def left_by(self, path: np.void) -> int | None:
+        """Return the number of the item on the way to which a path leaves it; None: none.
+
+        A way as long as the clearance cannot lead outside, so the path is looked at where it might
+        be; what is outside for less than `_LOOK_M` may be missed. Below the least height it may be
+        on a runway.
+
+        Args:
+            path: Record of dtype `ftc_autopilot.guidance.path.PATH`.
+        """
+        aloft = float(path["take_off"]), float(path["final"]) or math.inf
+        for leg in range(int(path["count"])):
+            s, end = (float(at) for at in path["start"][leg : leg + 2])
+            if math.isinf(end):
+                curvature = abs(float(path["curvature"][leg]))
+                end = s + (2.0 * math.pi / curvature if curvature else _FINAL_M)
+            while s < end:
+                point = point_at(path, s)
+                place = float(point.north), float(point.east), float(point.height)
+                watch = self if aloft[0] <= s < aloft[1] else self._replace(floor=False)
+                clear = watch.clearance(place)
+                if clear < 0.0:
+                    return int(path["item"][leg])
+                s += max(clear, _LOOK_M)
+        return None
 
 
 class RallyPoint(NamedTuple):
@@ -198,60 +295,6 @@ def decode_rally(
     return tuple(points)
 
 
-def clearances(
-    fence: Fence, parameters: np.void, kinds: int, home: Home, place: tuple[float, float, float]
-) -> Iterator[tuple[int, float, str]]:
-    """Yield all that is watched of a fence: FENCE_BREACH, how far inside a place is, what if < 0.
-
-    Args:
-        fence: The areas.
-        parameters: Record of `fence_parameters.FenceRecords`.
-        kinds: What is watched, as of `FenceParameters.type`.
-        home: What heights and the circle around home count from.
-        place: North, east and height above the origin [m].
-    """
-    north, east, height = place
-    above, p = height - home.height_m, parameters
-    if kinds & ALT_MIN:
-        low = float(p["alt_min_m"])
-        yield dialect.FENCE_BREACH_MINALT, above - low, f"below {low:g} m"
-    if kinds & ALT_MAX:
-        high = float(p["alt_max_m"])
-        yield dialect.FENCE_BREACH_MAXALT, high - above, f"above {high:g} m"
-    if kinds & AROUND_HOME:
-        radius = float(p["radius_m"])
-        inside = radius - math.hypot(north - home.north_m, east - home.east_m)
-        yield dialect.FENCE_BREACH_BOUNDARY, inside, f"more than {radius:g} m from home"
-    clear, area = fence.nearest((north, east))
-    if kinds & AREAS and area is not None:
-        where = "outside" if area.stay_in else "within"
-        yield dialect.FENCE_BREACH_BOUNDARY, clear, f"{where} the {area.text}"
-
-
-def leaves_at(path: np.void, clearance: Callable[[float, float, float], float]) -> int | None:
-    """Return the number of the item on the way to which a path leaves a fence; None: it does not.
-
-    A way as long as the clearance cannot lead outside, so the path is looked at where it might be;
-    what is outside for less than `_LOOK_M` may be missed.
-
-    Args:
-        path: Record of dtype `ftc_autopilot.guidance.path.PATH`.
-        clearance: Of north, east and height above the origin [m].
-    """
-    for leg in range(int(path["count"])):
-        s, end = (float(at) for at in path["start"][leg : leg + 2])
-        if math.isinf(end):
-            curvature = abs(float(path["curvature"][leg]))
-            end = s + (2.0 * math.pi / curvature if curvature else _FINAL_M)
-        while s < end:
-            point = point_at(path, s)
-            clear = clearance(float(point.north), float(point.east), float(point.height))
-            if clear < 0.0:
-                return int(path["item"][leg])
-            s += max(clear, _LOOK_M)
-    return None
-
-
 def _polygon(items: Sequence[MissionItem], at: int, origin: Origin) -> FenceArea:
     """Return the polygon that begins with an item, each of whose items says how many there are."""
     first = items[at]
@@ -302,8 +345,7 @@ def _check_inside(fence: Fence, what: str, place: FencePlace, seq: int | None = 
     """Refuse a place that an area excludes: the item is `seq`, or the area's."""
     clear, area = fence.nearest(place)
     if area is not None and clear < 0.0:
-        where = f"{-clear:.0f} m {'outside' if area.stay_in else 'within'}"
-        text = f"{what} is {where} the {area.text}"
+        text = f"{what} is {-clear:.0f} m {area.where} the {area.text}"
         raise ItemError(area.item if seq is None else seq, dialect.MAV_MISSION_INVALID, text)
 
 

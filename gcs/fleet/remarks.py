@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator
 
 from ftc_autopilot.guidance.mission_items import remarks_on
 from ftc_autopilot.plugins.loading import calling
-from gcs.scenario.fence import WatchedFence
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import Links
 from mavlink_defs.endpoint import EndpointError, UdpAddress, exposed, is_loopback
@@ -68,7 +67,7 @@ def _fence(scenario: Scenario) -> Iterator[str]:
     if scenario.fence is None or not scenario.fence.enable or scenario.mission is None:
         return
     path = scenario.planner().path(scenario.mission_items())
-    if (item := WatchedFence(scenario.fence, scenario.origin).left_by(path)) is not None:
+    if (item := scenario.fence.watch(scenario.origin).left_by(path)) is not None:
         yield WarningRemark(
             f"{WARNING}the mission leaves the fence on the way to item {item}: "
             f"a breach there is followed by {scenario.fence.action}"

@@ -5,6 +5,7 @@ import math
 from collections.abc import Sequence
 from fractions import Fraction
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,10 +16,17 @@ from ftc_autopilot.common.geography import Origin, place_of
 from ftc_autopilot.guidance.fence import (
     Fence,
     FenceArea,
+    FenceWatch,
     crossing_edges,
     decode_fence,
     decode_rally,
-    leaves_at,
+)
+from ftc_autopilot.guidance.fence_parameters import (
+    ALT_MAX,
+    ALT_MIN,
+    FenceParameters,
+    RallyParameters,
+    fence_records,
 )
 from ftc_autopilot.guidance.mission_places import Home
 from ftc_autopilot.guidance.path import point_at
@@ -255,7 +263,7 @@ def test_a_path_that_leaves_is_noticed(north: float, east: float, radius: float)
     end = float(path()["start"][path()["count"] - 1])  # of the way to the last circle
     points = [point_at(path(), s) for s in np.linspace(0.0, end, 3000)]
     clear = np.array([Fence((area,)).nearest((p.north, p.east))[0] for p in points])
-    found = leaves_at(path(), lambda n, e, _: Fence((area,)).nearest((n, e))[0])
+    found = watch(Fence((area,))).left_by(path())
     if clear.min() < -10.0:
         assert found is not None
         assert found <= path()["item"][points[int(np.argmax(clear < -10.0))].leg]
@@ -276,5 +284,21 @@ def path() -> np.void:
 
 
 def test_a_path_that_climbs_too_high_is_noticed() -> None:
-    assert leaves_at(path(), lambda n, e, height: 120.0 - height) is None
-    assert leaves_at(path(), lambda n, e, height: 99.0 - height) == 1
+    assert watch(type=ALT_MAX, alt_max_m=120.0).left_by(path()) is None
+    assert watch(type=ALT_MAX, alt_max_m=99.0).left_by(path()) == 1
+
+
+def test_a_path_may_be_below_the_least_height_on_a_runway_alone() -> None:
+    floor, record = watch(type=ALT_MIN, alt_min_m=150.0), path().copy()
+    assert floor.left_by(record) == 1
+    record["take_off"] = record["start"][record["count"] - 1]
+    assert floor.left_by(record) == record["item"][record["count"] - 1]
+    record["take_off"], record["final"] = 0.0, 1e-9
+    assert floor.left_by(record) == 1
+    record["final"] = -1.0  # all is landing
+    assert floor.left_by(record) is None
+
+
+def watch(fence: Fence = Fence(), **parameters: Any) -> FenceWatch:  # noqa: B008 - frozen
+    record = fence_records(FenceParameters(**parameters), RallyParameters()).fence[0]
+    return FenceWatch(fence, record)
