@@ -97,16 +97,20 @@ def refusal(command: int) -> str:
 def remarks_on(items: Sequence[MissionItem]) -> Iterator[str]:
     """Yield what is flown otherwise than the items of a mission, home included, may be meant."""
     flown = items[1:]
-    low = [one.seq for one in flown if _height_over(items[0], one) <= 0.0]
+    low = [one for one in flown if _height_over(items[0], one) <= 0.0]
     if low:
-        more = f" and {len(low) - 1} more" if len(low) > 1 else ""
-        yield f"item {low[0]}{more} not above home: that is on the ground, if it is flat"
+        yield f"{first_of(low)} not above home: that is on the ground, if it is flat"
     if number := sum(item.command in FLOWN_STRAIGHT for item in flown):
         yield f"{counted(number, 'spline or arc')} flown as waypoint, on a line"
     if number := sum(item.frame in _TERRAIN_FRAMES for item in flown):
         yield f"{counted(number, 'altitude')} above terrain counted from home: the ground is flat"
     if number := sum(item.command in PAYLOAD for item in flown):
         yield f"{counted(number, 'payload command')} announced only"
+
+
+def first_of(items: Sequence[MissionItem]) -> str:
+    """Return the first of some items, and how many more there are: "item 3 and 2 more"."""
+    return f"item {items[0].seq}" + (f" and {len(items) - 1} more" if len(items) > 1 else "")
 
 
 def _height_over(home: MissionItem, item: MissionItem) -> float:
@@ -205,7 +209,7 @@ def decode_items(
                     f"{refusal(item.command)}; a wait on the ground stands before the first place"
                 )
             raise ItemError(seq, dialect.MAV_MISSION_UNSUPPORTED, text)
-        _check_params(item, limits, len(items) - 1, tags)
+        _check_params(item, len(items) - 1, tags)
         target = _placed(item, origin, home, limits, height)
         if item.command in PLACES and item.command != RETURN:
             height = target.height
@@ -219,17 +223,15 @@ _Check: TypeAlias = tuple[int, str, bool, str]
 """Number and name of a param, whether it is good, and what is expected."""
 
 
-def _check_params(item: MissionItem, limits: FlightLimits, last: int, tags: set[float]) -> None:
+def _check_params(item: MissionItem, last: int, tags: set[float]) -> None:
     """Refuse params that cannot be flown; `last`: number of the last item; `tags`: that it has."""
-    for number, name, good, expected in _checks_of(item, limits, last, tags):
+    for number, name, good, expected in _checks_of(item, last, tags):
         if not good:
             text = f"{name} {_param(item, number):g}, must be {expected}"
             raise ItemError(item.seq, dialect.MAV_MISSION_INVALID_PARAM1 + number - 1, text)
 
 
-def _checks_of(
-    item: MissionItem, limits: FlightLimits, last: int, tags: set[float]
-) -> Iterator[_Check]:
+def _checks_of(item: MissionItem, last: int, tags: set[float]) -> Iterator[_Check]:
     command, p1, p2 = item.command, param(item, 1), param(item, 2)
     if command == WAYPOINT:
         yield 2, "acceptance radius", not p2 < 0.0, ">= 0 m"
@@ -240,9 +242,8 @@ def _checks_of(
         yield 1, name, 0.0 <= p1 <= _MAX_S, f"0 to {_MAX_S} s"
     elif command == SPEED:  # the aircraft holds airspeeds, whatever the type
         yield 1, "speed type", p1 in {0.0, 1.0}, "0 (airspeed) or 1 (ground speed)"
-        low, high = limits.slowest_m_s, limits.fastest_m_s
-        good = low <= p2 <= high or p2 in {UNCHANGED, DEFAULT}
-        yield 2, "speed", good, f"{low:g} to {high:g} m/s"
+        good = p2 > 0.0 or p2 in {UNCHANGED, DEFAULT}
+        yield 2, "speed", good, "above 0 m/s, -1 (as it is) or -2 (cruise)"
     elif command == DISTANCE:
         yield 1, "distance", 0.0 <= p1 <= ANYWHERE_M, f"0 to {ANYWHERE_M:g} m"
     elif command == SET_HOME:
@@ -288,9 +289,10 @@ def _placed(
         height = height_of(item.frame, altitude, origin, home, item.seq)
     if not flown_to:
         return MissionTarget(item, place, height)
-    check_height(height, home, limits, item.seq)
     if command == LAND:
+        check_height(max(height, home.height_m + limits.lowest_m), home, limits, item.seq)
         return _landing(item, place, height, limits)
+    check_height(height, home, limits, item.seq)
     within = param(item, 2) if command == WAYPOINT else 0.0
     radius = 0.0 if command in FLOWN_STRAIGHT else param(item, 2 if command == LOITER_TO_ALT else 3)
     return MissionTarget(item, place, height, within, radius)

@@ -9,7 +9,6 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from ftc_autopilot.guidance.mission_items import remarks_on
 from ftc_autopilot.guidance.mission_places import home_item
 from gcs.commands import transfer
 from gcs.commands.mission_map import mission_map
@@ -115,7 +114,8 @@ def show(
     if here:
         items, *around = moved_plan(home_item(scenario.origin), items, areas)
         areas = Areas(*around)
-    itinerary, remarks = dry_run(file, items, scenario), list(remarks_on(items))
+    itinerary = dry_run(file, items, scenario)
+    remarks = list(scenario.planner().remarks(items))
     about_areas = list(dry_run_areas(file, areas, items, scenario)) if any(areas) else []
     if as_json:
         listed = [{"item": item.seq, "text": item_text(item)} for item in items[1:]]

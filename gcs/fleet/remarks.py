@@ -4,7 +4,6 @@ import contextlib
 import warnings
 from collections.abc import Iterable, Iterator
 
-from ftc_autopilot.guidance.mission_items import remarks_on
 from ftc_autopilot.plugins.loading import calling
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import Links
@@ -31,7 +30,7 @@ def remarks_of(scenario: Scenario) -> list[str]:
     """Return the remarks on a scenario, however it is flown."""
     return [
         *_one_path(scenario),
-        *(f"mission: {remark}" for remark in remarks_on(scenario.mission_items())),
+        *_mission(scenario),
         *_fence(scenario),
         *_sensors(scenario),
         *_heading(scenario),
@@ -60,6 +59,13 @@ def _one_path(scenario: Scenario) -> Iterator[str]:
         f"{WARNING}UAVs {uavs} fly one path, and nothing keeps them apart: "
         "give each a slot in the section formation, as missions/hexagon does"
     )
+
+
+def _mission(scenario: Scenario) -> Iterator[str]:
+    """Yield what is flown otherwise than the mission may be meant."""
+    if scenario.mission is not None:
+        for remark in scenario.planner().remarks(scenario.mission_items()):
+            yield f"mission: {remark}"
 
 
 def _fence(scenario: Scenario) -> Iterator[str]:

@@ -24,6 +24,7 @@ from ftc_autopilot.guidance.fence import (
 from ftc_autopilot.guidance.fence_parameters import (
     ALT_MAX,
     ALT_MIN,
+    AROUND_HOME,
     FenceParameters,
     RallyParameters,
     fence_records,
@@ -230,6 +231,27 @@ def test_a_polygon_may_be_closed_by_its_first_corner() -> None:
     assert Fence((area,)).nearest((0.0, 0.0))[0] == pytest.approx(900.0, abs=0.1)
 
 
+def test_edges_on_one_line_with_a_gap_between_them_do_not_meet() -> None:
+    ends = [(0, 0), (3, 0), (3, 1), (1, 1), (1, 2), (3, 2), (3, 3), (0, 3)]
+    assert crossing_edges(np.array(ends, float)) is None
+
+
+def test_an_edge_shorter_than_a_metre_counts() -> None:
+    corners = np.array([(0.0, 0.0), (100.0, 0.0), (100.0, 0.4), (0.0, 50.0)])
+    fence = Fence((FenceArea(0, stay_in=True, corners=corners),))
+    assert fence.nearest((100.01, 0.2))[0] == pytest.approx(-0.01)
+
+
+def test_what_is_nearest_of_all_that_is_watched_counts() -> None:
+    both = watch(type=ALT_MAX | AROUND_HOME, alt_max_m=50.0, radius_m=300.0)
+    both = both._replace(home=Home(100.0, 0.0, 20.0))
+    place = (200.0, 0.0, 60.0)
+    assert (both.clearance(place), both.room(place)) == (10.0, 200.0)
+    floor, ground = watch(type=ALT_MIN, alt_min_m=30.0), (0.0, 0.0, 0.0)
+    assert floor.objection(ground, stands=True) is None
+    assert floor.objection(ground, stands=False) == "outside the fence: below 30 m"
+
+
 def test_home_outside_is_no_matter_for_a_fence_that_was_accepted_before() -> None:
     items = numbered(polygon(SQUARE))
     assert decode_fence(items, ORIGIN).areas
@@ -281,6 +303,11 @@ def path() -> np.void:
     for seq, corner in enumerate(corners, start=1):
         items.append(mission_item(seq, 16, (), *place_of(ORIGIN, *corner, 0.0)[:2], 100.0))
     return read_scenario(find_scenario("paper/scenario1")).planner().path(items)
+
+
+def test_a_small_area_on_the_way_is_noticed() -> None:
+    area = FenceArea(0, stay_in=False, corners=np.array([(1000.0, 0.0)]), radius=12.0)
+    assert watch(Fence((area,))).left_by(path()) == 1
 
 
 def test_a_path_that_climbs_too_high_is_noticed() -> None:

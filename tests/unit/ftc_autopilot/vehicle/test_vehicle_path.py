@@ -421,8 +421,8 @@ def test_a_target_has_the_limits_of_an_item(
 
 def test_a_mission_that_cannot_be_flown_is_refused_and_the_old_one_stays(bench: PathBench) -> None:
     bench.upload_items((HOME, *TRIANGLE))
-    tight = mission_item(1, dialect.MAV_CMD_NAV_LOITER_UNLIM, (0.0, 0.0, 50.0), 1, 1, 100.0)
-    assert bench.upload_items((HOME, tight)) != dialect.MAV_MISSION_ACCEPTED
+    far = mission_item(1, dialect.MAV_CMD_NAV_LOITER_UNLIM, (0.0, 0.0, 1e9), 1, 1, 100.0)
+    assert bench.upload_items((HOME, far)) == dialect.MAV_MISSION_INVALID_PARAM3
     land = mission_item(1, dialect.MAV_CMD_NAV_LAND)
     assert bench.upload_items((HOME, land)) == dialect.MAV_MISSION_UNSUPPORTED
     mixed = mission_item(2, dialect.MAV_CMD_FTC_REFERENCE_SEGMENT)
