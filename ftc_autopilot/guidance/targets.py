@@ -35,6 +35,8 @@ from mavlink_defs.profile import ItemError
 from mavlink_defs.services.mission import MissionItem
 
 MAX_VISITS = 1000
+_LEVEL_M = 1.0
+"""Difference of the heights of home and a runway that is not remarked on [m]."""
 
 Visit: TypeAlias = tuple[MissionTarget, ...]
 """What is done on the way to a place, jumps included, and the place."""
@@ -254,11 +256,15 @@ class Targets:
         return airspeed
 
     def _on_ground(self, landing: MissionTarget) -> MissionTarget:
-        """Return a landing that does not lead into the ground, which is flat."""
+        """Return a landing that does not lead into the ground, which is flat; note one above it."""
         runway = self._limits.runway
         assert runway is not None
         ground = landing.home.height_m + self._limits.lowest_m + runway.height
         if landing.height >= ground:
+            above = landing.height - runway.height - landing.home.height_m
+            if above >= _LEVEL_M:
+                text = f"touchdown {above:.4g} m above home: that is in the air, if it is flat"
+                self.note("landing", landing.item, text)
             return landing
         text = f"touchdown {ground - landing.height:.4g} m below the ground; flown on it"
         self.note("landing", landing.item, text)

@@ -27,6 +27,7 @@ from gcs.fleet.remarks import remarks_of
 from gcs.results.recording import Steps
 from gcs.scenario.model import scenario_of, scenario_tree
 from mavlink_defs.config.models import ConfigError
+from mavlink_defs.mission_files import mission_item
 
 _LOOK_STEPS = 100
 CIRCUIT = Path("scenarios/runway/circuit.yaml")
@@ -162,6 +163,23 @@ def test_what_cannot_be_flown_is_refused_before_the_flight(
         changes["profile"] = [{"start_s": 0.0, **angles}]
     with pytest.raises(ConfigError, match=text):
         scenario_of(CIRCUIT, edit(scenario_tree(CIRCUIT), changes))
+
+
+@pytest.mark.parametrize(
+    ("height_m", "remark"),
+    [
+        (-3.0, ["item 6: touchdown 3 m below the ground; flown on it"]),
+        (0.5, []),
+        (30.0, ["item 6: touchdown 30 m above home: that is in the air, if it is flat"]),
+    ],
+)
+def test_a_landing_that_is_not_on_the_ground_is_remarked_on(
+    height_m: float, remark: list[str]
+) -> None:
+    scenario = scenario_of(CIRCUIT, scenario_tree(CIRCUIT))
+    *before, land = scenario.mission_items()
+    lands = mission_item(6, 21, (), land.x, land.y, height_m)
+    assert list(scenario.planner().remarks((*before, lands))) == remark
 
 
 def test_an_aircraft_without_gear_does_not_land() -> None:
