@@ -26,7 +26,7 @@ from vehicle_bench import ACCEPTED, ARM, DENIED, UAV, of_type
 from ftc_autopilot.common.geography import place_of
 from ftc_autopilot.guidance.runway_phases import AROUND as GOING_AROUND
 from ftc_autopilot.guidance.runway_phases import CLIMBING, FINAL, FLARE, FLYING, ROLLING
-from gcs.scenario.model import Scenario
+from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs import dialect
 from mavlink_defs.constants import GUIDED, LOITER, RTL
 
@@ -168,9 +168,8 @@ def test_the_floor_alone_can_be_left_out(bench: FenceBench) -> None:
     assert "below 50 m" in bench.put(0.0, height=20.0)
 
 
-def test_the_least_height_is_not_watched_on_the_ground_on_takeoff_and_landing(
-    bench: FenceBench,
-) -> None:
+def test_the_least_height_is_not_watched_on_the_ground_on_takeoff_and_landing() -> None:
+    bench = FenceBench(load_scenario("runway/circuit"))
     bench.set(FENCE_TYPE=8, FENCE_ALT_MIN=50)
     bench.command(ENABLE, 1.0)
     bench.position(0.0, 0.0, 1.0)
