@@ -46,8 +46,9 @@ PLACES = WAYPOINTS | {LOITER, LOITER_TURNS, LOITER_TIME, LOITER_TO_ALT, RETURN, 
 _ROUND = {WAYPOINT, LOITER, LOITER_TURNS, LOITER_TIME, LOITER_TO_ALT}
 """Commands with a radius."""
 JUMPS = {JUMP, JUMP_TO_TAG}
-COMMANDS = PLACES | JUMPS | {TAKEOFF, GROUND_DELAY, SPEED, DELAY, DISTANCE, SET_HOME} | ANNOUNCED
+COMMANDS = PLACES | JUMPS | {TAKEOFF, GROUND_DELAY, SPEED, DELAY, DISTANCE, SET_HOME}
 """All that a path is made of."""
+_TAKEN = COMMANDS | ANNOUNCED
 UNCHANGED, DEFAULT = -1.0, -2.0
 """Speeds of DO_CHANGE_SPEED that are none."""
 
@@ -199,7 +200,7 @@ def decode_items(
         if item.seq != seq:
             text = f"it is at place {seq}, but has number {item.seq}"
             raise ItemError(seq, dialect.MAV_MISSION_INVALID_SEQUENCE, text)
-        if item.command not in COMMANDS:
+        if item.command not in _TAKEN:
             raise ItemError(seq, dialect.MAV_MISSION_UNSUPPORTED, refusal(item.command))
         on_ground = item.command in {TAKEOFF, GROUND_DELAY}
         if on_ground and any(t.item.command in PLACES for t in targets):
