@@ -21,19 +21,6 @@ if TYPE_CHECKING:
     from sitl_plant.airframe.level_flight import LevelFlight
     from sitl_plant.airframe.modes import Mode
 
-EPILOG = """
-Examples:
-
-- gcs aircraft
-- gcs aircraft aerosonde
-- gcs aircraft my.yaml --airspeed 18 --json
-- gcs aircraft aerosonde --out polar && xdg-open polar/polar.png
-
-A scenario names one by `aircraft: aerosonde`, or `--set aircraft=aerosonde`.
-
-Exit status: 0 listed or shown, 2 bad input.
-"""
-
 
 @dataclass(frozen=True)
 class _ShownAircraft:
@@ -84,6 +71,16 @@ def aircraft(
     and rudder that do different work, sideslip that dies out while the rudder holds the heading. If
     that does not, or there is no rudder, the laws `surviving` and `tube` hold the heading by bank.
     Where aileron and rudder do each other's work, `tube` plans both together.
+
+    Examples:
+        - gcs aircraft
+        - gcs aircraft aerosonde
+        - gcs aircraft my.yaml --airspeed 18 --json
+        - gcs aircraft aerosonde --out polar && xdg-open polar/polar.png
+
+    A scenario names one by `aircraft: aerosonde`, or `--set aircraft=aerosonde`.
+
+    Exit status: 0 listed or shown, 2 bad input.
     """
     from gcs.scenario.aircraft_file import load_aircraft
 

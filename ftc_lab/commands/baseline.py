@@ -34,18 +34,6 @@ if TYPE_CHECKING:
 
 _MAX_PERIOD_US = 1_000_000
 
-EPILOG = """
-Examples:
-
-- gcs baseline paper/scenario1
-- gcs baseline paper/scenario1 --set controller.kind=pid --no-per-channel
-- gcs baseline paper/scenario1 --against controller.kind=pid
-- gcs baseline paper/scenario1 --aircraft 40 --json | jq .saved
-
-Exit status: 0 done (that no periodic sender is as good is a result, too), 1 the triggered flight
-was lost or a file cannot be written, 2 bad input, 130 Ctrl-C.
-"""
-
 
 @dataclass(frozen=True)
 class BaselineOptions:
@@ -130,6 +118,15 @@ def baseline(scenario: ScenarioArgument, *, options: BaselineOptions) -> None:
     Flies the scenario with its trigger, then the same law sending by the clock: with one period
     for all channels, with one for each, and, with --aircraft, on aircraft that differ from the
     nominal one. All in process. The folder gets baseline.json and baseline.md.
+
+    Examples:
+        - gcs baseline paper/scenario1
+        - gcs baseline paper/scenario1 --set controller.kind=pid --no-per-channel
+        - gcs baseline paper/scenario1 --against controller.kind=pid
+        - gcs baseline paper/scenario1 --aircraft 40 --json | jq .saved
+
+    Exit status: 0 done (that no periodic sender is as good is a result, too), 1 the triggered
+    flight was lost or a file cannot be written, 2 bad input, 130 Ctrl-C.
     """
     from ftc_lab.baselines.baseline import Search, find_baseline, find_robust
     from ftc_lab.baselines.senders import periodic_base

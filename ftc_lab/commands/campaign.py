@@ -16,20 +16,6 @@ from gcs.console.terminal import Terminal, console_of, numbers, table_of, texts
 if TYPE_CHECKING:
     from ftc_lab.campaigns.plan import Plan
 
-EPILOG = """
-Examples:
-
-- gcs campaign campaigns/uncertainty
-- gcs campaign my.yaml --draws 59 --out runs/robust
-- gcs campaign my.yaml --scheduler tcp://cluster:8786
-- gcs campaign my.yaml --until 'p(attitude_lost) < 0.05 at 95 %'
-- gcs fly --campaign runs/robust --row 17
-
-Exit status: 0 every draw is flown (lost flights are results, too), 1 a flight could not be
-computed, the scheduler was lost or results cannot be written, 2 bad input, 70 a defect of
-ftc-sitl, 130 Ctrl-C; the same command continues.
-"""
-
 
 def campaign(
     file: Annotated[
@@ -69,6 +55,17 @@ def campaign(
 
     All draws are checked before the first flight. The folder gets a table in Parquet, one row per
     flight, stored every few seconds: after any interruption, the same command continues there.
+
+    Examples:
+        - gcs campaign campaigns/uncertainty
+        - gcs campaign my.yaml --draws 59 --out runs/robust
+        - gcs campaign my.yaml --scheduler tcp://cluster:8786
+        - gcs campaign my.yaml --until 'p(attitude_lost) < 0.05 at 95 %'
+        - gcs fly --campaign runs/robust --row 17
+
+    Exit status: 0 every draw is flown (lost flights are results, too), 1 a flight could not be
+    computed, the scheduler was lost or results cannot be written, 2 bad input, 70 a defect of
+    ftc-sitl, 130 Ctrl-C; the same command continues.
     """
     from ftc_lab.campaigns.folder import default_folder
     from ftc_lab.campaigns.until import begin_campaign, stopping_condition, verdict_lines

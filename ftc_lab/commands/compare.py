@@ -16,18 +16,6 @@ from mavlink_defs.visible import visible_lines
 if TYPE_CHECKING:
     from ftc_lab.campaigns.findings import Findings
 
-EPILOG = """
-Examples:
-
-- gcs compare runs/yesterday runs/today
-- gcs compare old new --fail-if 'worse p(success) at 99 %' --fail-if 'worse iae_roll at 99 %'
-- gcs compare old new --fail-if 'p(attitude_lost) > 0.02 at 95 %' --junit gate.xml
-- gcs compare runs/first runs/second    (two flights)
-- gcs compare runs/first runs/second --json | jq '.uavs[].figures.messages.change'
-
-Exit status: 0 no check failed, 1 one failed or a file cannot be written, 2 bad input.
-"""
-
 
 @dataclass(frozen=True)
 class CompareOptions:
@@ -81,6 +69,16 @@ def compare(
 
     Of two flights: what was set, figures of every UAV, decisions of the diagnosis, and the keys in
     which their scenarios differ. Nothing is tested, so of the options only --json and --all apply.
+
+    Examples:
+        - gcs compare runs/yesterday runs/today
+        - gcs compare old new --fail-if 'worse p(success) at 99 %'
+          --fail-if 'worse iae_roll at 99 %'
+        - gcs compare old new --fail-if 'p(attitude_lost) > 0.02 at 95 %' --junit gate.xml
+        - gcs compare runs/first runs/second    (two flights)
+        - gcs compare runs/first runs/second --json | jq '.uavs[].figures.messages.change'
+
+    Exit status: 0 no check failed, 1 one failed or a file cannot be written, 2 bad input.
     """
     from gcs.results.runs.difference import is_flight
 

@@ -23,16 +23,6 @@ if TYPE_CHECKING:
     from gcs.results.figures import FlightSummary
     from gcs.scenario.model import Scenario
 
-EPILOG = """
-Examples:
-
-- gcs design aerosonde --law tube
-- gcs design my.yaml --law surviving --servo-lag 0.02 --servo-rate 400 --gyro-noise 0.3 -o mine.yaml
-- gcs design aerosonde --law tube --airspeed 28 --fly
-
-Exit status: 0 written or flown, 1 the flight was lost, 2 bad input, or no law can fly the aircraft.
-"""
-
 _MARK = "# Written by: gcs design "
 DEFAULT_LAW = "surviving"
 
@@ -130,6 +120,15 @@ def design(
 
     An aircraft that no law can fly in this way is refused, with the reason: a check of `gcs
     aircraft` that it does not meet.
+
+    Examples:
+        - gcs design aerosonde --law tube
+        - gcs design my.yaml --law surviving --servo-lag 0.02 --servo-rate 400
+          --gyro-noise 0.3 -o mine.yaml
+        - gcs design aerosonde --law tube --airspeed 28 --fly
+
+    Exit status: 0 written or flown, 1 the flight was lost, 2 bad input, or no law can fly the
+    aircraft.
     """
     from ftc_lab.design.scenario import plain, text_of, tree_of
     from gcs.fleet.preparation import check_simulators

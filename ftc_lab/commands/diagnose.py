@@ -19,16 +19,6 @@ if TYPE_CHECKING:
     from ftc_lab.flight_diagnosis.relations import Relations, Surface
     from gcs.console.terminal import Terminal
 
-EPILOG = """
-Examples:
-
-- gcs diagnose flight.bin
-- gcs diagnose flight.csv --columns mine.yaml --out evidence.png
-- gcs diagnose flight.ulg --json | jq .finding
-
-Exit status: 0 nothing was found, 1 something failed, 2 bad input, or nothing that can be judged.
-"""
-
 
 def diagnose(
     flight: Annotated[
@@ -81,6 +71,14 @@ def diagnose(
     Nothing of the aircraft has to be known. What the log does not show is said, not guessed; left
     and right look the same. How large evidence is in healthy flights, and how probable a fault is
     then, was learnt from flights of one aircraft.
+
+    Examples:
+        - gcs diagnose flight.bin
+        - gcs diagnose flight.csv --columns mine.yaml --out evidence.png
+        - gcs diagnose flight.ulg --json | jq .finding
+
+    Exit status: 0 nothing was found, 1 something failed, 2 bad input, or nothing that can be
+    judged.
     """
     from ftc_lab.flight_diagnosis.decisions import diagnose_flight, learnt, watch
 

@@ -19,16 +19,6 @@ from gcs.console.terminal import Terminal, console_of, numbers, table_of, texts
 if TYPE_CHECKING:
     from ftc_lab.identification.identified import Identified
 
-EPILOG = """
-Examples:
-
-- gcs identify jsbsim:c172p --cruise 55 -o c172p.yaml
-- gcs identify own:aerosonde --cruise 24 -o mine.yaml
-- gcs identify --from runs/mine --aircraft aerosonde
-
-Exit status: 0 identified, 2 bad input, or nothing that can be identified.
-"""
-
 _MARK = "# Written by: gcs identify "
 
 
@@ -161,6 +151,13 @@ def identify(
 
     From a flight, only what it excites can be seen: other coefficients, and the propulsion, stay as
     --aircraft has them.
+
+    Examples:
+        - gcs identify jsbsim:c172p --cruise 55 -o c172p.yaml
+        - gcs identify own:aerosonde --cruise 24 -o mine.yaml
+        - gcs identify --from runs/mine --aircraft aerosonde
+
+    Exit status: 0 identified, 2 bad input, or nothing that can be identified.
     """
     if (plant is None) == (options.source is None):
         raise BadInput(

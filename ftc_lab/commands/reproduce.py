@@ -22,18 +22,6 @@ if TYPE_CHECKING:
     from gcs.results.recording import Recording
     from gcs.scenario.model import Scenario
 
-EPILOG = """
-Examples:
-
-- gcs reproduce
-- gcs reproduce --out results && xdg-open results/report.html
-- gcs reproduce --over-wire
-- gcs reproduce --faults
-
-Exit status: 0 everything flown to its end, 1 a flight was lost (the report says which) or a file
-cannot be written, 2 bad input, 130 Ctrl-C.
-"""
-
 
 @dataclass(frozen=True)
 class ReproduceOptions:
@@ -75,6 +63,15 @@ def reproduce(*, options: ReproduceOptions) -> None:
     realistic aircraft, always in process. Writes one folder: report.html (self-contained) and
     report.md, figures/ (Fig. 5 to 11 and combinations, as PNG and SVG), data/ (each of the paper's
     flights as .npz and .csv, its summary, theory.json, combinations.csv).
+
+    Examples:
+        - gcs reproduce
+        - gcs reproduce --out results && xdg-open results/report.html
+        - gcs reproduce --over-wire
+        - gcs reproduce --faults
+
+    Exit status: 0 everything flown to its end, 1 a flight was lost (the report says which) or a
+    file cannot be written, 2 bad input, 130 Ctrl-C.
     """
     from ftc_lab import reproduce as work
     from gcs.results.run_folder import make_run_folder

@@ -16,20 +16,6 @@ from gcs.scenario.settings import parse_axes
 if TYPE_CHECKING:
     from ftc_lab.campaigns.points import Point
 
-EPILOG = """
-Examples:
-
-- gcs sweep paper/scenario1 --set trigger.b2_deg=0.25,0.5,1,2
-- gcs sweep paper/scenario1 --set trigger.mode=per_channel,joint
-  --set uncertainty.coefficients=0.8,1,1.2 --out runs/robust
-- gcs sweep scenarios/paper/scenario2_*.yaml --set 'faults[0].effectiveness=0.9,0.5,0.1' --uav 3
-- gcs sweep my.yaml --set 'controller.K1=[40, 40, 40], [50, 50, 50]' --jobs 2
-
-Exit status: 0 the sweep is complete (lost flights and single impossible values are results too),
-1 a flight could not be computed or written, 2 bad input, such as a key none of whose values is
-valid, 70 a defect of ftc-sitl, 130 Ctrl-C; the same command continues.
-"""
-
 
 def sweep(
     scenarios: Annotated[
@@ -67,6 +53,18 @@ def sweep(
     few seconds, and after an interruption, the same command continues there. Lost flights and
     impossible values are recorded with their reasons. The folder gets table.csv (every UAV),
     table.md, and sweep.png and sweep.svg: saving against IAE.
+
+    Examples:
+        - gcs sweep paper/scenario1 --set trigger.b2_deg=0.25,0.5,1,2
+        - gcs sweep paper/scenario1 --set trigger.mode=per_channel,joint
+          --set uncertainty.coefficients=0.8,1,1.2 --out runs/robust
+        - gcs sweep scenarios/paper/scenario2_*.yaml --set 'faults[0].effectiveness=0.9,0.5,0.1'
+          --uav 3
+        - gcs sweep my.yaml --set 'controller.K1=[40, 40, 40], [50, 50, 50]' --jobs 2
+
+    Exit status: 0 the sweep is complete (lost flights and single impossible values are results
+    too), 1 a flight could not be computed or written, 2 bad input, such as a key none of whose
+    values is valid, 70 a defect of ftc-sitl, 130 Ctrl-C; the same command continues.
     """
     from ftc_lab.campaigns.folder import default_folder, open_folder
     from ftc_lab.campaigns.grid import plan_grid

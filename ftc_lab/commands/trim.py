@@ -26,17 +26,6 @@ if TYPE_CHECKING:
     from sitl_plant.airframe.config import Aircraft
     from sitl_plant.airframe.stuck_trim import Trim
 
-EPILOG = """
-Examples:
-
-- gcs trim paper/scenario1
-- gcs trim my.yaml --airspeed 30 --airspeed 50 --roll 20
-- gcs trim airframes/mixed --uav 2
-- gcs trim paper/scenario1 --json | jq '.[] | select(.stuck == "elevator")'
-
-Exit status: 0 computed, 2 bad input.
-"""
-
 _KEPT: tuple[Actuator, ...] = ("aileron", "rudder")
 _GIVEN_UP: tuple[Actuator, ...] = ("elevator", "throttle")
 _STEPS = {"elevator": 5.0, "throttle": 500.0}  # of positions shown
@@ -92,6 +81,14 @@ def trim(
     For aileron and rudder at each airspeed: both ends of the range of deflections, and zero; the
     other surfaces balance the aircraft, which turns. For elevator and throttle: the airspeed at
     which it flies straight. No controller can hold what is not in these ranges.
+
+    Examples:
+        - gcs trim paper/scenario1
+        - gcs trim my.yaml --airspeed 30 --airspeed 50 --roll 20
+        - gcs trim airframes/mixed --uav 2
+        - gcs trim paper/scenario1 --json | jq '.[] | select(.stuck == "elevator")'
+
+    Exit status: 0 computed, 2 bad input.
     """
     from sitl_plant.airframe.config import true_aircraft
 

@@ -29,19 +29,6 @@ from sitl_plant.ardupilot.protocol import PORT, PORTS_APART
 if TYPE_CHECKING:
     from gcs.fleet.ardupilot.recorded import ArduPilotFlown
 
-EPILOG = """
-Examples:
-
-- gcs ardupilot paper/scenario1 --uav 1    (then: arduplane --model JSON:127.0.0.1 -I 0)
-- gcs ardupilot my.yaml --set duration_s=600 --set ardupilot.throttle.min_us=1100
-- gcs ardupilot my.yaml --set step_us=2500 --json
-- gcs ardupilot my.yaml --faults-port 14570    (then: gcs fault set rudder --stuck-deg 5
-  --connect udpout:127.0.0.1:14570)
-
-Exit status: 0 flown to its end, 1 lost, not recorded, or an ArduPilot fell silent, 2 bad input,
-4 no ArduPilot came, 130 Ctrl-C (143 SIGTERM, 129 SIGHUP).
-"""
-
 
 def ardupilot(
     scenario: ScenarioArgument,
@@ -100,6 +87,16 @@ def ardupilot(
     The aircraft are held until ArduPilot commands thrust, and launched to their initial state;
     then the time of the scenario, and of its faults, begins. Changes of the outputs are counted as
     the events of our autopilots are.
+
+    Examples:
+        - gcs ardupilot paper/scenario1 --uav 1    (then: arduplane --model JSON:127.0.0.1 -I 0)
+        - gcs ardupilot my.yaml --set duration_s=600 --set ardupilot.throttle.min_us=1100
+        - gcs ardupilot my.yaml --set step_us=2500 --json
+        - gcs ardupilot my.yaml --faults-port 14570    (then: gcs fault set rudder --stuck-deg 5
+          --connect udpout:127.0.0.1:14570)
+
+    Exit status: 0 flown to its end, 1 lost, not recorded, or an ArduPilot fell silent, 2 bad input,
+    4 no ArduPilot came, 130 Ctrl-C (143 SIGTERM, 129 SIGHUP).
     """
     from gcs.fleet.ardupilot.recorded import ArduPilotFlown, prepare_ardupilot
     from gcs.fleet.ardupilot.sockets import bound, how_to_start

@@ -41,13 +41,6 @@ _WARNED: set[str] = set()
 _PYTHONS_LINE = warnings.formatwarning
 _SPACE = "free some space, or choose a writable folder; files written so far stay"
 
-_EPILOG = """
-Examples:
-
-- gcs --connect udpin:0.0.0.0:14550    (as the only ground station)
-- gcs log flight.tlog                  (dashboard with a log)
-"""
-
 
 class _Commands(TyperGroup):
     """The commands, each imported when it is run; until then only its line of help is there.
@@ -87,8 +80,7 @@ class _Commands(TyperGroup):
         gc.freeze()  # what is imported stays: to search it for garbage takes a tenth of a second
         holder = typer.Typer(rich_markup_mode="markdown")
         if hasattr(home, name) and not hasattr(home, "app"):
-            epilog = getattr(home, f"{name.upper()}_EPILOG", None) or home.EPILOG
-            holder.command(name, epilog=epilog)(getattr(home, name))
+            holder.command(name, epilog=getattr(home, "EPILOG", None))(getattr(home, name))
         else:
             holder.add_typer(home.app, name=name)
         self.commands[name] = _without_types(typer.main.get_group(holder).commands[name])
@@ -124,7 +116,7 @@ def _show_versions(asked: bool) -> None:
         raise typer.Exit
 
 
-@app.callback(epilog=_EPILOG)
+@app.callback()
 def gcs(
     context: typer.Context,
     connect: ConnectOption = None,
@@ -142,6 +134,10 @@ def gcs(
     """Ground station of ftc-sitl: fly a UAV formation over real MAVLink.
 
     Without a command: the operator's dashboard.
+
+    Examples:
+        - gcs --connect udpin:0.0.0.0:14550    (as the only ground station)
+        - gcs log flight.tlog                  (dashboard with a log)
     """
     if context.invoked_subcommand is not None:
         _refuse_options(context)
@@ -180,6 +176,9 @@ def _without_types(command: Any) -> Any:
         one = commands.pop()
         commands += getattr(one, "commands", {}).values()
         one.format_help = _format_help.__get__(one)
+        one.help, examples, rest = (one.help or "").partition("\n\nExamples:\n")
+        if examples:  # they follow the options
+            one.epilog = "Examples:\n\n" + rest.replace("\n    ", "\n").removeprefix("    ")
         for parameter in one.get_params(typer.Context(one)):
             parameter.process_value = partial(_processed, parameter)
             if getattr(parameter, "is_flag", False):

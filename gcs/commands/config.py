@@ -27,15 +27,6 @@ from mavlink_defs.config.files import dump
 from mavlink_defs.endpoint import EndpointError, parse_address
 from sitl_plant.config import PlantConfig
 
-EPILOG = """
-Examples:
-
-- gcs config paper/scenario1 --out fleet --host plant=10.0.0.1 --host gcs=10.0.0.9
-  --host uav1=10.0.0.1 --host uav2=10.0.0.2 --host uav3=10.0.0.2 --signing-key fleet.key
-
-Exit status: 0 written, 1 a file cannot be written, 2 bad input.
-"""
-
 
 def config(
     scenario: ScenarioArgument,
@@ -64,6 +55,12 @@ def config(
     also compiles the numeric core there. Then start one process per file by hand: nothing here
     starts them. The plant flies in real time until it is stopped. Links that other machines can
     reach must be signed, unless --insecure is given.
+
+    Examples:
+        - gcs config paper/scenario1 --out fleet --host plant=10.0.0.1 --host gcs=10.0.0.9
+          --host uav1=10.0.0.1 --host uav2=10.0.0.2 --host uav3=10.0.0.2 --signing-key fleet.key
+
+    Exit status: 0 written, 1 a file cannot be written, 2 bad input.
     """
     loaded = signed(changed_scenario(scenario, additions, settings), signing_key)
     if loaded.links.impairments is not None:

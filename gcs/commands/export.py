@@ -12,25 +12,6 @@ from gcs.console.terminal import console_of
 from gcs.results.choices import Format
 from gcs.results.logs.read import kind_of
 
-EPILOG = """
-Examples:
-
-- gcs export runs/first --to csv
-- gcs export runs/first --to kml --out /tmp
-- gcs export runs/first --to ulg && ulog_info runs/first/uav3.ulg
-- gcs export 00000042.BIN --to csv --out /tmp
-
-npz (NumPy), csv and parquet: trajectory and events, as in the recording. kml: tracks, home and the
-path of a mission for Google Earth. mcap: states, places and events for Foxglove and PlotJuggler.
-ulg: a ULog file for each UAV, with PX4's topics, for PlotJuggler, Flight Review and pyulog.
-
-A log, as `gcs log` reads it, becomes one file beside it: csv and parquet with a row for each step
-of its fastest channel, npz with every channel at its own times, kml.
-
-Exit status: 0 written, 1 the recording is torn and was written up to there, or a file cannot be
-written, 2 bad input.
-"""
-
 
 def export(
     run: Annotated[Path, typer.Argument(help="Run folder of gcs fly, or a log.", metavar="RUN")],
@@ -45,6 +26,23 @@ def export(
     """Convert the recording of a flight, or a log, for other programs.
 
     --uav and --columns are of logs.
+
+    Examples:
+        - gcs export runs/first --to csv
+        - gcs export runs/first --to kml --out /tmp
+        - gcs export runs/first --to ulg && ulog_info runs/first/uav3.ulg
+        - gcs export 00000042.BIN --to csv --out /tmp
+
+    npz (NumPy), csv and parquet: trajectory and events, as in the recording. kml: tracks, home and
+    the path of a mission for Google Earth. mcap: states, places and events for Foxglove and
+    PlotJuggler. ulg: a ULog file for each UAV, with PX4's topics, for PlotJuggler, Flight Review
+    and pyulog.
+
+    A log, as `gcs log` reads it, becomes one file beside it: csv and parquet with a row for each
+    step of its fastest channel, npz with every channel at its own times, kml.
+
+    Exit status: 0 written, 1 the recording is torn and was written up to there, or a file cannot be
+    written, 2 bad input.
     """
     from gcs.results.export import convert
     from gcs.results.store import EVENTS, TRAJECTORY, is_complete

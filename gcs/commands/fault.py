@@ -9,7 +9,7 @@ import typer
 from pydantic import ValidationError
 
 from gcs.commands.options import with_options
-from gcs.commands.station import EXIT_STATUS, StationOptions, station_command
+from gcs.commands.station import StationOptions, station_command
 from gcs.console.errors import BadInput, NoAnswer
 from gcs.station.vehicle import Vehicle
 from mavlink_defs import dialect
@@ -34,44 +34,6 @@ app.add_typer(of_sensors, name="sensor")
 _ACTUATORS = "aileron, elevator, rudder or throttle"
 _SENSORS = ", ".join(SENSOR_NAMES[:-1]) + f" or {SENSOR_NAMES[-1]}"
 _ZERO_IS_NONE = {"frequency_hz", "instance"}
-
-_SET_EPILOG = f"""
-Examples:
-
-- gcs fault set rudder --uav 3 --effectiveness 0.5 --bias-deg 1
-- gcs fault set elevator --stuck-deg 5 --for-s 3
-- gcs fault set aileron --effectiveness 0.2 --intermittent-deg 0 --frequency-hz 0.5
-- gcs fault set throttle --bias-n -2 --start-s 19 --end-s 22 --json
-{EXIT_STATUS}"""
-
-_CLEAR_EPILOG = f"""
-Examples:
-
-- gcs fault clear
-- gcs fault clear --actuator rudder --uav 3
-{EXIT_STATUS}"""
-
-_LIST_EPILOG = f"""
-Examples:
-
-- gcs fault list
-- gcs fault list --uav 3 --json | jq '.[].faults[] | select(.active)'
-{EXIT_STATUS}"""
-
-_SET_SENSOR_EPILOG = f"""
-Examples:
-
-- gcs fault sensor set airspeed --failure stuck --uav 3
-- gcs fault sensor set gyro --instance 1 --bias-deg-s 3 --for-s 20
-- gcs fault sensor set airspeed --fade-s 60
-{EXIT_STATUS}"""
-
-_CLEAR_SENSOR_EPILOG = f"""
-Examples:
-
-- gcs fault sensor clear gyro --instance 1
-- gcs fault sensor clear airspeed --uav 3
-{EXIT_STATUS}"""
 
 _ForOption = Annotated[
     float | None,
@@ -130,7 +92,7 @@ def _parameter(name: str, annotation: Any, default: Any = None) -> inspect.Param
     return inspect.Parameter(name, keyword, default=default, annotation=annotation)
 
 
-@app.command(name="set", epilog=_SET_EPILOG)
+@app.command(name="set")
 @station_command
 @with_options("options", _numbers(ActuatorFaultSpec), dict)
 @with_options("of_sensor", _of_a_sensor(hidden=True), dict)
@@ -149,6 +111,12 @@ def set_(
 
     A fault replaces older ones of the same actuator that overlap it in time. Of sensors:
     `gcs fault sensor set`.
+
+    Examples:
+        - gcs fault set rudder --uav 3 --effectiveness 0.5 --bias-deg 1
+        - gcs fault set elevator --stuck-deg 5 --for-s 3
+        - gcs fault set aileron --effectiveness 0.2 --intermittent-deg 0 --frequency-hz 0.5
+        - gcs fault set throttle --bias-n -2 --start-s 19 --end-s 22 --json
     """
     if (actuator is None) == (sensor is None):
         got = "got none" if sensor is None else f"got {actuator} and the sensor {sensor}"
@@ -160,7 +128,7 @@ def set_(
     _set(station, key, name, options | of_sensor, for_s)
 
 
-@of_sensors.command(name="set", epilog=_SET_SENSOR_EPILOG)
+@of_sensors.command(name="set")
 @station_command
 @with_options("options", _of_a_sensor(), dict)
 def set_of_sensor(
@@ -174,11 +142,16 @@ def set_of_sensor(
 
     It fails in one of the ways of MAV_CMD_INJECT_FAILURE; a value says how much, else its default
     applies. A fault replaces older ones of the same sensor that overlap it in time.
+
+    Examples:
+        - gcs fault sensor set airspeed --failure stuck --uav 3
+        - gcs fault sensor set gyro --instance 1 --bias-deg-s 3 --for-s 20
+        - gcs fault sensor set airspeed --fade-s 60
     """
     _set(station, "sensor", sensor, options, for_s)
 
 
-@app.command(epilog=_CLEAR_EPILOG)
+@app.command()
 @station_command
 def clear(
     station: StationOptions,
@@ -192,6 +165,10 @@ def clear(
     """Clear faults: active, past and future ones, of actuators and sensors.
 
     For one sensor: `gcs fault sensor clear`.
+
+    Examples:
+        - gcs fault clear
+        - gcs fault clear --actuator rudder --uav 3
     """
     if actuator is not None and sensor is not None:
         raise BadInput("--actuator and --sensor both say whose", "leave one of them out")
@@ -208,19 +185,29 @@ def clear(
     station.act(action)
 
 
-@of_sensors.command(name="clear", epilog=_CLEAR_SENSOR_EPILOG)
+@of_sensors.command(name="clear")
 @station_command
 def clear_of_sensor(
     station: StationOptions, sensor: _SensorArgument, instance: _InstanceOption = 0
 ) -> None:
-    """Clear faults of a sensor: active, past and future ones."""
+    """Clear faults of a sensor: active, past and future ones.
+
+    Examples:
+        - gcs fault sensor clear gyro --instance 1
+        - gcs fault sensor clear airspeed --uav 3
+    """
     _clear_sensor(station, sensor, instance)
 
 
-@app.command(name="list", epilog=_LIST_EPILOG)
+@app.command(name="list")
 @station_command
 def list_(station: StationOptions) -> None:
-    """List the faults of vehicles, including past and future ones."""
+    """List the faults of vehicles, including past and future ones.
+
+    Examples:
+        - gcs fault list
+        - gcs fault list --uav 3 --json | jq '.[].faults[] | select(.active)'
+    """
 
     async def action(vehicle: Vehicle) -> str:
         faults = await vehicle.faults()

@@ -31,19 +31,6 @@ if TYPE_CHECKING:
     from gcs.results.recorder import FlightRecorder
     from gcs.results.recording import Ending
 
-EPILOG = """
-Examples:
-
-- gcs fly paper/scenario1
-- gcs fly paper/scenario1 --in-process --json | jq .saving
-- gcs fly my.yaml --speed 1 --out runs/demo
-- gcs fly faults/loe_aileron --with realistic --set trigger.b2_deg=0.5
-- gcs fly --campaign runs/robust --row 17 --in-process
-
-Exit status: 0 flown to its end, 1 lost, stopped early or not recorded, 2 bad input, 3 a vehicle
-refused something, 4 a vehicle did not answer, 130 Ctrl-C (143 SIGTERM, 129 SIGHUP).
-"""
-
 
 @dataclass(frozen=True)
 class FlyOptions(FleetOptions):
@@ -107,6 +94,16 @@ def fly(
     scenario.yaml, summary.json (of every step), flight.tlog (the GCS link), events.arrows,
     trajectory.arrows and the figures. With --campaign and --row, a flight of a campaign is flown
     again, and compared with its row of the table, bit for bit.
+
+    Examples:
+        - gcs fly paper/scenario1
+        - gcs fly paper/scenario1 --in-process --json | jq .saving
+        - gcs fly my.yaml --speed 1 --out runs/demo
+        - gcs fly faults/loe_aileron --with realistic --set trigger.b2_deg=0.5
+        - gcs fly --campaign runs/robust --row 17 --in-process
+
+    Exit status: 0 flown to its end, 1 lost, stopped early or not recorded, 2 bad input, 3 a vehicle
+    refused something, 4 a vehicle did not answer, 130 Ctrl-C (143 SIGTERM, 129 SIGHUP).
     """
     from gcs.fleet.flying import fly as fly_prepared
     from gcs.fleet.flying import recorded

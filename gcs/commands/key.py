@@ -11,18 +11,6 @@ from gcs.console.lines import print_line
 from mavlink_defs.framing.key_file import ANNOUNCED_S, GRACE_S, replace_key
 from mavlink_defs.framing.signing import SigningError, key_exists, make_key, read_key
 
-EPILOG = """
-Examples:
-
-- gcs key ~/.fleet.key
-- gcs key ~/.fleet.key --replace       (a new key in the same file, also in flight)
-- gcs key ~/.fleet.key --passphrase    (asks for it; the same key as MAVProxy's signing commands)
-
-Then `signing_key: PATH` in the links section of a scenario, or `--signing-key PATH`.
-
-Exit status: 0 written, 2 bad input, 130 Ctrl-C.
-"""
-
 
 def key(
     file: Annotated[
@@ -45,6 +33,16 @@ def key(
 
     It has 32 bytes that only you can read. With --replace, whatever uses the file goes over to the
     new key by itself.
+
+    Examples:
+        - gcs key ~/.fleet.key
+        - gcs key ~/.fleet.key --replace       (a new key in the same file, also in flight)
+        - gcs key ~/.fleet.key --passphrase    (asks for it; the same key as MAVProxy's signing
+          commands)
+
+    Then `signing_key: PATH` in the links section of a scenario, or `--signing-key PATH`.
+
+    Exit status: 0 written, 2 bad input, 130 Ctrl-C.
     """
     try:
         if replace:

@@ -19,20 +19,6 @@ from mavlink_defs.visible import visible
 if TYPE_CHECKING:
     from gcs.tui.playback import Playback
 
-EPILOG = """
-Examples:
-
-- gcs log runs/first/flight.tlog
-- gcs log flight.tlog --at 19 --speed 0.5
-- gcs log 00000042.BIN --list
-- gcs log flight.csv --columns my_columns.yaml --json
-
-Reads .tlog (MAVLink 1 and 2), ArduPilot's .bin, PX4's .ulg (with the extra `logs`), .csv (.xz, .gz,
-.bz2), .parquet and .mat with a column map, and run folders.
-
-Exit status: 0 listed, or left by the operator, 2 bad input.
-"""
-
 
 def log(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="The log, or a run folder.")],
@@ -63,6 +49,17 @@ def log(
     replayed by simulated time, with all their vehicles. The list has channels with units, rates and
     gaps, modes, texts, and what the log cannot say. A log of others shows no triggers, events or
     faults: it has none.
+
+    Examples:
+        - gcs log runs/first/flight.tlog
+        - gcs log flight.tlog --at 19 --speed 0.5
+        - gcs log 00000042.BIN --list
+        - gcs log flight.csv --columns my_columns.yaml --json
+
+    Reads .tlog (MAVLink 1 and 2), ArduPilot's .bin, PX4's .ulg (with the extra `logs`), .csv (.xz,
+    .gz, .bz2), .parquet and .mat with a column map, and run folders.
+
+    Exit status: 0 listed, or left by the operator, 2 bad input.
     """
     if list_ or as_json or (at is None and not has_terminal()):
         _list(file, uav, columns, as_json)

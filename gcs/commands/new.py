@@ -17,16 +17,6 @@ from gcs.console.lines import print_line
 from gcs.console.outputs import make_folder, write_file
 from mavlink_defs.config.yaml_text import yaml_of
 
-EPILOG = """
-Examples:
-
-- gcs new my.yaml && gcs fly my.yaml
-- gcs new --project my-law && pip install -e ./my-law && gcs fly my_law/first
-- gcs new --project my-law --source git+https://example.org/me/ftc-sitl.git
-
-Exit status: 0 written, 1 it cannot be written, 2 the file or folder exists, or bad input.
-"""
-
 _TEXT = """\
 # A scenario states only its differences from the one that it extends: a file, or a bundled
 # scenario (`gcs scenarios` lists them). Units are part of each key.
@@ -78,7 +68,15 @@ def new(
         ),
     ] = None,
 ) -> None:
-    """Write a commented scenario, or a whole project, to start from."""
+    """Write a commented scenario, or a whole project, to start from.
+
+    Examples:
+        - gcs new my.yaml && gcs fly my.yaml
+        - gcs new --project my-law && pip install -e ./my-law && gcs fly my_law/first
+        - gcs new --project my-law --source git+https://example.org/me/ftc-sitl.git
+
+    Exit status: 0 written, 1 it cannot be written, 2 the file or folder exists, or bad input.
+    """
     if (file is None) == (project is None):
         raise BadInput("expected either FILE or --project FOLDER", "see `gcs new --help`")
     if file is not None:

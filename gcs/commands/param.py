@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gcs.commands.station import EXIT_STATUS, StationOptions, station_command
+from gcs.commands.station import StationOptions, station_command
 from gcs.console.errors import BadInput, CommandRefused
 from gcs.console.lines import print_json, print_line
 from gcs.station.notifications import enum_name
@@ -43,53 +43,16 @@ _File = Annotated[
     ),
 ]
 
-_SAVE_EPILOG = f"""
-Examples:
 
-- gcs param save uav1.parm --uav 1
-{EXIT_STATUS}"""
-
-_LOAD_EPILOG = f"""
-Examples:
-
-- gcs param load uav1.parm --uav 2,3
-- gcs param load uav1.parm --yes --json
-{EXIT_STATUS}"""
-
-_DIFF_EPILOG = f"""
-Examples:
-
-- gcs param diff --uav 1
-- gcs param diff uav1.parm
-- gcs param diff uav1.parm --uav 2 --json
-{EXIT_STATUS}"""
-
-_LIST_EPILOG = f"""
-Examples:
-
-- gcs param list --uav 1
-- gcs param list --json | jq '.[].params | length'
-{EXIT_STATUS}"""
-
-_GET_EPILOG = f"""
-Examples:
-
-- gcs param get TRIG_B1
-- gcs param get TRIG_B1 --uav 2 --json
-{EXIT_STATUS}"""
-
-_SET_EPILOG = f"""
-Examples:
-
-- gcs param set TRIG_B1 0.02
-- gcs param set TRIG_B1 0.02 --uav 1,3
-{EXIT_STATUS}"""
-
-
-@app.command(name="list", epilog=_LIST_EPILOG)
+@app.command(name="list")
 @partial(station_command, timeout_s=30.0)
 def list_(station: StationOptions) -> None:
-    """List all parameters."""
+    """List all parameters.
+
+    Examples:
+        - gcs param list --uav 1
+        - gcs param list --json | jq '.[].params | length'
+    """
     found: dict[int, tuple[Param, ...]] = {}
 
     async def action(vehicle: Vehicle) -> str:
@@ -103,13 +66,18 @@ def list_(station: StationOptions) -> None:
     station.act(action, data)
 
 
-@app.command(epilog=_GET_EPILOG)
+@app.command()
 @station_command
 def get(
     station: StationOptions,
     name: _Name,
 ) -> None:
-    """Read one parameter."""
+    """Read one parameter.
+
+    Examples:
+        - gcs param get TRIG_B1
+        - gcs param get TRIG_B1 --uav 2 --json
+    """
     found: dict[int, Param] = {}
 
     async def action(vehicle: Vehicle) -> str:
@@ -121,7 +89,7 @@ def get(
 
 
 @app.command(  # a negative value is not an option
-    name="set", epilog=_SET_EPILOG, context_settings={"ignore_unknown_options": True}
+    name="set", context_settings={"ignore_unknown_options": True}
 )
 @station_command
 def set_(
@@ -131,7 +99,12 @@ def set_(
         float, typer.Argument(metavar="VALUE", help="New value, in the unit of the parameter.")
     ],
 ) -> None:
-    """Set one parameter; the vehicle checks its range."""
+    """Set one parameter; the vehicle checks its range.
+
+    Examples:
+        - gcs param set TRIG_B1 0.02
+        - gcs param set TRIG_B1 0.02 --uav 1,3
+    """
     found: dict[int, Param] = {}
 
     async def action(vehicle: Vehicle) -> str:
@@ -157,10 +130,14 @@ def _known_quantities() -> Callable[[str], "Quantity | None"]:
     return known_quantity
 
 
-@app.command(epilog=_SAVE_EPILOG)
+@app.command()
 @partial(station_command, timeout_s=30.0)
 def save(station: StationOptions, file: _File) -> None:
-    """Save the parameters of one vehicle in a new file."""
+    """Save the parameters of one vehicle in a new file.
+
+    Examples:
+        - gcs param save uav1.parm --uav 1
+    """
     if file.exists():
         raise BadInput(f"{file} already exists", "choose another file, or remove it")
 
@@ -181,14 +158,19 @@ def save(station: StationOptions, file: _File) -> None:
         print_line(f"UAV {system}: {len(params)} parameters in {file}")
 
 
-@app.command(epilog=_LOAD_EPILOG)
+@app.command()
 @partial(station_command, timeout_s=30.0)
 def load(
     station: StationOptions,
     file: _File,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask for confirmation.")] = False,
 ) -> None:
-    """Set the parameters that differ from a file; read-only ones stay as they are."""
+    """Set the parameters that differ from a file; read-only ones stay as they are.
+
+    Examples:
+        - gcs param load uav1.parm --uav 2,3
+        - gcs param load uav1.parm --yes --json
+    """
     values = read_settable(file)
     different = _differences(station, values)
     if not yes and any(different.values()):
@@ -204,7 +186,7 @@ def load(
     station.act(action, lambda vehicle: {"set": {n: values[n] for n in different[vehicle.system]}})
 
 
-@app.command(epilog=_DIFF_EPILOG)
+@app.command()
 @partial(station_command, timeout_s=30.0)
 def diff(
     station: StationOptions,
@@ -218,7 +200,13 @@ def diff(
         ),
     ] = None,
 ) -> None:
-    """List the parameters that differ from a file, or from their defaults."""
+    """List the parameters that differ from a file, or from their defaults.
+
+    Examples:
+        - gcs param diff --uav 1
+        - gcs param diff uav1.parm
+        - gcs param diff uav1.parm --uav 2 --json
+    """
     if file is None:
         _diff_defaults(station)
         return

@@ -23,17 +23,6 @@ from mavlink_defs.dialect import MAVLink_message
 
 _REFRESH_S = 1.0
 
-EPILOG = """
-Examples:
-
-- gcs record
-- gcs record flight.tlog --for-s 60
-- gcs record flight.tlog --json && mavlogdump.py flight.tlog --types STATUSTEXT
-
-Exit status: 0 recorded until Ctrl-C, SIGTERM, SIGHUP or the end of --for-s, 1 writing the file
-failed, 2 bad input, 4 no vehicle heard within --timeout.
-"""
-
 
 def record(
     file: Annotated[
@@ -52,6 +41,14 @@ def record(
     """Record every frame that vehicles send, until Ctrl-C.
 
     Each frame has its time. MAVProxy, QGroundControl and mavlogdump.py read these files.
+
+    Examples:
+        - gcs record
+        - gcs record flight.tlog --for-s 60
+        - gcs record flight.tlog --json && mavlogdump.py flight.tlog --types STATUSTEXT
+
+    Exit status: 0 recorded until Ctrl-C, SIGTERM, SIGHUP or the end of --for-s, 1 writing the file
+    failed, 2 bad input, 4 no vehicle heard within --timeout.
     """
     now = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
     path = file or Path(f"gcs-{now}.tlog")

@@ -60,35 +60,6 @@ app = typer.Typer(
     "`gcs runs FOLDER` is `gcs runs list FOLDER`, whose options are below.",
 )
 
-_LIST_EPILOG = """
-Examples:
-
-- gcs runs
-- gcs runs --where law=surviving --where 'saving < 0.9' --sort iae_roll
-- gcs runs --where kind=campaign --where outcome!=completed
-- gcs runs results --json | jq '.runs[].name'
-
---where and --sort take the keys of --json. Signs: =, !=, <, <=, >, >=, and ~ for "contains".
-
-Exit status: 0 listed, 2 bad input.
-"""
-_NOTE_EPILOG = """
-Examples:
-
-- gcs runs note runs/first 'the one in the talk'
-- gcs runs note runs/first ''
-
-Exit status: 0 written, 1 the folder cannot be written, 2 bad input.
-"""
-_HTML_EPILOG = """
-Examples:
-
-- gcs runs html
-- gcs runs html --where scenario~scenario1 --out page.html
-- gcs runs html --compare runs/first --compare runs/second
-
-Exit status: 0 written, 1 the file cannot be written, 2 bad input.
-"""
 
 _FolderArgument = Annotated[
     Path, typer.Argument(help="Folder with the runs.", metavar="FOLDER", show_default=True)
@@ -110,7 +81,7 @@ _RebuildOption = Annotated[
 ]
 
 
-@app.command(name="list", epilog=_LIST_EPILOG)
+@app.command(name="list")
 def list_(
     folder: _FolderArgument = _RUNS,
     where: _WhereOption = None,
@@ -132,6 +103,16 @@ def list_(
     largest of all UAVs, of airspeed and of the worst angle. Figures of campaigns and sweeps are
     medians of the flights that completed, their IAEs the worst of them. A hidden index in FOLDER
     saves reading again what has not changed.
+
+    Examples:
+        - gcs runs
+        - gcs runs --where law=surviving --where 'saving < 0.9' --sort iae_roll
+        - gcs runs --where kind=campaign --where outcome!=completed
+        - gcs runs results --json | jq '.runs[].name'
+
+    --where and --sort take the keys of --json. Signs: =, !=, <, <=, >, >=, and ~ for "contains".
+
+    Exit status: 0 listed, 2 bad input.
     """
     conditions = conditions_of(where or ())
     order_of(sort)
@@ -149,12 +130,19 @@ def list_(
     _name_foreign(found.foreign)
 
 
-@app.command(epilog=_NOTE_EPILOG)
+@app.command()
 def note(
     run: Annotated[Path, typer.Argument(help="Folder of the run.", metavar="RUN")],
     text: Annotated[str, typer.Argument(help="The note; an empty one removes it.", metavar="TEXT")],
 ) -> None:
-    """Write a note on a run, in place of an earlier one; it is stored in the run's folder."""
+    """Write a note on a run, in place of an earlier one; it is stored in the run's folder.
+
+    Examples:
+        - gcs runs note runs/first 'the one in the talk'
+        - gcs runs note runs/first ''
+
+    Exit status: 0 written, 1 the folder cannot be written, 2 bad input.
+    """
     _check_run(run)
     path = run / NOTE
     if text.strip():
@@ -164,7 +152,7 @@ def note(
     print_line(f"{path} {'written' if text.strip() else 'removed'}", stderr=True)
 
 
-@app.command(epilog=_HTML_EPILOG)
+@app.command()
 def html(
     folder: _FolderArgument = _RUNS,
     out: Annotated[
@@ -193,6 +181,13 @@ def html(
     """Write one page with all runs: sortable, with thumbnails, differences and curves overlaid.
 
     The page fetches nothing and can be sent to anybody; its links to the folders work where it is.
+
+    Examples:
+        - gcs runs html
+        - gcs runs html --where scenario~scenario1 --out page.html
+        - gcs runs html --compare runs/first --compare runs/second
+
+    Exit status: 0 written, 1 the file cannot be written, 2 bad input.
     """
     from gcs.results.runs.page import save_page
 

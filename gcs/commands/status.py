@@ -18,22 +18,6 @@ from gcs.station.vehicle import Vehicle
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
 
-EPILOG = """
-Examples:
-
-- gcs status
-- gcs status --watch
-- gcs status --uav 3 --json | jq '.vehicles[0].channels.rudder.events'
-- gcs status --connect udpin:0.0.0.0:14550
-
-Faults are shown as active/all; `old 0.4 s` as link: in the last second or two the autopilot acted
-on a state that was that old, in simulated time.
-Below the table, if there is anything: members of the fleet that were not heard within two seconds,
-what the others did not report, and what was dropped on the links.
-Exit status: 0 shown, 2 bad input, 4 no vehicle heard, or a member of the fleet not (without --uav);
---watch continues until Ctrl-C (0) or until its output is closed (0).
-"""
-
 _ANSWERS_S = 2.0
 _REFRESH_S = 1.0
 
@@ -45,7 +29,23 @@ def status(
         bool, typer.Option("--watch", help="Refresh once a second until Ctrl-C.")
     ] = False,
 ) -> None:
-    """Show link, mode, attitude, events and faults of each vehicle."""
+    """Show link, mode, attitude, events and faults of each vehicle.
+
+    Examples:
+        - gcs status
+        - gcs status --watch
+        - gcs status --uav 3 --json | jq '.vehicles[0].channels.rudder.events'
+        - gcs status --connect udpin:0.0.0.0:14550
+
+    Faults are shown as active/all; `old 0.4 s` as link: in the last second or two the autopilot
+    acted on a state that was that old, in simulated time. Below the table, if there is anything:
+    members of the fleet that were not heard within two seconds, what the others did not report, and
+    what was dropped on the links.
+
+    Exit status: 0 shown, 2 bad input, 4 no vehicle heard, or a
+    member of the fleet not (without --uav); --watch continues until Ctrl-C (0) or until its output
+    is closed (0).
+    """
 
     def show(client: Client) -> None:
         if station.as_json:

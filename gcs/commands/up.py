@@ -36,19 +36,6 @@ from mavlink_defs.ports import HUB_PORT
 if TYPE_CHECKING:
     from gcs.commands.foxglove import FoxgloveServer
 
-EPILOG = """
-Examples:
-
-- gcs up paper/scenario1       (then: gcs start; gcs arm; gcs status --watch)
-- gcs up paper/scenario1 --start --speed 2
-- gcs up my.yaml --lockstep --free-ports --json
-- gcs up my.yaml --restart never
-- gcs up paper/scenario1 --foxglove
-
-Exit status: 0 stopped by Ctrl-C, SIGTERM or SIGHUP, 1 flight lost, 2 bad input, 3 a vehicle refused
-something, 4 a vehicle did not answer.
-"""
-
 FOXGLOVE = "127.0.0.1:8765"
 """Where Foxglove looks for a WebSocket unless it is given another address."""
 
@@ -126,6 +113,16 @@ def up(scenario: ScenarioArgument, options: UpOptions) -> None:
     begins when all are armed. The duration of the scenario is ignored. One ground station can bind
     the GCS port (14550); any number can connect to the hub, as gcs's own commands do. Links that
     other machines can reach must be signed, unless --insecure is given.
+
+    Examples:
+        - gcs up paper/scenario1       (then: gcs start; gcs arm; gcs status --watch)
+        - gcs up paper/scenario1 --start --speed 2
+        - gcs up my.yaml --lockstep --free-ports --json
+        - gcs up my.yaml --restart never
+        - gcs up paper/scenario1 --foxglove
+
+    Exit status: 0 stopped by Ctrl-C, SIGTERM or SIGHUP, 1 flight lost, 2 bad input, 3 a vehicle
+    refused something, 4 a vehicle did not answer.
     """
     options.check()
     from gcs.fleet.ports import on_free_ports

@@ -21,19 +21,6 @@ from gcs.station.connection import choose_connection
 _MEMORY = 1 << 30
 """Most memory that a dashboard may take [bytes]."""
 
-EPILOG = """
-Examples:
-
-- gcs web                         (then open http://127.0.0.1:8000)
-- gcs web --control --connect udpout:127.0.0.1:14600
-
-Needs the extra `web`.
-
-Ends with its terminal, and with the process that has started it; not with nohup.
-
-Exit status: 0 stopped by Ctrl-C, SIGTERM or SIGHUP, 2 bad input.
-"""
-
 
 def web(
     connect: ConnectOption = None,
@@ -59,6 +46,16 @@ def web(
 
     It is read-only unless --control is given. Every browser gets a dashboard of its own, a process
     of this machine.
+
+    Examples:
+        - gcs web                         (then open http://127.0.0.1:8000)
+        - gcs web --control --connect udpout:127.0.0.1:14600
+
+    Needs the extra `web`.
+
+    Ends with its terminal, and with the process that has started it; not with nohup.
+
+    Exit status: 0 stopped by Ctrl-C, SIGTERM or SIGHUP, 2 bad input.
     """
     if view is not None:  # a process that the server has started
         die_with(view)

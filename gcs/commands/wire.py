@@ -42,22 +42,6 @@ from mavlink_defs.visible import visible
 
 _REFRESH_S = 0.5
 
-EPILOG = """
-Examples:
-
-- gcs wire runs/first/flight.tlog
-- gcs wire capture.pcap --link plant=24560 --csv counts.csv
-- gcs wire runs/first/wire.json (of a flight with `links.impairments`)
-- gcs wire --relay 127.0.0.1:14570=127.0.0.1:14560 --impair loss=0.1,delay_ms=20,seed=3
-- gcs wire --relay ... --impair 'bursts={begin=0.01,end=0.2},outages=[{from_s=3,to_s=5}]'
-
-For the first relay above, fly a scenario whose `links.plant_relay` is 127.0.0.1:14570.
-
-A relay runs until Ctrl-C or --seconds, then prints its counts.
-
-Exit status: 0 counted, 1 no MAVLink 2 frame in the file, 2 bad input.
-"""
-
 
 @dataclass(frozen=True)
 class WireOptions:
@@ -120,6 +104,19 @@ def wire(
 
     Reads a file, or relays UDP datagrams and shows the counts live; a relay can also lose, delay,
     duplicate, reorder and damage datagrams. Actuator channels are compared with periodic sending.
+
+    Examples:
+        - gcs wire runs/first/flight.tlog
+        - gcs wire capture.pcap --link plant=24560 --csv counts.csv
+        - gcs wire runs/first/wire.json (of a flight with `links.impairments`)
+        - gcs wire --relay 127.0.0.1:14570=127.0.0.1:14560 --impair loss=0.1,delay_ms=20,seed=3
+        - gcs wire --relay ... --impair 'bursts={begin=0.01,end=0.2},outages=[{from_s=3,to_s=5}]'
+
+    For the first relay above, fly a scenario whose `links.plant_relay` is 127.0.0.1:14570.
+
+    A relay runs until Ctrl-C or --seconds, then prints its counts.
+
+    Exit status: 0 counted, 1 no MAVLink 2 frame in the file, 2 bad input.
     """
     if (file is None) == (not options.relay):
         raise BadInput("expected either a FILE or --relay LISTEN=TARGET", "see `gcs wire --help`")

@@ -14,20 +14,6 @@ from mavlink_defs.ports import FORMATION_BASE_PORT, GCS_PORT, PLANT_PORT
 _PORTS = f"{GCS_PORT},{PLANT_PORT},{FORMATION_BASE_PORT + 1}-{FORMATION_BASE_PORT + LAST_SYSTEM}"
 """The defaults of a scenario's links."""
 
-EPILOG = """
-Examples:
-
-- gcs wireshark --out ~/.local/lib/wireshark/plugins/ftc.lua
-- gcs wireshark > ftc.lua
-- tshark -i lo -f udp -X lua_script:ftc.lua -Y mavlink_proto
-- tshark -r capture.pcap -X lua_script:ftc.lua -Y 'mavlink_proto.msgid == 93' | wc -l
-
-Wireshark loads the dissector from its plugin folder (Help, About Wireshark, Folders: Personal Lua
-Plugins). Install only one MAVLink dissector. It does not verify checksums.
-
-Exit status: 0 written, 1 the file cannot be written, 2 bad input.
-"""
-
 
 def wireshark(
     out: Annotated[
@@ -43,7 +29,19 @@ def wireshark(
         ),
     ] = None,
 ) -> None:
-    """Write a Wireshark dissector for all messages (Lua)."""
+    """Write a Wireshark dissector for all messages (Lua).
+
+    Examples:
+        - gcs wireshark --out ~/.local/lib/wireshark/plugins/ftc.lua
+        - gcs wireshark > ftc.lua
+        - tshark -i lo -f udp -X lua_script:ftc.lua -Y mavlink_proto
+        - tshark -r capture.pcap -X lua_script:ftc.lua -Y 'mavlink_proto.msgid == 93' | wc -l
+
+    Wireshark loads the dissector from its plugin folder (Help, About Wireshark, Folders: Personal
+    Lua Plugins). Install only one MAVLink dissector. It does not verify checksums.
+
+    Exit status: 0 written, 1 the file cannot be written, 2 bad input.
+    """
     if out is not None:
         check_file(out)
     lua = lua_dissector(tuple(port or ()))
