@@ -13,14 +13,7 @@ import typer
 from rich import box
 
 from ftc_lab.commands.flights import JobsOption
-from gcs.commands.common import (
-    QuietOption,
-    ScenarioArgument,
-    SetOption,
-    WithOption,
-    changed_scenario,
-    tell,
-)
+from gcs.commands import common
 from gcs.commands.options import options_of, with_options
 from gcs.console.errors import BadInput, FlightLost, Interrupted
 from gcs.console.lines import print_json
@@ -39,8 +32,8 @@ _MAX_PERIOD_US = 1_000_000
 class BaselineOptions:
     """Options of ``gcs baseline``."""
 
-    additions: WithOption = None
-    settings: SetOption = None
+    additions: common.WithOption = None
+    settings: common.SetOption = None
     against: Annotated[
         list[str] | None,
         typer.Option(
@@ -105,14 +98,14 @@ class BaselineOptions:
             help="Folder, new or empty; runs/baseline-NAME-DATE-TIME by default.", metavar="FOLDER"
         ),
     ] = None
-    quiet: QuietOption = False
+    quiet: common.QuietOption = False
     as_json: Annotated[
         bool, typer.Option("--json", help="Print baseline.json on standard output instead.")
     ] = False
 
 
 @with_options("options", options_of(BaselineOptions), BaselineOptions)
-def baseline(scenario: ScenarioArgument, *, options: BaselineOptions) -> None:
+def baseline(scenario: common.ScenarioArgument, *, options: BaselineOptions) -> None:
     """Find the slowest periodic senders that match a triggered flight.
 
     Flies the scenario with its trigger, then the same law sending by the clock: with one period
@@ -136,13 +129,13 @@ def baseline(scenario: ScenarioArgument, *, options: BaselineOptions) -> None:
     from gcs.scenario.settings import values_of
 
     console = console_of(quiet=options.quiet)
-    triggered = changed_scenario(scenario, options.additions, options.settings)
+    triggered = common.changed_scenario(scenario, options.additions, options.settings)
     base = periodic_base(triggered, scenario, values_of(options.against or (), "--against"))
     longest = _longest(triggered, options.longest)
     uncertain = _uncertain(options)
     remarks = checked(triggered)
     folder = make_run_folder(options.out, f"baseline-{triggered.name}")
-    tell(remarks, console)
+    common.tell(remarks, console)
     warm_up(None, console)
     pool = ThreadPoolExecutor(options.jobs or os.cpu_count() or 1)
     try:

@@ -8,14 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from gcs.commands.common import (
-    QuietOption,
-    RunFolderOption,
-    ScenarioArgument,
-    SetOption,
-    WithOption,
-    tell,
-)
+from gcs.commands import common
 from gcs.commands.station import systems_in
 from gcs.console.errors import FlightLost, Interrupted, NoAnswer
 from gcs.console.lines import print_json
@@ -31,9 +24,9 @@ if TYPE_CHECKING:
 
 
 def ardupilot(
-    scenario: ScenarioArgument,
-    additions: WithOption = None,
-    settings: SetOption = None,
+    scenario: common.ScenarioArgument,
+    additions: common.WithOption = None,
+    settings: common.SetOption = None,
     port: Annotated[
         int,
         typer.Option(
@@ -66,14 +59,14 @@ def ardupilot(
             metavar="IDS", help="Fly these UAVs only, such as 1,3; all of the scenario by default."
         ),
     ] = None,
-    out: RunFolderOption = None,
+    out: common.RunFolderOption = None,
     record: Annotated[
         Record, typer.Option(help="What is recorded of the steps, as of gcs fly.")
     ] = Record.LIGHT,
     no_figures: Annotated[
         bool, typer.Option("--no-figures", envvar="FTC_SITL_NO_FIGURES", help="Draw no figures.")
     ] = False,
-    quiet: QuietOption = False,
+    quiet: common.QuietOption = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print summary.json on standard output instead.")
     ] = False,
@@ -123,7 +116,7 @@ def ardupilot(
         is_new = out is None or not out.exists()
         folder = make_run_folder(out, loaded.name)
         try:
-            tell(flight.remarks, console)
+            common.tell(flight.remarks, console)
             warm_up(None, console)
             notify = partial(console.print, soft_wrap=True)
             with (
@@ -134,7 +127,7 @@ def ardupilot(
                     "waiting for ArduPilot, which flies in place of the scenario's law "
                     f"({loaded.controller.kind}) and its profile or mission; start"
                 )
-                tell(how_to_start(loaded, addresses), console)
+                common.tell(how_to_start(loaded, addresses), console)
                 with working(console) as work:
                     task = work.add(loaded.name, loaded.duration_s, "s", rated=False)
                     flown.fly(

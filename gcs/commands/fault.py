@@ -16,15 +16,8 @@ from mavlink_defs import dialect
 from mavlink_defs.config.files import problems_of
 from mavlink_defs.config.quantity import describe
 from mavlink_defs.constants import Actuator
+from mavlink_defs.faults import sensors
 from mavlink_defs.faults.fault import Fault
-from mavlink_defs.faults.sensors import (
-    FAILURES,
-    MAX_INSTANCES,
-    SENSOR_NAMES,
-    Axis,
-    Failure,
-    SensorName,
-)
 from mavlink_defs.faults.spec import SPECS, ActuatorFaultSpec, FaultSpec, SensorFaultSpec
 
 app = typer.Typer(help="Set, clear and list faults of actuators and sensors.", no_args_is_help=True)
@@ -32,25 +25,25 @@ of_sensors = typer.Typer(help="Set and clear faults of sensors.", no_args_is_hel
 app.add_typer(of_sensors, name="sensor")
 
 _ACTUATORS = "aileron, elevator, rudder or throttle"
-_SENSORS = ", ".join(SENSOR_NAMES[:-1]) + f" or {SENSOR_NAMES[-1]}"
+_SENSORS = ", ".join(sensors.SENSOR_NAMES[:-1]) + f" or {sensors.SENSOR_NAMES[-1]}"
 _ZERO_IS_NONE = {"frequency_hz", "instance"}
 
 _ForOption = Annotated[
     float | None,
     typer.Option(metavar="S", help="Duration in simulated time [s], instead of --end-s."),
 ]
-_SensorArgument = Annotated[SensorName, typer.Argument(metavar="SENSOR", help=_SENSORS)]
+_SensorArgument = Annotated[sensors.SensorName, typer.Argument(metavar="SENSOR", help=_SENSORS)]
 _InstanceOption = Annotated[
     int,
     typer.Option(
         min=0,
-        max=MAX_INSTANCES,
+        max=sensors.MAX_INSTANCES,
         metavar="N",
         help="Number of the sensor, from 1; 0: all of them.",
     ),
 ]
 # the way in which `gcs fault sensor` was written before, for one version
-_HiddenSensor = Annotated[SensorName | None, typer.Option(hidden=True)]
+_HiddenSensor = Annotated[sensors.SensorName | None, typer.Option(hidden=True)]
 _HiddenInstance = Annotated[int, typer.Option(min=0, hidden=True)]
 
 
@@ -74,16 +67,16 @@ def _numbers(model: type[FaultSpec], *, hidden: bool = False) -> Iterator[inspec
 def _of_a_sensor(*, hidden: bool = False) -> Iterator[inspect.Parameter]:
     """Yield the options of a fault of a sensor."""
     failure = typer.Option(
-        metavar="TYPE", help=f"How it fails: {', '.join(FAILURES)}.", hidden=hidden
+        metavar="TYPE", help=f"How it fails: {', '.join(sensors.FAILURES)}.", hidden=hidden
     )
     axis = typer.Option(
         metavar="AXIS",
         help="Axis that is wrong: x, y or z; of a GPS north, east, down.",
         hidden=hidden,
     )
-    yield _parameter("failure", Annotated[Failure | None, failure])
+    yield _parameter("failure", Annotated[sensors.Failure | None, failure])
     yield _parameter("instance", _HiddenInstance if hidden else _InstanceOption, 0)
-    yield _parameter("axis", Annotated[Axis | None, axis])
+    yield _parameter("axis", Annotated[sensors.Axis | None, axis])
     yield from _numbers(SensorFaultSpec, hidden=hidden)
 
 
@@ -228,7 +221,7 @@ def _with_phase(fault: Fault, now_s: float) -> str:
     return f"{fault.describe()}, {phase}"
 
 
-def _clear_sensor(station: StationOptions, sensor: SensorName, instance: int) -> None:
+def _clear_sensor(station: StationOptions, sensor: sensors.SensorName, instance: int) -> None:
     async def action(vehicle: Vehicle) -> str:
         await vehicle.clear_sensor_faults(sensor, instance)
         whose = f"{sensor} {instance or ''}".rstrip()

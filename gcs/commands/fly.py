@@ -8,14 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from gcs.commands.common import (
-    FleetOptions,
-    Restart,
-    RestartOption,
-    flight_progress,
-    prepared,
-    tell,
-)
+from gcs.commands import common
 from gcs.commands.drawing import FlightDrawing, drawn
 from gcs.commands.options import options_of, with_options
 from gcs.console.errors import BadInput, FlightLost, Interrupted
@@ -33,7 +26,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class FlyOptions(FleetOptions):
+class FlyOptions(common.FleetOptions):
     """Options of ``gcs fly``."""
 
     speed: Annotated[
@@ -48,7 +41,7 @@ class FlyOptions(FleetOptions):
         bool,
         typer.Option("--in-process", help="Plant and controllers in one process, without links."),
     ] = False
-    restart: RestartOption = Restart.NEVER
+    restart: common.RestartOption = common.Restart.NEVER
     record: Annotated[
         Record,
         typer.Option(
@@ -110,14 +103,14 @@ def fly(
     from gcs.fleet.warm_up import warm_up
     from gcs.results.run_folder import make_run_folder
 
-    flight = prepared(
+    flight = common.prepared(
         _scenario(scenario, options),
         options,
         "fly",
         f"{options.campaign} row {options.row}" if scenario is None else str(scenario),
         over_udp=not options.in_process,
         speed=options.speed,
-        restart=options.restart is Restart.ON_FAILURE,
+        restart=options.restart is common.Restart.ON_FAILURE,
         record=options.record,
     )
     loaded = flight.scenario
@@ -128,9 +121,9 @@ def fly(
             contextlib.nullcontext() if options.no_figures else drawn(loaded, folder) as drawing,
             recorded(flight, folder) as recorder,
         ):
-            tell(flight.remarks, console)
+            common.tell(flight.remarks, console)
             warm_up(loaded, console, in_process=options.in_process)
-            with flight_progress(loaded, console) as shown:
+            with common.flight_progress(loaded, console) as shown:
                 ending = fly_prepared(flight, recorder, folder, shown, shown.starts)
             _report(recorder, ending, loaded, folder, console, options, drawing)
     except KeyboardInterrupt:

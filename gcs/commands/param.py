@@ -11,17 +11,8 @@ import typer
 from gcs.commands.station import StationOptions, station_command
 from gcs.console.errors import BadInput, CommandRefused
 from gcs.console.lines import print_json, print_line
+from gcs.station import param_file
 from gcs.station.notifications import enum_name
-from gcs.station.param_file import (
-    READ_ONLY,
-    difference,
-    difference_lines,
-    differing,
-    read_param_file,
-    read_settable,
-    set_values,
-    text_of,
-)
 from gcs.station.vehicle import Vehicle
 from mavlink_defs import dialect
 from mavlink_defs.config.output_files import write_text
@@ -151,7 +142,7 @@ def save(station: StationOptions, file: _File) -> None:
         return vehicles[0].system, await vehicles[0].list_params()
 
     system, params = station.run(work)
-    write_text(file, text_of(params, f"Parameters of UAV {system}"))
+    write_text(file, param_file.text_of(params, f"Parameters of UAV {system}"))
     if station.as_json:
         print_json({"uav": system, "file": str(file), "params": len(params)})
     else:
@@ -171,17 +162,17 @@ def load(
         - gcs param load uav1.parm --uav 2,3
         - gcs param load uav1.parm --yes --json
     """
-    values = read_settable(file)
+    values = param_file.read_settable(file)
     different = _differences(station, values)
     if not yes and any(different.values()):
         for system, held in different.items():
-            for line in difference_lines(system, held, values):
+            for line in param_file.difference_lines(system, held, values):
                 print_line(line, stderr=True)
         if not typer.confirm("Set these parameters?", err=True):
             raise BadInput("nothing was set")
 
     async def action(vehicle: Vehicle) -> str:
-        return await set_values(vehicle, values, different[vehicle.system])
+        return await param_file.set_values(vehicle, values, different[vehicle.system])
 
     station.act(action, lambda vehicle: {"set": {n: values[n] for n in different[vehicle.system]}})
 
@@ -210,7 +201,7 @@ def diff(
     if file is None:
         _diff_defaults(station)
         return
-    values = read_param_file(file)
+    values = param_file.read_param_file(file)
     different = _differences(station, values)
     if station.as_json:
         print_json(
@@ -222,7 +213,7 @@ def diff(
         )
         return
     for system, held in different.items():
-        for line in difference_lines(system, held, values):
+        for line in param_file.difference_lines(system, held, values):
             print_line(line)
         if not held:
             print_line(f"UAV {system}: all {len(values)} parameters as in {file}")
@@ -232,7 +223,9 @@ def _differences(
     station: StationOptions, values: dict[str, float]
 ) -> dict[int, dict[str, float | None]]:
     """Return for each vehicle the values held that differ from a file."""
-    return {system: differing(params, values) for system, params in _held(station).items()}
+    return {
+        system: param_file.differing(params, values) for system, params in _held(station).items()
+    }
 
 
 def _held(station: StationOptions) -> dict[int, tuple[Param, ...]]:
@@ -271,7 +264,7 @@ def _diff_defaults(station: StationOptions) -> None:
         return
     for system, param, values in different:
         values_text = ", then ".join(f"{value:.9g}" for value in values)
-        print_line(difference(system, param.name, param.value, f"default {values_text}"))
+        print_line(param_file.difference(system, param.name, param.value, f"default {values_text}"))
     for system in sorted(found.keys() - {system for system, _, _ in different}):
         print_line(f"UAV {system}: all {len(defaults[system])} parameters with a default have it")
 
@@ -280,7 +273,7 @@ def _text(vehicle: Vehicle, param: Param, known: "Quantity | None") -> str:
     unit = f" {known.unit}" if known and known.unit else ""
     allowed = known.range() if known else ""
     limits = "" if not allowed or allowed.startswith("any number") else f", range {allowed}"
-    limits = ", read only" if param.name in READ_ONLY else limits
+    limits = ", read only" if param.name in param_file.READ_ONLY else limits
     meaning = f"; {known.doc.rstrip('.')}" if known and known.doc else ""
     return f"UAV {vehicle.system}: {param.name} = {param.value:g}{unit}{limits}{meaning}"
 

@@ -11,14 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.console import Console
 
-from gcs.commands.common import (
-    FleetOptions,
-    Restart,
-    RestartOption,
-    ScenarioArgument,
-    prepared,
-    tell,
-)
+from gcs.commands import common
 from gcs.commands.listening import listen, listening_address
 from gcs.commands.options import InsecureOption, options_of, with_options
 from gcs.console.errors import BadInput, Interrupted
@@ -41,7 +34,7 @@ FOXGLOVE = "127.0.0.1:8765"
 
 
 @dataclass(frozen=True)
-class UpOptions(FleetOptions):
+class UpOptions(common.FleetOptions):
     """Options of ``gcs up``."""
 
     speed: Annotated[
@@ -52,7 +45,7 @@ class UpOptions(FleetOptions):
         typer.Option("--lockstep", help="As fast as the machine allows, instead of real time."),
     ] = False
     start: Annotated[bool, typer.Option("--start", help="Also start the mission and arm.")] = False
-    restart: RestartOption = Restart.ON_FAILURE
+    restart: common.RestartOption = common.Restart.ON_FAILURE
     no_record: Annotated[
         bool,
         typer.Option(
@@ -106,7 +99,7 @@ class UpOptions(FleetOptions):
 
 
 @with_options("options", options_of(UpOptions), UpOptions)
-def up(scenario: ScenarioArgument, options: UpOptions) -> None:
+def up(scenario: common.ScenarioArgument, options: UpOptions) -> None:
     """Start a fleet that flies until it is stopped (Ctrl-C).
 
     The vehicles get the profile or the mission and the faults of the scenario and wait: time
@@ -131,8 +124,8 @@ def up(scenario: ScenarioArgument, options: UpOptions) -> None:
     from gcs.results.run_folder import make_run_folder
 
     hub_port = options.hub_port or HUB_PORT
-    restart = options.restart is Restart.ON_FAILURE
-    flight = prepared(
+    restart = options.restart is common.Restart.ON_FAILURE
+    flight = common.prepared(
         scenario, options, "up", speed=options.pace, restart=restart, hub_port=hub_port
     )
     loaded = flight.scenario
@@ -150,7 +143,7 @@ def up(scenario: ScenarioArgument, options: UpOptions) -> None:
 
     try:
         with marked(folder, loaded, flight.mark):
-            tell(flight.remarks, console)
+            common.tell(flight.remarks, console)
             warm_up(None, console)
             if options.free_ports:
                 on_free_ports(loaded, fly)
@@ -198,7 +191,7 @@ def _up(
         on_start=lambda text: task.show(0.0, text),
         speed=options.pace,
         start=options.start,
-        restart=options.restart is Restart.ON_FAILURE,
+        restart=options.restart is common.Restart.ON_FAILURE,
         record=not options.no_record,
         autopilot_processes=options.processes,
     )
