@@ -30,78 +30,38 @@ _MAX_PERIOD_US = 1_000_000
 
 @dataclass(frozen=True)
 class BaselineOptions:
-    """Options of ``gcs baseline``."""
+    """Options of ``gcs baseline``.
+
+    Attributes:
+        against: A key of the scenario and its value for the periodic senders, such as their law.
+        tolerance: By how much an IAE against the filtered reference may exceed the triggered
+            flight's [%].
+        longest: Longest period that is flown [ms], 1000 by default; at most the whole flight.
+        no_per_channel: Do not search for a period for each channel.
+        aircraft: Number of uncertain aircraft to fly as well.
+        campaign: Campaign that draws those aircraft: a file, or a bundled one;
+            campaigns/uncertainty by default.
+        keep: Share of those aircraft that must be kept [%].
+        within: An aircraft is kept if no IAE against the filtered reference is larger than this
+            multiple of the IAE in the nominal aircraft's triggered flight.
+        out: Folder, new or empty; runs/baseline-NAME-DATE-TIME by default.
+        as_json: Print baseline.json on standard output instead.
+    """
 
     additions: common.WithOption = None
     settings: common.SetOption = None
-    against: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="A key of the scenario and its value for the periodic senders, such as their law.",
-            metavar="KEY=VALUE",
-        ),
-    ] = None
-    tolerance: Annotated[
-        float,
-        typer.Option(
-            help="By how much an IAE against the filtered reference may exceed the triggered "
-            "flight's [%].",
-            min=0.0,
-            metavar="%",
-        ),
-    ] = 1.0
-    longest: Annotated[
-        float | None,
-        typer.Option(
-            help="Longest period that is flown [ms], 1000 by default; at most the whole flight.",
-            metavar="MS",
-        ),
-    ] = None
-    no_per_channel: Annotated[
-        bool,
-        typer.Option("--no-per-channel", help="Do not search for a period for each channel."),
-    ] = False
-    aircraft: Annotated[
-        int,
-        typer.Option(min=0, metavar="NUMBER", help="Number of uncertain aircraft to fly as well."),
-    ] = 0
-    campaign: Annotated[
-        Path | None,
-        typer.Option(
-            help="Campaign that draws those aircraft: a file, or a bundled one; "
-            "campaigns/uncertainty by default.",
-            metavar="CAMPAIGN",
-        ),
-    ] = None
-    keep: Annotated[
-        float,
-        typer.Option(
-            help="Share of those aircraft that must be kept [%].",
-            min=0.0,
-            max=100.0,
-            metavar="%",
-        ),
-    ] = 95.0
-    within: Annotated[
-        float,
-        typer.Option(
-            help="An aircraft is kept if no IAE against the filtered reference is larger than this "
-            "multiple of the IAE in the nominal aircraft's triggered flight.",
-            min=1.0,
-            metavar="FACTOR",
-        ),
-    ] = 2.0
+    against: Annotated[list[str] | None, typer.Option(metavar="KEY=VALUE")] = None
+    tolerance: Annotated[float, typer.Option(min=0.0, metavar="%")] = 1.0
+    longest: Annotated[float | None, typer.Option(metavar="MS")] = None
+    no_per_channel: Annotated[bool, typer.Option("--no-per-channel")] = False
+    aircraft: Annotated[int, typer.Option(min=0, metavar="NUMBER")] = 0
+    campaign: Annotated[Path | None, typer.Option(metavar="CAMPAIGN")] = None
+    keep: Annotated[float, typer.Option(min=0.0, max=100.0, metavar="%")] = 95.0
+    within: Annotated[float, typer.Option(min=1.0, metavar="FACTOR")] = 2.0
     jobs: JobsOption = None
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder, new or empty; runs/baseline-NAME-DATE-TIME by default.", metavar="FOLDER"
-        ),
-    ] = None
+    out: Annotated[Path | None, typer.Option(metavar="FOLDER")] = None
     quiet: common.QuietOption = False
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print baseline.json on standard output instead.")
-    ] = False
+    as_json: Annotated[bool, typer.Option("--json")] = False
 
 
 @with_options("options", options_of(BaselineOptions), BaselineOptions)

@@ -18,43 +18,27 @@ if TYPE_CHECKING:
 
 
 def campaign(
-    file: Annotated[
-        Path, typer.Argument(help="Campaign: a file, or a bundled one.", metavar="CAMPAIGN")
-    ],
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder of the campaign, new or to continue; runs/campaign-NAME-DIGEST by "
-            "default, the same for the same campaign and code.",
-            metavar="FOLDER",
-        ),
-    ] = None,
-    draws: Annotated[
-        int | None,
-        typer.Option(min=1, metavar="NUMBER", help="Draws per variant instead of the file's."),
-    ] = None,
+    file: Annotated[Path, typer.Argument(metavar="CAMPAIGN")],
+    out: Annotated[Path | None, typer.Option(metavar="FOLDER")] = None,
+    draws: Annotated[int | None, typer.Option(min=1, metavar="NUMBER")] = None,
     jobs: JobsOption = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            help="Dask scheduler whose workers fly, instead of this machine.",
-            metavar="tcp://HOST:PORT",
-        ),
-    ] = None,
-    until: Annotated[
-        str | None,
-        typer.Option(
-            help="Stop as soon as this is shown or refuted for every variant, as in "
-            "'p(attitude_lost) < 0.05 at 95 %'.",
-            metavar="CONDITION",
-        ),
-    ] = None,
+    scheduler: Annotated[str | None, typer.Option(metavar="tcp://HOST:PORT")] = None,
+    until: Annotated[str | None, typer.Option(metavar="CONDITION")] = None,
     quiet: QuietOption = False,
 ) -> None:
     """Fly every draw of a campaign, on all cores or a cluster.
 
     All draws are checked before the first flight. The folder gets a table in Parquet, one row per
     flight, stored every few seconds: after any interruption, the same command continues there.
+
+    Args:
+        file: Campaign: a file, or a bundled one.
+        out: Folder of the campaign, new or to continue; runs/campaign-NAME-DIGEST by default, the
+            same for the same campaign and code.
+        draws: Draws per variant instead of the file's.
+        scheduler: Dask scheduler whose workers fly, instead of this machine.
+        until: Stop as soon as this is shown or refuted for every variant, as in 'p(attitude_lost) <
+            0.05 at 95 %'.
 
     Examples:
         - gcs campaign campaigns/uncertainty

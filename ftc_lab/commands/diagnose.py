@@ -21,45 +21,12 @@ if TYPE_CHECKING:
 
 
 def diagnose(
-    flight: Annotated[
-        Path,
-        typer.Argument(
-            help="Log of a flight: .tlog, .bin, .ulg, .csv, .parquet, .mat, or a run folder.",
-            metavar="FLIGHT",
-            show_default=False,
-        ),
-    ],
-    uav: Annotated[
-        int | None,
-        typer.Option(help="Which UAV, if the log has several.", metavar="ID", show_default=False),
-    ] = None,
-    columns: Annotated[
-        Path | None,
-        typer.Option(
-            help="Column map of a table; by default one that fits.",
-            metavar="FILE",
-            show_default=False,
-        ),
-    ] = None,
-    aircraft: Annotated[
-        str | None,
-        typer.Option(
-            help="Judge by a model of the aircraft, a bundled one or a file: needs commands to the "
-            "actuators and the wind, and takes seconds in place of half a minute. Of a run folder, "
-            "by default the one that its laws knew.",
-            metavar="AIRCRAFT",
-            show_default=False,
-        ),
-    ] = None,
+    flight: Annotated[Path, typer.Argument(metavar="FLIGHT", show_default=False)],
+    uav: Annotated[int | None, typer.Option(metavar="ID", show_default=False)] = None,
+    columns: Annotated[Path | None, typer.Option(metavar="FILE", show_default=False)] = None,
+    aircraft: Annotated[str | None, typer.Option(metavar="AIRCRAFT", show_default=False)] = None,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            help="Picture of the evidence to write (.png, .svg, .pdf); by default none.",
-            metavar="FILE",
-            show_default=False,
-        ),
+        Path | None, typer.Option("--out", "-o", metavar="FILE", show_default=False)
     ] = None,
     quiet: QuietOption = False,
     as_json: JsonOption = False,
@@ -71,6 +38,15 @@ def diagnose(
     Nothing of the aircraft has to be known. What the log does not show is said, not guessed; left
     and right look the same. How large evidence is in healthy flights, and how probable a fault is
     then, was learnt from flights of one aircraft.
+
+    Args:
+        flight: Log of a flight: .tlog, .bin, .ulg, .csv, .parquet, .mat, or a run folder.
+        uav: Which UAV, if the log has several.
+        columns: Column map of a table; by default one that fits.
+        aircraft: Judge by a model of the aircraft, a bundled one or a file: needs commands to the
+            actuators and the wind, and takes seconds in place of half a minute. Of a run folder, by
+            default the one that its laws knew.
+        out: Picture of the evidence to write (.png, .svg, .pdf); by default none.
 
     Examples:
         - gcs diagnose flight.bin

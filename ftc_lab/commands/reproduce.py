@@ -25,33 +25,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ReproduceOptions:
-    """Options of ``gcs reproduce``."""
+    """Options of ``gcs reproduce``.
 
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder, new or empty; runs/reproduce-DATE-TIME by default.", metavar="FOLDER"
-        ),
-    ] = None
-    over_wire: Annotated[
-        bool,
-        typer.Option("--over-wire", help="Fly with processes over MAVLink, one after the other."),
-    ] = False
-    faults: Annotated[
-        bool,
-        typer.Option(
-            "--faults",
-            help="Also fly every bundled fault file with every law and trigger: takes minutes.",
-        ),
-    ] = False
-    scenarios: Annotated[
-        Path,
-        typer.Option(
-            help="Folder with the paper's scenario files; the bundled ones by default.",
-            show_default=False,
-            metavar="FOLDER",
-        ),
-    ] = SCENARIOS / "paper"
+    Attributes:
+        out: Folder, new or empty; runs/reproduce-DATE-TIME by default.
+        over_wire: Fly with processes over MAVLink, one after the other.
+        faults: Also fly every bundled fault file with every law and trigger: takes minutes.
+        scenarios: Folder with the paper's scenario files; the bundled ones by default.
+    """
+
+    out: Annotated[Path | None, typer.Option(metavar="FOLDER")] = None
+    over_wire: Annotated[bool, typer.Option("--over-wire")] = False
+    faults: Annotated[bool, typer.Option("--faults")] = False
+    scenarios: Annotated[Path, typer.Option(show_default=False, metavar="FOLDER")] = (
+        SCENARIOS / "paper"
+    )
     quiet: QuietOption = False
 
 

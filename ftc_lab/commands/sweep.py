@@ -18,33 +18,13 @@ if TYPE_CHECKING:
 
 
 def sweep(
-    scenarios: Annotated[
-        list[Path], typer.Argument(help="Scenarios: files, or bundled ones.", metavar="SCENARIO")
-    ],
+    scenarios: Annotated[list[Path], typer.Argument(metavar="SCENARIO")],
     settings: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            help="A key of the scenario and its values, in YAML. With several, "
-            "every combination is flown.",
-            metavar="KEY=VALUE,VALUE,...",
-        ),
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE,VALUE,...")
     ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder of the sweep, new or to continue; runs/sweep-NAME-DIGEST by default, "
-            "the same for the same scenarios, values and code.",
-            metavar="FOLDER",
-        ),
-    ] = None,
+    out: Annotated[Path | None, typer.Option(metavar="FOLDER")] = None,
     jobs: JobsOption = None,
-    uav: Annotated[
-        int | None,
-        typer.Option(
-            help="UAV in table.md and plot; by default one with a fault, or the last.", metavar="ID"
-        ),
-    ] = None,
+    uav: Annotated[int | None, typer.Option(metavar="ID")] = None,
     quiet: QuietOption = False,
 ) -> None:
     """Fly every combination of values, in process, on all cores.
@@ -53,6 +33,14 @@ def sweep(
     few seconds, and after an interruption, the same command continues there. Lost flights and
     impossible values are recorded with their reasons. The folder gets table.csv (every UAV),
     table.md, and sweep.png and sweep.svg: saving against IAE.
+
+    Args:
+        scenarios: Scenarios: files, or bundled ones.
+        settings: A key of the scenario and its values, in YAML. With several, every combination is
+            flown.
+        out: Folder of the sweep, new or to continue; runs/sweep-NAME-DIGEST by default, the same
+            for the same scenarios, values and code.
+        uav: UAV in table.md and plot; by default one with a fault, or the last.
 
     Examples:
         - gcs sweep paper/scenario1 --set trigger.b2_deg=0.25,0.5,1,2

@@ -45,42 +45,28 @@ _HEADINGS = (
 
 def trim(
     scenario: ScenarioArgument,
-    airspeed: Annotated[
-        list[float] | None,
-        typer.Option(
-            help="Airspeed [m/s]; may be repeated. By default the airspeeds of profile or mission.",
-            metavar="M/S",
-        ),
-    ] = None,
-    uav: Annotated[
-        int | None,
-        typer.Option(help="UAV whose aircraft it is; by default the first.", metavar="ID"),
-    ] = None,
-    roll: Annotated[
-        float, typer.Option(help="Roll angle [deg].", min=-80.0, max=80.0, metavar="DEG")
-    ] = 0.0,
-    sideslip: Annotated[
-        float,
-        typer.Option(
-            help="Largest sideslip at an end of a range [deg]: linear coefficients hold for small "
-            "angles only.",
-            min=1.0,
-            max=90.0,
-            metavar="DEG",
-        ),
-    ] = 15.0,
+    airspeed: Annotated[list[float] | None, typer.Option(metavar="M/S")] = None,
+    uav: Annotated[int | None, typer.Option(metavar="ID")] = None,
+    roll: Annotated[float, typer.Option(min=-80.0, max=80.0, metavar="DEG")] = 0.0,
+    sideslip: Annotated[float, typer.Option(min=1.0, max=90.0, metavar="DEG")] = 15.0,
     additions: WithOption = None,
     settings: SetOption = None,
     quiet: QuietOption = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print a list of steady flights instead of tables.")
-    ] = False,
+    as_json: Annotated[bool, typer.Option("--json")] = False,
 ) -> None:
     """Compute where an actuator may be stuck in level flight.
 
     For aileron and rudder at each airspeed: both ends of the range of deflections, and zero; the
     other surfaces balance the aircraft, which turns. For elevator and throttle: the airspeed at
     which it flies straight. No controller can hold what is not in these ranges.
+
+    Args:
+        airspeed: Airspeed [m/s]; may be repeated. By default the airspeeds of profile or mission.
+        uav: UAV whose aircraft it is; by default the first.
+        roll: Roll angle [deg].
+        sideslip: Largest sideslip at an end of a range [deg]: linear coefficients hold for small
+            angles only.
+        as_json: Print a list of steady flights instead of tables.
 
     Examples:
         - gcs trim paper/scenario1

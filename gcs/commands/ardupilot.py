@@ -37,39 +37,14 @@ def ardupilot(
             metavar="PORT",
         ),
     ] = PORT,
-    patience: Annotated[
-        float,
-        typer.Option(
-            min=0.1, help="Silence of an ArduPilot after which the flight ends [s].", metavar="S"
-        ),
-    ] = 60.0,
-    faults_port: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            max=65535,
-            help="UDP port where gcs fault sets, clears and lists faults in flight, with --connect "
-            "udpout:HOST:PORT. Without it, only the scenario's faults act.",
-            metavar="PORT",
-        ),
-    ] = None,
-    uav: Annotated[
-        str | None,
-        typer.Option(
-            metavar="IDS", help="Fly these UAVs only, such as 1,3; all of the scenario by default."
-        ),
-    ] = None,
+    patience: Annotated[float, typer.Option(min=0.1, metavar="S")] = 60.0,
+    faults_port: Annotated[int | None, typer.Option(min=1, max=65535, metavar="PORT")] = None,
+    uav: Annotated[str | None, typer.Option(metavar="IDS")] = None,
     out: common.RunFolderOption = None,
-    record: Annotated[
-        Record, typer.Option(help="What is recorded of the steps, as of gcs fly.")
-    ] = Record.LIGHT,
-    no_figures: Annotated[
-        bool, typer.Option("--no-figures", envvar="FTC_SITL_NO_FIGURES", help="Draw no figures.")
-    ] = False,
+    record: Record = Record.LIGHT,
+    no_figures: Annotated[bool, typer.Option("--no-figures", envvar="FTC_SITL_NO_FIGURES")] = False,
     quiet: common.QuietOption = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print summary.json on standard output instead.")
-    ] = False,
+    as_json: Annotated[bool, typer.Option("--json")] = False,
 ) -> None:
     """Let ArduPilot SITLs fly a scenario's aircraft.
 
@@ -80,6 +55,15 @@ def ardupilot(
     The aircraft are held until ArduPilot commands thrust, and launched to their initial state;
     then the time of the scenario, and of its faults, begins. Changes of the outputs are counted as
     the events of our autopilots are.
+
+    Args:
+        patience: Silence of an ArduPilot after which the flight ends [s].
+        faults_port: UDP port where gcs fault sets, clears and lists faults in flight, with
+            --connect udpout:HOST:PORT. Without it, only the scenario's faults act.
+        uav: Fly these UAVs only, such as 1,3; all of the scenario by default.
+        record: What is recorded of the steps, as of gcs fly.
+        no_figures: Draw no figures.
+        as_json: Print summary.json on standard output instead.
 
     Examples:
         - gcs ardupilot paper/scenario1 --uav 1    (then: arduplane --model JSON:127.0.0.1 -I 0)

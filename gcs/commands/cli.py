@@ -15,7 +15,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from gcs.command_list import OWN, GcsCommand, command_of, load, registered
-from gcs.commands.options import ConnectOption, ThemeOption
+from gcs.commands.options import ConnectOption, ThemeOption, texts_of
 from gcs.console.errors import BadInput, GcsError, Interrupted
 from gcs.console.extras import missing
 from gcs.console.lines import print_line
@@ -122,18 +122,15 @@ def gcs(
     connect: ConnectOption = None,
     theme: ThemeOption = "dark",
     _version: Annotated[
-        bool,
-        typer.Option(
-            "--version",
-            callback=_show_versions,
-            is_eager=True,
-            help="Print the versions of ftc-sitl and what it stands on.",
-        ),
+        bool, typer.Option("--version", callback=_show_versions, is_eager=True)
     ] = False,
 ) -> None:
     """Ground station of ftc-sitl: fly a UAV formation over real MAVLink.
 
     Without a command: the operator's dashboard.
+
+    Args:
+        _version: Print the versions of ftc-sitl and what it stands on.
 
     Examples:
         - gcs --connect udpin:0.0.0.0:14550    (as the only ground station)
@@ -176,10 +173,12 @@ def _without_types(command: Any) -> Any:
         one = commands.pop()
         commands += getattr(one, "commands", {}).values()
         one.format_help = _format_help.__get__(one)
-        one.help, examples, rest = (one.help or "").partition("\n\nExamples:\n")
+        about, examples, rest = (one.help or "").partition("\n\nExamples:\n")
         if examples:  # they follow the options
             one.epilog = "Examples:\n\n" + rest.replace("\n    ", "\n").removeprefix("    ")
+        one.help, texts = about.partition("\n\nArgs:\n")[0], texts_of(about, "Args")
         for parameter in one.get_params(typer.Context(one)):
+            parameter.help = texts.get(parameter.name, parameter.help)
             parameter.process_value = partial(_processed, parameter)
             if getattr(parameter, "is_flag", False):
                 parameter.metavar = ""

@@ -30,20 +30,8 @@ from sitl_plant.config import PlantConfig
 
 def config(
     scenario: ScenarioArgument,
-    out: Annotated[
-        Path,
-        typer.Option(
-            help="Folder for the files; files of the same names are replaced.", metavar="FOLDER"
-        ),
-    ],
-    host: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Address of the host of `plant`, `gcs` or a UAV (`uav1`); links.host of the "
-            "scenario for the others; may be repeated.",
-            metavar="NAME=HOST",
-        ),
-    ] = None,
+    out: Annotated[Path, typer.Option(metavar="FOLDER")],
+    host: Annotated[list[str] | None, typer.Option(metavar="NAME=HOST")] = None,
     additions: WithOption = None,
     settings: SetOption = None,
     signing_key: SigningKeyOption = None,
@@ -55,6 +43,11 @@ def config(
     also compiles the numeric core there. Then start one process per file by hand: nothing here
     starts them. The plant flies in real time until it is stopped. Links that other machines can
     reach must be signed, unless --insecure is given.
+
+    Args:
+        out: Folder for the files; files of the same names are replaced.
+        host: Address of the host of `plant`, `gcs` or a UAV (`uav1`); links.host of the scenario
+            for the others; may be repeated.
 
     Examples:
         - gcs config paper/scenario1 --out fleet --host plant=10.0.0.1 --host gcs=10.0.0.9

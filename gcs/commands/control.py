@@ -21,11 +21,12 @@ def arm(station: StationOptions) -> None:
 @station_command
 def disarm(
     station: StationOptions,
-    force: Annotated[
-        bool, typer.Option("--force", help="Disarm even in flight: control and thrust end.")
-    ] = False,
+    force: Annotated[bool, typer.Option("--force")] = False,
 ) -> None:
     """Disarm vehicles; in flight they refuse unless forced.
+
+    Args:
+        force: Disarm even in flight: control and thrust end.
 
     Examples:
         - gcs disarm
@@ -50,14 +51,14 @@ def start(station: StationOptions) -> None:
 @station_command
 def mode(
     station: StationOptions,
-    name: Annotated[
-        Literal["auto", "loiter", "rtl", "guided"],
-        typer.Argument(metavar="MODE", help="auto, loiter, rtl or guided"),
-    ],
+    name: Annotated[Literal["auto", "loiter", "rtl", "guided"], typer.Argument(metavar="MODE")],
 ) -> None:
     """Change the mode: fly the mission, circle, or follow targets.
 
     `loiter` circles here, `rtl` at home; `guided` follows the targets of a station.
+
+    Args:
+        name: auto, loiter, rtl or guided
 
     Examples:
         - gcs mode loiter

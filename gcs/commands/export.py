@@ -14,18 +14,20 @@ from gcs.results.logs.read import kind_of
 
 
 def export(
-    run: Annotated[Path, typer.Argument(help="Run folder of gcs fly, or a log.", metavar="RUN")],
-    to: Annotated[Format, typer.Option(help="Format of the files.")],
-    out: Annotated[
-        Path | None,
-        typer.Option(help="Folder for the files; RUN, or the log's, by default.", metavar="FOLDER"),
-    ] = None,
+    run: Annotated[Path, typer.Argument(metavar="RUN")],
+    to: Annotated[Format, typer.Option()],
+    out: Annotated[Path | None, typer.Option(metavar="FOLDER")] = None,
     uav: LogUavOption = None,
     columns: LogColumnsOption = None,
 ) -> None:
     """Convert the recording of a flight, or a log, for other programs.
 
     --uav and --columns are of logs.
+
+    Args:
+        run: Run folder of gcs fly, or a log.
+        to: Format of the files.
+        out: Folder for the files; RUN, or the log's, by default.
 
     Examples:
         - gcs export runs/first --to csv

@@ -27,56 +27,33 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FlyOptions(common.FleetOptions):
-    """Options of ``gcs fly``."""
+    """Options of ``gcs fly``.
 
-    speed: Annotated[
-        float | None,
-        typer.Option(
-            help="Real-time factor: 1 is real time, 0.5 half of it. "
-            "Without it: lockstep, as fast as the machine allows.",
-            metavar="FACTOR",
-        ),
-    ] = None
-    in_process: Annotated[
-        bool,
-        typer.Option("--in-process", help="Plant and controllers in one process, without links."),
-    ] = False
+    Attributes:
+        speed: Real-time factor: 1 is real time, 0.5 half of it. Without it: lockstep, as fast as
+            the machine allows.
+        in_process: Plant and controllers in one process, without links.
+        record: What is recorded of the steps: all at full rate, the main signals at 50 Hz, all as
+            .npz (in memory until the end), or nothing.
+        no_figures: Draw no figures, which saves about a second.
+        as_json: Print summary.json on standard output instead.
+        campaign: Folder of a campaign, instead of a scenario.
+        row: Row of the campaign's table: the flight to fly again.
+    """
+
+    speed: Annotated[float | None, typer.Option(metavar="FACTOR")] = None
+    in_process: Annotated[bool, typer.Option("--in-process")] = False
     restart: common.RestartOption = common.Restart.NEVER
-    record: Annotated[
-        Record,
-        typer.Option(
-            help="What is recorded of the steps: all at full rate, the main signals at 50 Hz, all "
-            "as .npz (in memory until the end), or nothing."
-        ),
-    ] = Record.LIGHT
-    no_figures: Annotated[
-        bool,
-        typer.Option(
-            "--no-figures",
-            envvar="FTC_SITL_NO_FIGURES",
-            help="Draw no figures, which saves about a second.",
-        ),
-    ] = False
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print summary.json on standard output instead.")
-    ] = False
-    campaign: Annotated[
-        Path | None,
-        typer.Option(help="Folder of a campaign, instead of a scenario.", metavar="FOLDER"),
-    ] = None
-    row: Annotated[
-        int | None,
-        typer.Option(
-            help="Row of the campaign's table: the flight to fly again.", metavar="NUMBER"
-        ),
-    ] = None
+    record: Annotated[Record, typer.Option()] = Record.LIGHT
+    no_figures: Annotated[bool, typer.Option("--no-figures", envvar="FTC_SITL_NO_FIGURES")] = False
+    as_json: Annotated[bool, typer.Option("--json")] = False
+    campaign: Annotated[Path | None, typer.Option(metavar="FOLDER")] = None
+    row: Annotated[int | None, typer.Option(metavar="NUMBER")] = None
 
 
 @with_options("options", options_of(FlyOptions), FlyOptions)
 def fly(
-    scenario: Annotated[
-        Path | None, typer.Argument(help="Scenario: a file, or a bundled one.", metavar="SCENARIO")
-    ] = None,
+    scenario: Annotated[Path | None, typer.Argument(metavar="SCENARIO")] = None,
     *,
     options: FlyOptions,
 ) -> None:
@@ -87,6 +64,9 @@ def fly(
     scenario.yaml, summary.json (of every step), flight.tlog (the GCS link), events.arrows,
     trajectory.arrows and the figures. With --campaign and --row, a flight of a campaign is flown
     again, and compared with its row of the table, bit for bit.
+
+    Args:
+        scenario: Scenario: a file, or a bundled one.
 
     Examples:
         - gcs fly paper/scenario1

@@ -53,11 +53,12 @@ def slot(
     ahead: _Ahead = None,
     right: _Right = None,
     up: _Up = None,
-    planned: Annotated[
-        bool, typer.Option("--planned", help="Return to the slot that the scenario plans.")
-    ] = False,
+    planned: Annotated[bool, typer.Option("--planned")] = False,
 ) -> None:
     """Change the slot of a member: ahead, to the right and above the path.
+
+    Args:
+        planned: Return to the slot that the scenario plans.
 
     Examples:
         - gcs formation slot --uav 3 -60 20 10     (60 m behind, 20 m to the right, 10 m above)

@@ -13,26 +13,19 @@ from mavlink_defs.framing.signing import SigningError, key_exists, make_key, rea
 
 
 def key(
-    file: Annotated[
-        Path,
-        typer.Argument(
-            help="Key file: a new one, or with --replace the one in use.", metavar="FILE"
-        ),
-    ],
-    passphrase: Annotated[
-        bool,
-        typer.Option(
-            "--passphrase", help="Derive the key from a passphrase instead of drawing it at random."
-        ),
-    ] = False,
-    replace: Annotated[
-        bool, typer.Option("--replace", help="Replace the key of a file that is in use.")
-    ] = False,
+    file: Annotated[Path, typer.Argument(metavar="FILE")],
+    passphrase: Annotated[bool, typer.Option("--passphrase")] = False,
+    replace: Annotated[bool, typer.Option("--replace")] = False,
 ) -> None:
     """Make a key file for MAVLink 2 signing.
 
     It has 32 bytes that only you can read. With --replace, whatever uses the file goes over to the
     new key by itself.
+
+    Args:
+        file: Key file: a new one, or with --replace the one in use.
+        passphrase: Derive the key from a passphrase instead of drawing it at random.
+        replace: Replace the key of a file that is in use.
 
     Examples:
         - gcs key ~/.fleet.key

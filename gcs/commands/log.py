@@ -21,24 +21,11 @@ if TYPE_CHECKING:
 
 
 def log(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="The log, or a run folder.")],
-    list_: Annotated[
-        bool,
-        typer.Option("--list", help="Print what is in it, as without a terminal; no dashboard."),
-    ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the same as JSON.")] = False,
-    speed: Annotated[
-        float,
-        typer.Option(min=0.1, max=30.0, metavar="FACTOR", help="Replay speed: 1 is real time."),
-    ] = 1.0,
-    at: Annotated[
-        float | None,
-        typer.Option(
-            min=0.0,
-            metavar="S",
-            help="Start at this time [s]: simulated time if the log has it, else since its start.",
-        ),
-    ] = None,
+    file: Annotated[Path, typer.Argument(metavar="FILE")],
+    list_: Annotated[bool, typer.Option("--list")] = False,
+    as_json: Annotated[bool, typer.Option("--json")] = False,
+    speed: Annotated[float, typer.Option(min=0.1, max=30.0, metavar="FACTOR")] = 1.0,
+    at: Annotated[float | None, typer.Option(min=0.0, metavar="S")] = None,
     uav: LogUavOption = None,
     columns: LogColumnsOption = None,
     theme: ThemeOption = "dark",
@@ -49,6 +36,13 @@ def log(
     replayed by simulated time, with all their vehicles. The list has channels with units, rates and
     gaps, modes, texts, and what the log cannot say. A log of others shows no triggers, events or
     faults: it has none.
+
+    Args:
+        file: The log, or a run folder.
+        list_: Print what is in it, as without a terminal; no dashboard.
+        as_json: Print the same as JSON.
+        speed: Replay speed: 1 is real time.
+        at: Start at this time [s]: simulated time if the log has it, else since its start.
 
     Examples:
         - gcs log runs/first/flight.tlog

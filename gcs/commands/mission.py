@@ -61,20 +61,16 @@ _Here = Annotated[
 @app.command()
 def show(
     file: _File,
-    fleet: Annotated[
-        Path | None,
-        typer.Option(
-            help="Scenario of the fleet that is to fly it; FILE if that is one, "
-            "else paper/scenario1.",
-            metavar="SCENARIO",
-        ),
-    ] = None,
+    fleet: Annotated[Path | None, typer.Option(metavar="SCENARIO")] = None,
     here: _Here = False,
     as_json: JsonOption = False,
 ) -> None:
     """Check a mission as a vehicle would, and show its items, lengths, turns, times and heights.
 
     Times are those in still air, from home on. A map shows fence and rally points, if it has some.
+
+    Args:
+        fleet: Scenario of the fleet that is to fly it; FILE if that is one, else paper/scenario1.
 
     Examples:
         - gcs mission show survey.plan
@@ -150,17 +146,14 @@ def fly(
 @partial(station_command, timeout_s=30.0)
 def download(
     station: StationOptions,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Write a .plan or .waypoints file; all vehicles must hold the same mission.",
-            metavar="FILE",
-        ),
-    ] = None,
+    out: Annotated[Path | None, typer.Option(metavar="FILE")] = None,
 ) -> None:
     """Print what vehicles hold, or write the mission that all hold to a file.
 
     Fence and rally points go along; a .waypoints file has the mission alone.
+
+    Args:
+        out: Write a .plan or .waypoints file; all vehicles must hold the same mission.
 
     Examples:
         - gcs mission download --uav 1

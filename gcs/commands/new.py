@@ -44,31 +44,18 @@ _RENAMED = {"gitignore": ".gitignore"}
 
 
 def new(
-    file: Annotated[
-        Path | None,
-        typer.Argument(help="New scenario file.", metavar="FILE", show_default=False),
-    ] = None,
-    project: Annotated[
-        Path | None,
-        typer.Option(
-            help="New folder for a project: a control law, a scenario, a campaign and tests, as a "
-            "package that registers them.",
-            metavar="FOLDER",
-            show_default=False,
-        ),
-    ] = None,
-    source: Annotated[
-        str | None,
-        typer.Option(
-            help="Where the project's CI and its users install ftc-sitl from, as pip takes it: the "
-            "URL of a repository (git+https://...) or of a wheel. Without it: where this one is "
-            "from.",
-            metavar="URL",
-            show_default=False,
-        ),
-    ] = None,
+    file: Annotated[Path | None, typer.Argument(metavar="FILE", show_default=False)] = None,
+    project: Annotated[Path | None, typer.Option(metavar="FOLDER", show_default=False)] = None,
+    source: Annotated[str | None, typer.Option(metavar="URL", show_default=False)] = None,
 ) -> None:
     """Write a commented scenario, or a whole project, to start from.
+
+    Args:
+        file: New scenario file.
+        project: New folder for a project: a control law, a scenario, a campaign and tests, as a
+            package that registers them.
+        source: Where the project's CI and its users install ftc-sitl from, as pip takes it: the URL
+            of a repository (git+https://...) or of a wheel. Without it: where this one is from.
 
     Examples:
         - gcs new my.yaml && gcs fly my.yaml

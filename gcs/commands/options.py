@@ -3,9 +3,10 @@
 import dataclasses
 import functools
 import inspect
+import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias, get_args
 
 import typer
 
@@ -90,8 +91,18 @@ def with_options(
     return decorate
 
 
+def texts_of(docstring: str | None, section: str) -> dict[str, str]:
+    """Return the texts of a section of a docstring, such as "Args", by name."""
+    listed = inspect.cleandoc(docstring or "").partition(f"\n\n{section}:\n")[2]
+    _, *parts = re.split(r"^    (\w+): ", listed.partition("\n\n")[0], flags=re.MULTILINE)
+    return {name: " ".join(text.split()) for name, text in zip(*[iter(parts)] * 2, strict=True)}
+
+
 def options_of(fields: type) -> list[inspect.Parameter]:
-    """Return the options that the fields of a dataclass declare."""
+    """Return the options that the fields of a dataclass declare; its docstring has their texts."""
+    types = {field.name: field.type for field in dataclasses.fields(fields)}
+    for name, text in texts_of(fields.__doc__, "Attributes").items():
+        get_args(types[name])[1].help = text
     keyword = inspect.Parameter.KEYWORD_ONLY
     return [
         inspect.Parameter(field.name, keyword, default=field.default, annotation=field.type)

@@ -86,11 +86,12 @@ def get(
 def set_(
     station: StationOptions,
     name: _Name,
-    value: Annotated[
-        float, typer.Argument(metavar="VALUE", help="New value, in the unit of the parameter.")
-    ],
+    value: Annotated[float, typer.Argument(metavar="VALUE")],
 ) -> None:
     """Set one parameter; the vehicle checks its range.
+
+    Args:
+        value: New value, in the unit of the parameter.
 
     Examples:
         - gcs param set TRIG_B1 0.02
@@ -154,9 +155,12 @@ def save(station: StationOptions, file: _File) -> None:
 def load(
     station: StationOptions,
     file: _File,
-    yes: Annotated[bool, typer.Option("--yes", help="Do not ask for confirmation.")] = False,
+    yes: Annotated[bool, typer.Option("--yes")] = False,
 ) -> None:
     """Set the parameters that differ from a file; read-only ones stay as they are.
+
+    Args:
+        yes: Do not ask for confirmation.
 
     Examples:
         - gcs param load uav1.parm --uav 2,3
@@ -181,17 +185,13 @@ def load(
 @partial(station_command, timeout_s=30.0)
 def diff(
     station: StationOptions,
-    file: Annotated[
-        Path | None,
-        typer.Argument(
-            metavar="FILE",
-            help="Parameter file: NAME VALUE lines (*.parm), or QGroundControl's *.params. Without "
-            "one: the defaults, which apply where a scenario leaves a key out.",
-            show_default=False,
-        ),
-    ] = None,
+    file: Annotated[Path | None, typer.Argument(metavar="FILE", show_default=False)] = None,
 ) -> None:
     """List the parameters that differ from a file, or from their defaults.
+
+    Args:
+        file: Parameter file: NAME VALUE lines (*.parm), or QGroundControl's *.params. Without one:
+            the defaults, which apply where a scenario leaves a key out.
 
     Examples:
         - gcs param diff --uav 1

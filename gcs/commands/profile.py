@@ -56,14 +56,12 @@ def upload(
 @partial(station_command, timeout_s=30.0)
 def download(
     station: StationOptions,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Write a profile file; all vehicles must have the same profile.", metavar="FILE"
-        ),
-    ] = None,
+    out: Annotated[Path | None, typer.Option(metavar="FILE")] = None,
 ) -> None:
     """Print the profiles of vehicles as YAML, one document for each distinct profile.
+
+    Args:
+        out: Write a profile file; all vehicles must have the same profile.
 
     Examples:
         - gcs profile download --uav 1 --out held.yaml
@@ -94,11 +92,12 @@ def download(
 def check(
     station: StationOptions,
     file: _File,
-    held: Annotated[
-        bool, typer.Option("--held", help="Also compare with the profiles of the vehicles.")
-    ] = False,
+    held: Annotated[bool, typer.Option("--held")] = False,
 ) -> None:
     """Check a profile file and show it; with --held compare it with the vehicles' profiles.
+
+    Args:
+        held: Also compare with the profiles of the vehicles.
 
     Examples:
         - gcs profile check my.yaml

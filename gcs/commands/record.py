@@ -25,14 +25,8 @@ _REFRESH_S = 1.0
 
 
 def record(
-    file: Annotated[
-        Path | None,
-        typer.Argument(metavar="FILE", help="New file; gcs-DATE-TIME.tlog by default."),
-    ] = None,
-    for_s: Annotated[
-        float | None,
-        typer.Option(min=0.0, metavar="S", help="Stop after this time [s]; by default at Ctrl-C."),
-    ] = None,
+    file: Annotated[Path | None, typer.Argument(metavar="FILE")] = None,
+    for_s: Annotated[float | None, typer.Option(min=0.0, metavar="S")] = None,
     connect: ConnectOption = None,
     timeout: TimeoutOption = 10.0,
     as_json: JsonOption = False,
@@ -41,6 +35,10 @@ def record(
     """Record every frame that vehicles send, until Ctrl-C.
 
     Each frame has its time. MAVProxy, QGroundControl and mavlogdump.py read these files.
+
+    Args:
+        file: New file; gcs-DATE-TIME.tlog by default.
+        for_s: Stop after this time [s]; by default at Ctrl-C.
 
     Examples:
         - gcs record

@@ -86,16 +86,9 @@ def list_(
     folder: _FolderArgument = _RUNS,
     where: _WhereOption = None,
     sort: _SortOption = "-time",
-    number: Annotated[
-        int,
-        typer.Option(
-            "-n", "--number", min=0, help="Most runs in the table; 0: all.", metavar="NUMBER"
-        ),
-    ] = 50,
+    number: Annotated[int, typer.Option("-n", "--number", min=0, metavar="NUMBER")] = 50,
     rebuild: _RebuildOption = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print all of them as JSON, nothing else.")
-    ] = False,
+    as_json: Annotated[bool, typer.Option("--json")] = False,
 ) -> None:
     """List what was flown, the newest first: flights, fleets, campaigns, sweeps, baselines.
 
@@ -103,6 +96,10 @@ def list_(
     largest of all UAVs, of airspeed and of the worst angle. Figures of campaigns and sweeps are
     medians of the flights that completed, their IAEs the worst of them. A hidden index in FOLDER
     saves reading again what has not changed.
+
+    Args:
+        number: Most runs in the table; 0: all.
+        as_json: Print all of them as JSON, nothing else.
 
     Examples:
         - gcs runs
@@ -132,10 +129,14 @@ def list_(
 
 @app.command()
 def note(
-    run: Annotated[Path, typer.Argument(help="Folder of the run.", metavar="RUN")],
-    text: Annotated[str, typer.Argument(help="The note; an empty one removes it.", metavar="TEXT")],
+    run: Annotated[Path, typer.Argument(metavar="RUN")],
+    text: Annotated[str, typer.Argument(metavar="TEXT")],
 ) -> None:
     """Write a note on a run, in place of an earlier one; it is stored in the run's folder.
+
+    Args:
+        run: Folder of the run.
+        text: The note; an empty one removes it.
 
     Examples:
         - gcs runs note runs/first 'the one in the talk'
@@ -155,32 +156,22 @@ def note(
 @app.command()
 def html(
     folder: _FolderArgument = _RUNS,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="The page; FOLDER/index.html by default.", metavar="FILE"),
-    ] = None,
+    out: Annotated[Path | None, typer.Option(metavar="FILE")] = None,
     where: _WhereOption = None,
     sort: _SortOption = "-time",
-    compare: Annotated[
-        list[Path] | None,
-        typer.Option(
-            help="Run that is compared when the page opens; may be repeated.", metavar="RUN"
-        ),
-    ] = None,
-    figures: Annotated[
-        int,
-        typer.Option(
-            min=0,
-            help="How many runs, from the first on, have a thumbnail, curves and all keys; the "
-            "others have their row only.",
-            metavar="NUMBER",
-        ),
-    ] = 200,
+    compare: Annotated[list[Path] | None, typer.Option(metavar="RUN")] = None,
+    figures: Annotated[int, typer.Option(min=0, metavar="NUMBER")] = 200,
     quiet: QuietOption = False,
 ) -> None:
     """Write one page with all runs: sortable, with thumbnails, differences and curves overlaid.
 
     The page fetches nothing and can be sent to anybody; its links to the folders work where it is.
+
+    Args:
+        out: The page; FOLDER/index.html by default.
+        compare: Run that is compared when the page opens; may be repeated.
+        figures: How many runs, from the first on, have a thumbnail, curves and all keys; the others
+            have their row only.
 
     Examples:
         - gcs runs html

@@ -25,11 +25,12 @@ _REFRESH_S = 1.0
 @station_command
 def status(
     station: StationOptions,
-    watch: Annotated[
-        bool, typer.Option("--watch", help="Refresh once a second until Ctrl-C.")
-    ] = False,
+    watch: Annotated[bool, typer.Option("--watch")] = False,
 ) -> None:
     """Show link, mode, attitude, events and faults of each vehicle.
+
+    Args:
+        watch: Refresh once a second until Ctrl-C.
 
     Examples:
         - gcs status

@@ -35,24 +35,22 @@ FOXGLOVE = "127.0.0.1:8765"
 
 @dataclass(frozen=True)
 class UpOptions(common.FleetOptions):
-    """Options of ``gcs up``."""
+    """Options of ``gcs up``.
 
-    speed: Annotated[
-        float | None, typer.Option(help="Real-time factor; 1 by default.", metavar="FACTOR")
-    ] = None
-    lockstep: Annotated[
-        bool,
-        typer.Option("--lockstep", help="As fast as the machine allows, instead of real time."),
-    ] = False
-    start: Annotated[bool, typer.Option("--start", help="Also start the mission and arm.")] = False
+    Attributes:
+        speed: Real-time factor; 1 by default.
+        lockstep: As fast as the machine allows, instead of real time.
+        start: Also start the mission and arm.
+        no_record: Record neither log nor flight; otherwise the newest 256 MB of each are kept.
+        foxglove_at: Serve the same at another address.
+        as_json: Print addresses as one line of JSON once the fleet is up.
+    """
+
+    speed: Annotated[float | None, typer.Option(metavar="FACTOR")] = None
+    lockstep: Annotated[bool, typer.Option("--lockstep")] = False
+    start: Annotated[bool, typer.Option("--start")] = False
     restart: common.RestartOption = common.Restart.ON_FAILURE
-    no_record: Annotated[
-        bool,
-        typer.Option(
-            "--no-record",
-            help="Record neither log nor flight; otherwise the newest 256 MB of each are kept.",
-        ),
-    ] = False
+    no_record: Annotated[bool, typer.Option("--no-record")] = False
     hub_port: Annotated[
         int | None,
         typer.Option(
@@ -71,16 +69,8 @@ class UpOptions(common.FleetOptions):
             "in a browser of this machine can read them.",
         ),
     ] = False
-    foxglove_at: Annotated[
-        str | None,
-        typer.Option(
-            "--foxglove-at", help="Serve the same at another address.", metavar="HOST:PORT"
-        ),
-    ] = None
-    as_json: Annotated[
-        bool,
-        typer.Option("--json", help="Print addresses as one line of JSON once the fleet is up."),
-    ] = False
+    foxglove_at: Annotated[str | None, typer.Option("--foxglove-at", metavar="HOST:PORT")] = None
+    as_json: Annotated[bool, typer.Option("--json")] = False
     insecure: InsecureOption = False
 
     @property

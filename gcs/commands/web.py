@@ -25,27 +25,20 @@ _MEMORY = 1 << 30
 def web(
     connect: ConnectOption = None,
     theme: ThemeOption = "dark",
-    listen: Annotated[
-        str, typer.Option(help="Address that browsers open.", metavar="HOST:PORT")
-    ] = "127.0.0.1:8000",
-    control: Annotated[
-        bool, typer.Option("--control", help="Let browsers command vehicles, not only look.")
-    ] = False,
-    views: Annotated[
-        int,
-        typer.Option(
-            help="Most dashboards open at a time: each is a process of about 200 MB.",
-            min=1,
-            max=MAX_STATIONS,
-            metavar="NUMBER",
-        ),
-    ] = 8,
+    listen: Annotated[str, typer.Option(metavar="HOST:PORT")] = "127.0.0.1:8000",
+    control: Annotated[bool, typer.Option("--control")] = False,
+    views: Annotated[int, typer.Option(min=1, max=MAX_STATIONS, metavar="NUMBER")] = 8,
     view: Annotated[int | None, typer.Option("--view", hidden=True)] = None,
 ) -> None:
     """Serve the dashboard to browsers until Ctrl-C.
 
     It is read-only unless --control is given. Every browser gets a dashboard of its own, a process
     of this machine.
+
+    Args:
+        listen: Address that browsers open.
+        control: Let browsers command vehicles, not only look.
+        views: Most dashboards open at a time: each is a process of about 200 MB.
 
     Examples:
         - gcs web                         (then open http://127.0.0.1:8000)

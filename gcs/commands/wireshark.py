@@ -16,20 +16,14 @@ _PORTS = f"{GCS_PORT},{PLANT_PORT},{FORMATION_BASE_PORT + 1}-{FORMATION_BASE_POR
 
 
 def wireshark(
-    out: Annotated[
-        Path | None, typer.Option(help="Output file; standard output by default.", metavar="FILE")
-    ] = None,
-    port: Annotated[
-        list[int] | None,
-        typer.Option(
-            min=1,
-            max=65535,
-            metavar="PORT",
-            help="UDP port with our messages, besides the default ones; may be repeated.",
-        ),
-    ] = None,
+    out: Annotated[Path | None, typer.Option(metavar="FILE")] = None,
+    port: Annotated[list[int] | None, typer.Option(min=1, max=65535, metavar="PORT")] = None,
 ) -> None:
     """Write a Wireshark dissector for all messages (Lua).
+
+    Args:
+        out: Output file; standard output by default.
+        port: UDP port with our messages, besides the default ones; may be repeated.
 
     Examples:
         - gcs wireshark --out ~/.local/lib/wireshark/plugins/ftc.lua
