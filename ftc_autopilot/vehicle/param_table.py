@@ -43,12 +43,7 @@ from ftc_autopilot.plugins.models import PLUGIN, owned
 from mavlink_defs import dialect
 from mavlink_defs.config.quantity import Quantity, describe
 from mavlink_defs.services.param import MAX_NAME
-from mavlink_defs.services.param_server import (
-    INT32,
-    REAL32,
-    Parameter,
-    ParamValueError,
-)
+from mavlink_defs.services.param_server import INT32, REAL32, Parameter, ParamValueError
 
 SPAN = 10.0
 """Largest value of a parameter whose field declares no upper bound, relative to its default."""
@@ -268,10 +263,7 @@ def trigger_tunables(records: np.ndarray, mode: str | None = None) -> Iterator[T
 
 
 def tunables(
-    model: type[BaseModel],
-    records: np.ndarray,
-    prefix: str = "",
-    base: type[BaseModel] = BaseModel,
+    model: type[BaseModel], records: np.ndarray, prefix: str = "", base: type[BaseModel] = BaseModel
 ) -> Iterator[Tunable]:
     """Find the numbers that a model has beyond a base class.
 

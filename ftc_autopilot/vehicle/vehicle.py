@@ -51,12 +51,7 @@ from mavlink_defs.framing.frames import text_chunks
 from mavlink_defs.profile import segments_to_items
 from mavlink_defs.services.command import CommandMessage
 from mavlink_defs.services.machine import SystemId, is_for
-from mavlink_defs.services.param_server import (
-    ParamChanged,
-    ParamRefused,
-    ParamRenamed,
-    ParamServer,
-)
+from mavlink_defs.services.param_server import ParamChanged, ParamRefused, ParamRenamed, ParamServer
 from mavlink_defs.services.responder import Responder
 from mavlink_defs.system_ids import bits_of
 
@@ -76,11 +71,7 @@ class VehicleServices:
     """The services of one autopilot, between the steps of its control loop."""
 
     def __init__(
-        self,
-        config: AutopilotConfig,
-        hot: HotState,
-        controllers: Controllers,
-        unix_s: float = 0.0,
+        self, config: AutopilotConfig, hot: HotState, controllers: Controllers, unix_s: float = 0.0
     ) -> None:
         """Boot.
 

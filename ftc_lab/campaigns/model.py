@@ -7,12 +7,7 @@ Errors of a file are found as in a scenario, all at once; what needs the scenari
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import (
-    AfterValidator,
-    Field,
-    StringConstraints,
-    model_validator,
-)
+from pydantic import AfterValidator, Field, StringConstraints, model_validator
 
 from ftc_lab.campaigns.distributions import Choice, Distribution
 from ftc_lab.campaigns.faults import AnyDrawnFault

@@ -78,9 +78,7 @@ class DesignOptions:
 
 @with_options("options", options_of(DesignOptions), DesignOptions)
 def design(
-    aircraft: Annotated[str, typer.Argument(metavar="AIRCRAFT")],
-    *,
-    options: DesignOptions,
+    aircraft: Annotated[str, typer.Argument(metavar="AIRCRAFT")], *, options: DesignOptions
 ) -> None:
     """Write a scenario for an aircraft, parameters derived from it.
 

@@ -28,14 +28,7 @@ def fig7(flight: PlottedFlight) -> "Figure":
         intervals = 1e3 * np.diff(times)
         # thousands of dots: as an image in an SVG
         axis.plot(
-            times[1:],
-            intervals,
-            ".",
-            ms=2.8,
-            mew=0,
-            color=style.SINGLE,
-            alpha=0.6,
-            rasterized=True,
+            times[1:], intervals, ".", ms=2.8, mew=0, color=style.SINGLE, alpha=0.6, rasterized=True
         )
         style.logarithmic_intervals(axis)
         median = f", median {np.median(intervals):.3g} ms" if len(intervals) else ""

@@ -7,13 +7,7 @@ from typing import Annotated
 import typer
 
 from ftc_autopilot.config import AutopilotConfig
-from gcs.commands.common import (
-    ScenarioArgument,
-    SetOption,
-    WithOption,
-    changed_scenario,
-    tell,
-)
+from gcs.commands.common import ScenarioArgument, SetOption, WithOption, changed_scenario, tell
 from gcs.commands.options import InsecureOption, SigningKeyOption
 from gcs.console.errors import BadInput
 from gcs.console.lines import print_line

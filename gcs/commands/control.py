@@ -20,8 +20,7 @@ def arm(station: StationOptions) -> None:
 
 @station_command
 def disarm(
-    station: StationOptions,
-    force: Annotated[bool, typer.Option("--force")] = False,
+    station: StationOptions, force: Annotated[bool, typer.Option("--force")] = False
 ) -> None:
     """Disarm vehicles; in flight they refuse unless forced.
 

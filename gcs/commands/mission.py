@@ -22,13 +22,7 @@ from gcs.console.lines import print_json, print_line
 from gcs.console.outputs import check_file
 from gcs.console.terminal import console_of, numbers, table_of, texts
 from gcs.scenario.fence import Areas
-from gcs.scenario.itinerary import (
-    Itinerary,
-    dry_run,
-    dry_run_areas,
-    load_areas,
-    load_mission,
-)
+from gcs.scenario.itinerary import Itinerary, dry_run, dry_run_areas, load_areas, load_mission
 from gcs.scenario.mission import tell_not_flown
 from gcs.scenario.model import read_scenario
 from gcs.scenario.moved_mission import moved_plan
@@ -36,12 +30,7 @@ from gcs.station.mission import Mission, is_same, item_text
 from gcs.station.vehicle import Vehicle
 from mavlink_defs import dialect
 from mavlink_defs.config.models import counted
-from mavlink_defs.mission_files import (
-    MISSION_SUFFIXES,
-    is_mission_file,
-    plan_text,
-    waypoints_text,
-)
+from mavlink_defs.mission_files import MISSION_SUFFIXES, is_mission_file, plan_text, waypoints_text
 
 app = typer.Typer(help="Show, upload, download and fly missions.", no_args_is_help=True)
 
@@ -108,11 +97,7 @@ def show(
 
 @app.command()
 @partial(station_command, timeout_s=30.0)
-def upload(
-    station: StationOptions,
-    file: _File,
-    here: _Here = False,
-) -> None:
+def upload(station: StationOptions, file: _File, here: _Here = False) -> None:
     """Upload a mission, and fence and rally points if the file has some.
 
     Each takes effect at once; if it is refused, the old one stays active. A fence is watched while
@@ -128,11 +113,7 @@ def upload(
 
 @app.command()
 @partial(station_command, timeout_s=30.0)
-def fly(
-    station: StationOptions,
-    file: _File,
-    here: _Here = False,
-) -> None:
+def fly(station: StationOptions, file: _File, here: _Here = False) -> None:
     """Upload a mission, start it, and arm the UAVs that are not armed yet.
 
     Examples:
@@ -145,8 +126,7 @@ def fly(
 @app.command()
 @partial(station_command, timeout_s=30.0)
 def download(
-    station: StationOptions,
-    out: Annotated[Path | None, typer.Option(metavar="FILE")] = None,
+    station: StationOptions, out: Annotated[Path | None, typer.Option(metavar="FILE")] = None
 ) -> None:
     """Print what vehicles hold, or write the mission that all hold to a file.
 

@@ -52,8 +52,7 @@ SigningKeyOption = Annotated[
     ),
 ]
 InsecureOption = Annotated[
-    bool,
-    typer.Option("--insecure", help="Allow unsigned links that other machines can reach."),
+    bool, typer.Option("--insecure", help="Allow unsigned links that other machines can reach.")
 ]
 ThemeOption: TypeAlias = Annotated[
     Literal["dark", "light"],

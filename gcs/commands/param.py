@@ -59,10 +59,7 @@ def list_(station: StationOptions) -> None:
 
 @app.command()
 @station_command
-def get(
-    station: StationOptions,
-    name: _Name,
-) -> None:
+def get(station: StationOptions, name: _Name) -> None:
     """Read one parameter.
 
     Examples:
@@ -84,9 +81,7 @@ def get(
 )
 @station_command
 def set_(
-    station: StationOptions,
-    name: _Name,
-    value: Annotated[float, typer.Argument(metavar="VALUE")],
+    station: StationOptions, name: _Name, value: Annotated[float, typer.Argument(metavar="VALUE")]
 ) -> None:
     """Set one parameter; the vehicle checks its range.
 
@@ -153,9 +148,7 @@ def save(station: StationOptions, file: _File) -> None:
 @app.command()
 @partial(station_command, timeout_s=30.0)
 def load(
-    station: StationOptions,
-    file: _File,
-    yes: Annotated[bool, typer.Option("--yes")] = False,
+    station: StationOptions, file: _File, yes: Annotated[bool, typer.Option("--yes")] = False
 ) -> None:
     """Set the parameters that differ from a file; read-only ones stay as they are.
 

@@ -33,10 +33,7 @@ _File = Annotated[
 
 @app.command()
 @partial(station_command, timeout_s=30.0)
-def upload(
-    station: StationOptions,
-    file: _File,
-) -> None:
+def upload(station: StationOptions, file: _File) -> None:
     """Upload a profile. It takes effect at once; if it is refused, the old one stays active.
 
     Examples:
@@ -55,8 +52,7 @@ def upload(
 @app.command()
 @partial(station_command, timeout_s=30.0)
 def download(
-    station: StationOptions,
-    out: Annotated[Path | None, typer.Option(metavar="FILE")] = None,
+    station: StationOptions, out: Annotated[Path | None, typer.Option(metavar="FILE")] = None
 ) -> None:
     """Print the profiles of vehicles as YAML, one document for each distinct profile.
 
@@ -90,9 +86,7 @@ def download(
 @app.command()
 @partial(station_command, timeout_s=30.0)
 def check(
-    station: StationOptions,
-    file: _File,
-    held: Annotated[bool, typer.Option("--held")] = False,
+    station: StationOptions, file: _File, held: Annotated[bool, typer.Option("--held")] = False
 ) -> None:
     """Check a profile file and show it; with --held compare it with the vehicles' profiles.
 

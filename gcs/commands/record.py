@@ -62,11 +62,7 @@ def record(
 
 
 async def _record(
-    path: Path,
-    for_s: float | None,
-    connect: str | None,
-    timeout_s: float,
-    signing_key: str | None,
+    path: Path, for_s: float | None, connect: str | None, timeout_s: float, signing_key: str | None
 ) -> dict[int, int]:
     counts: Counter[int] = Counter()
 

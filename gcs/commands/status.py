@@ -24,8 +24,7 @@ _REFRESH_S = 1.0
 
 @station_command
 def status(
-    station: StationOptions,
-    watch: Annotated[bool, typer.Option("--watch")] = False,
+    station: StationOptions, watch: Annotated[bool, typer.Option("--watch")] = False
 ) -> None:
     """Show link, mode, attitude, events and faults of each vehicle.
 

@@ -74,9 +74,7 @@ class WireOptions:
 
 @with_options("options", options_of(WireOptions), WireOptions)
 def wire(
-    file: Annotated[Path | None, typer.Argument(metavar="FILE")] = None,
-    *,
-    options: WireOptions,
+    file: Annotated[Path | None, typer.Argument(metavar="FILE")] = None, *, options: WireOptions
 ) -> None:
     """Count frames and bytes of a capture or a relay.
 

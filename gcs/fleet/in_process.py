@@ -77,9 +77,7 @@ def fly_in_process(scenario: Scenario, on_progress: OnProgress | None = None) ->
 
 
 def fly_in_steps(
-    scenario: Scenario,
-    on_steps: Callable[[Steps], None],
-    on_progress: OnProgress | None = None,
+    scenario: Scenario, on_steps: Callable[[Steps], None], on_progress: OnProgress | None = None
 ) -> Ending:
     """Fly a scenario to its end, or until it is lost, in memory that does not grow with time.
 

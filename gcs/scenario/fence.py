@@ -12,12 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from ftc_autopilot.common.geography import Origin, place_of
-from ftc_autopilot.guidance.fence import (
-    clearances,
-    decode_fence,
-    decode_rally,
-    leaves_at,
-)
+from ftc_autopilot.guidance.fence import clearances, decode_fence, decode_rally, leaves_at
 from ftc_autopilot.guidance.fence_parameters import (
     FenceParameters,
     FenceRecords,

@@ -20,12 +20,7 @@ from mavlink_defs.config.models import AtMost, ConfigError, Model, Problem, Prob
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.config.written import located, source_at, written_in
 from mavlink_defs.constants import INT32_MAX, MAX_MISSION_ITEMS
-from mavlink_defs.mission_files import (
-    MAX_NOT_FLOWN,
-    MissionFile,
-    mission_item,
-    read_mission_file,
-)
+from mavlink_defs.mission_files import MAX_NOT_FLOWN, MissionFile, mission_item, read_mission_file
 from mavlink_defs.services.mission import MissionItem
 
 

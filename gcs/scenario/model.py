@@ -14,12 +14,7 @@ from pydantic import Field, model_validator
 
 from ftc_autopilot.common.geography import Origin
 from ftc_autopilot.config import AutopilotConfig, Identity
-from ftc_autopilot.control.config import (
-    Neighbour,
-    plugin_problems,
-    plugins_of,
-    trigger_problems,
-)
+from ftc_autopilot.control.config import Neighbour, plugin_problems, plugins_of, trigger_problems
 from ftc_autopilot.control.laws import Controller
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.triggers import Trigger
@@ -344,12 +339,7 @@ class Scenario(Model):
                 self.sensors, self.navigation, self.servos, self.uavs, self.step_us
             ),
             lambda: simulator_problems(
-                self.plant,
-                self.disturbance,
-                self.uncertainty,
-                self.ground,
-                self.uavs,
-                self.step_us,
+                self.plant, self.disturbance, self.uncertainty, self.ground, self.uavs, self.step_us
             ),
             lambda: network_problems(self.network, self._ids),
             lambda: slot_problems(

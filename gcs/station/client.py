@@ -214,11 +214,7 @@ class Client(asyncio.DatagramProtocol):
         return {i for i in systems if not is_complete(self._vehicles.get(i))}
 
     async def discover(
-        self,
-        timeout_s: float,
-        systems: Collection[int] | None = None,
-        *,
-        whole: bool = True,
+        self, timeout_s: float, systems: Collection[int] | None = None, *, whole: bool = True
     ) -> list[Vehicle]:
         """Wait until these vehicles, or all that seem to exist, have been heard; return them.
 

@@ -19,12 +19,7 @@ from mavlink_defs.constants import MAX_DATAGRAM
 from mavlink_defs.framing.header import HEADER_SIZE, MAGIC, PAYLOAD_SIZE, SYSTEM, V2_MAGIC
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.memory import copy_bytes, slot_of
-from mavlink_defs.runtime.random_numbers import (
-    GENERATOR_SIZE,
-    keyed_hash,
-    seed_generator,
-    uniform,
-)
+from mavlink_defs.runtime.random_numbers import GENERATOR_SIZE, keyed_hash, seed_generator, uniform
 
 COPIES = 2
 """The most that arrives of one datagram."""

@@ -27,12 +27,7 @@ from mavlink_defs.dialect import (
 from mavlink_defs.profile import MAX_ITEMS, ProfileError
 from mavlink_defs.services.command_server import LATE_S
 from mavlink_defs.services.machine import Machine, SystemId, is_for, sender_of
-from mavlink_defs.services.mission import (
-    ITEM_TIMEOUT_S,
-    MAX_RETRIES,
-    MissionItem,
-    item_as_int,
-)
+from mavlink_defs.services.mission import ITEM_TIMEOUT_S, MAX_RETRIES, MissionItem, item_as_int
 from mavlink_defs.services.mission_upload import Upload, UploadClient
 
 _MISSION, _ALL = dialect.MAV_MISSION_TYPE_MISSION, dialect.MAV_MISSION_TYPE_ALL
