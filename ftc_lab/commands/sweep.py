@@ -19,9 +19,7 @@ if TYPE_CHECKING:
 
 def sweep(
     scenarios: Annotated[list[Path], typer.Argument(metavar="SCENARIO")],
-    settings: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE,VALUE,...")
-    ] = None,
+    axes: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE,VALUE,...")] = None,
     out: Annotated[Path | None, typer.Option(metavar="FOLDER")] = None,
     jobs: JobsOption = None,
     uav: Annotated[int | None, typer.Option(metavar="ID")] = None,
@@ -36,7 +34,7 @@ def sweep(
 
     Args:
         scenarios: Scenarios: files, or bundled ones.
-        settings: A key of the scenario and its values, in YAML. With several, every combination is
+        axes: A key of the scenario and its values, in YAML. With several, every combination is
             flown.
         out: Folder of the sweep, new or to continue; runs/sweep-NAME-DIGEST by default, the same
             for the same scenarios, values and code.
@@ -60,7 +58,7 @@ def sweep(
     from gcs.fleet.preparation import checked
 
     console = console_of(quiet=quiet)
-    grid = plan_grid(scenarios, parse_axes(settings or []))
+    grid = plan_grid(scenarios, parse_axes(axes or []))
     uav_id = choose_uav(grid.scenarios, uav)
     folder = out or default_folder(grid.plan.mark, "sweep")
     if grid.plan.example is not None:

@@ -82,28 +82,25 @@ def trim(
         loaded = changed_scenario(scenario, additions, settings)
     aircraft = true_aircraft(_aircraft_of(loaded, uav), loaded.uncertainty)
     airspeeds = sorted({*(airspeed or _airspeeds(loaded))})
-    low, high = aircraft.airspeed_min_m_s, aircraft.airspeed_max_m_s
-    for speed in airspeeds:
-        if not low <= speed <= high:
-            text = (
-                f"--airspeed is {speed:g}, expected [{low:g}, {high:g}] m/s, the aircraft's limits"
-            )
-            raise BadInput(text)
-    console = console_of(quiet=quiet)
-    with working(console, "solving for steady flights"):
-        limits = roll, sideslip
-        names = [name for name in _KEPT if aircraft.has(name)]
+    _check(airspeeds, aircraft.airspeed_min_m_s, aircraft.airspeed_max_m_s)
+    with working(console_of(quiet=quiet), "solving for steady flights"):
+        limits, least, names = (roll, sideslip), airspeeds[0], filter(aircraft.has, _KEPT)
         kept = [t for name in names for at in airspeeds for t in _kept(aircraft, name, at, *limits)]
-        given_up = [
-            t for name in _GIVEN_UP for t in _given_up(aircraft, name, airspeeds[0], *limits)
-        ]
+        given_up = [t for name in _GIVEN_UP for t in _given_up(aircraft, name, least, *limits)]
     if as_json:
-        found = [{"position": t.position} | asdict(t) for t in (*kept, *given_up)]
-        print_json(found, indent=2)
+        print_json([{"position": t.position} | asdict(t) for t in (*kept, *given_up)], indent=2)
         return
     tables = console_of(stderr=False, quiet=quiet)
     _print(tables, "Aileron or rudder stuck: level flight that turns", kept)
     _print(tables, "Elevator or throttle stuck: straight, level flight", given_up)
+
+
+def _check(airspeeds: list[float], low: float, high: float) -> None:
+    for speed in airspeeds:
+        if not low <= speed <= high:
+            raise BadInput(
+                f"--airspeed is {speed:g}, expected [{low:g}, {high:g}] m/s, the aircraft's limits"
+            )
 
 
 def _aircraft_of(scenario: "Scenario", uav: int | None) -> "Aircraft":

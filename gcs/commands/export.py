@@ -46,12 +46,16 @@ def export(
     Exit status: 0 written, 1 the recording is torn and was written up to there, or a file cannot be
     written, 2 bad input.
     """
+    if run.is_file() and kind_of(run) not in {"recording", None}:
+        _export_log(run, to, out or run.parent, uav, columns)
+    else:
+        _export_run(run, to, out)
+
+
+def _export_run(run: Path, to: Format, out: Path | None) -> None:
     from gcs.results.export import convert
     from gcs.results.store import EVENTS, TRAJECTORY, is_complete
 
-    if run.is_file() and kind_of(run) not in {"recording", None}:
-        _export_log(run, to, out or run.parent, uav, columns)
-        return
     folder = out or run
     if out is not None:
         make_folder(out)

@@ -20,6 +20,7 @@ from gcs.results.choices import Record
 from gcs.scenario.model import Scenario
 
 if TYPE_CHECKING:
+    from gcs.fleet.preparation import Prepared
     from gcs.results.figures import FlightSummary
     from gcs.results.recorder import FlightRecorder
     from gcs.results.recording import Ending
@@ -78,9 +79,6 @@ def fly(
     Exit status: 0 flown to its end, 1 lost, stopped early or not recorded, 2 bad input, 3 a vehicle
     refused something, 4 a vehicle did not answer, 130 Ctrl-C (143 SIGTERM, 129 SIGHUP).
     """
-    from gcs.fleet.flying import fly as fly_prepared
-    from gcs.fleet.flying import recorded
-    from gcs.fleet.warm_up import warm_up
     from gcs.results.run_folder import make_run_folder
 
     flight = common.prepared(
@@ -93,19 +91,9 @@ def fly(
         restart=options.restart is common.Restart.ON_FAILURE,
         record=options.record,
     )
-    loaded = flight.scenario
-    folder = make_run_folder(options.out, loaded.name)
-    console = console_of(quiet=options.quiet)
+    folder = make_run_folder(options.out, flight.scenario.name)
     try:
-        with (
-            contextlib.nullcontext() if options.no_figures else drawn(loaded, folder) as drawing,
-            recorded(flight, folder) as recorder,
-        ):
-            common.tell(flight.remarks, console)
-            warm_up(loaded, console, in_process=options.in_process)
-            with common.flight_progress(loaded, console) as shown:
-                ending = fly_prepared(flight, recorder, folder, shown, shown.starts)
-            _report(recorder, ending, loaded, folder, console, options, drawing)
+        _fly(flight, folder, options)
     except KeyboardInterrupt:
         raise Interrupted(f"interrupted; what was recorded is in {folder}") from None
     except FlightLost as problem:
@@ -129,6 +117,23 @@ def _scenario(scenario: Path | None, options: FlyOptions) -> Scenario | Path:
         )
     again: Scenario = load_lab("campaigns.again").scenario_of_row(options.campaign, options.row)
     return again
+
+
+def _fly(flight: "Prepared", folder: Path, options: FlyOptions) -> None:
+    from gcs.fleet.flying import fly as fly_prepared
+    from gcs.fleet.flying import recorded
+    from gcs.fleet.warm_up import warm_up
+
+    scenario, console = flight.scenario, console_of(quiet=options.quiet)
+    with (
+        contextlib.nullcontext() if options.no_figures else drawn(scenario, folder) as drawing,
+        recorded(flight, folder) as recorder,
+    ):
+        common.tell(flight.remarks, console)
+        warm_up(scenario, console, in_process=options.in_process)
+        with common.flight_progress(scenario, console) as shown:
+            ending = fly_prepared(flight, recorder, folder, shown, shown.starts)
+        _report(recorder, ending, scenario, folder, console, options, drawing)
 
 
 def _report(

@@ -127,9 +127,9 @@ def up(scenario: common.ScenarioArgument, options: UpOptions) -> None:
     console = console_of(quiet=options.quiet or options.as_json)
 
     def fly(scenario: Scenario, free_hub: UdpAddress) -> None:
-        chosen = free_hub if options.free_ports and options.hub_port is None else hub
         with _foxglove(scenario, folder, foxglove) as server:
-            _up(scenario, folder, chosen, console, options, server)
+            at = hub if options.hub_port else free_hub
+            _up(scenario, folder, at, console, options, server)
 
     try:
         with marked(folder, loaded, flight.mark):
