@@ -15,7 +15,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from gcs.command_list import OWN, GcsCommand, command_of, load, registered
-from gcs.commands.options import ConnectOption, ThemeOption, texts_of
+from gcs.commands.options import ConnectOption, ThemeOption
 from gcs.console.errors import BadInput, GcsError, Interrupted
 from gcs.console.extras import missing
 from gcs.console.lines import print_line
@@ -23,6 +23,7 @@ from gcs.console.outputs import remove_empty
 from gcs.console.stopping import ending_at_once, stop_as_ctrl_c
 from mavlink_defs.config.problems import ConfigError
 from mavlink_defs.config.renamed import RenamedWarning
+from mavlink_defs.docstrings import texts_of
 from mavlink_defs.runtime.foreign import PluginError
 
 _EXIT_CTRL_C = 130  # of typer

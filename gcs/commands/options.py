@@ -3,13 +3,13 @@
 import dataclasses
 import functools
 import inspect
-import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias, get_args
 
 import typer
 
+from mavlink_defs.docstrings import texts_of
 from mavlink_defs.ports import GCS_PORT, HUB_PORT
 
 SIGNING_KEY_VARIABLE = "FTC_SITL_SIGNING_KEY"
@@ -88,13 +88,6 @@ def with_options(
         return run
 
     return decorate
-
-
-def texts_of(docstring: str | None, section: str) -> dict[str, str]:
-    """Return the texts of a section of a docstring, such as "Args", by name."""
-    listed = inspect.cleandoc(docstring or "").partition(f"\n\n{section}:\n")[2]
-    _, *parts = re.split(r"^    (\w+): ", listed.partition("\n\n")[0], flags=re.MULTILINE)
-    return {name: " ".join(text.split()) for name, text in zip(*[iter(parts)] * 2, strict=True)}
 
 
 def options_of(fields: type) -> list[inspect.Parameter]:
