@@ -41,7 +41,7 @@ def comparisons(findings: Findings) -> str:
         for (variant, title, found), own in zip(figures, adjusted[len(success) :], strict=True)
     ]
     return render(
-        "comparisons",
+        "comparisons.md",
         against=f"against `{first.variant}`",
         success=of_success,
         figures=of_figures,

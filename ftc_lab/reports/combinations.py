@@ -58,7 +58,11 @@ def combinations_section(
         rows = [list(_row(one, uav_id, of, bold=one in front)) for one in own]
         tables[aircraft] = {"head": head, "rows": rows}
     return render(
-        "combinations", uav_id=uav_id, message_bytes=message_bytes(), tables=tables, caption=caption
+        "combinations.md",
+        uav_id=uav_id,
+        message_bytes=message_bytes(),
+        tables=tables,
+        caption=caption,
     )
 
 
