@@ -57,14 +57,9 @@ from mavlink_defs.system_ids import bits_of
 
 _HEARTBEAT_S = 1.0
 _REGISTER_S = 0.1  # between HEARTBEATs to the plant until it answers
-_MODES = {  # commands that are modes
-    dialect.MAV_CMD_NAV_LOITER_UNLIM: LOITER,
-    dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH: RTL,
-}
-_IMPOSSIBLE = (  # commands refused with the reason
-    dialect.MAV_CMD_NAV_VTOL_TAKEOFF,
-    dialect.MAV_CMD_NAV_VTOL_LAND,
-)
+# commands that are modes; commands refused with the reason
+_MODES = {dialect.MAV_CMD_NAV_LOITER_UNLIM: LOITER, dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH: RTL}
+_IMPOSSIBLE = (dialect.MAV_CMD_NAV_VTOL_TAKEOFF, dialect.MAV_CMD_NAV_VTOL_LAND)
 
 
 class VehicleServices:

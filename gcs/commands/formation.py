@@ -44,9 +44,7 @@ def show(station: StationOptions) -> None:
     station.act(action, lambda vehicle: _data(found[vehicle.system]))
 
 
-@app.command(  # a negative distance is not an option
-    context_settings={"ignore_unknown_options": True}
-)
+@app.command(context_settings={"ignore_unknown_options": True})  # as a negative distance
 @station_command
 def slot(
     station: StationOptions,

@@ -76,9 +76,7 @@ def get(station: StationOptions, name: _Name) -> None:
     station.act(action, lambda vehicle: _param_dict(found[vehicle.system]))
 
 
-@app.command(  # a negative value is not an option
-    name="set", context_settings={"ignore_unknown_options": True}
-)
+@app.command("set", context_settings={"ignore_unknown_options": True})  # as a negative value
 @station_command
 def set_(
     station: StationOptions, name: _Name, value: Annotated[float, typer.Argument(metavar="VALUE")]

@@ -18,7 +18,6 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from types import TracebackType
 from typing import Self
 
 from mavlink_defs.capture import relay_loop
@@ -104,12 +103,7 @@ class Relay:
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Stop; datagrams still in transit are lost."""
         self._closing.set()
         if self._routes:

@@ -102,7 +102,6 @@ class JsbSim:
         self._wind = [
             self._node(f"atmosphere/wind-{axis}-fps") for axis in ("north", "east", "down")
         ]
-        self._still = True
         self._ground_ft = _NO_GROUND_FT
         self._wheels = [self._node(f"fcs/{name}-cmd-norm", True) for name in _ON_WHEELS]
         self._thrust = self._node(f"{jsbsim_aircraft.THRUST}/magnitude")
