@@ -56,7 +56,8 @@ def test_help(
 
 
 def test_every_option_and_argument_says_what_it_is() -> None:
-    found, silent = [(("gcs",), whole_command())], []
+    found: list[tuple[tuple[str, ...], Any]] = [(("gcs",), whole_command())]
+    silent = []
     for names, command in found:
         inner = getattr(command, "commands", {})
         found += [((*names, name), one) for name, one in inner.items()]
