@@ -22,47 +22,15 @@ if TYPE_CHECKING:
     from gcs.results.logs.table import FlightTable
 
 _PICTURES = (".png", ".svg", ".pdf")
-EPILOG = """
-Examples:
-
-- gcs diagnose flight.bin
-- gcs diagnose flight.csv --columns mine.yaml --out evidence.png
-- gcs diagnose flight.ulg --json | jq .finding
-
-Exit status: 0 nothing was found, 1 something failed, 2 bad input, or nothing that can be judged.
-"""
 
 
 def diagnose(
-    flight: Annotated[
-        Path,
-        typer.Argument(
-            help="Log of a flight: .tlog, .bin, .ulg, .csv, .parquet, .mat, or a run folder.",
-            metavar="FLIGHT",
-            show_default=False,
-        ),
-    ],
+    flight: Annotated[Path, typer.Argument(metavar="FLIGHT", show_default=False)],
     uav: LogUavOption = None,
     columns: LogColumnsOption = None,
-    aircraft: Annotated[
-        str | None,
-        typer.Option(
-            help="Judge by a model of the aircraft, a bundled one or a file: needs commands to the "
-            "actuators and the wind, and takes seconds in place of half a minute. Of a run folder, "
-            "by default the one that its laws knew.",
-            metavar="AIRCRAFT",
-            show_default=False,
-        ),
-    ] = None,
+    aircraft: Annotated[str | None, typer.Option(metavar="AIRCRAFT", show_default=False)] = None,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            help="Picture of the evidence to write (.png, .svg, .pdf); by default none.",
-            metavar="FILE",
-            show_default=False,
-        ),
+        Path | None, typer.Option("--out", "-o", metavar="FILE", show_default=False)
     ] = None,
     quiet: QuietOption = False,
     as_json: JsonOption = False,
@@ -74,6 +42,21 @@ def diagnose(
     Nothing of the aircraft has to be known. What the log does not show is said, not guessed; left
     and right look the same. How large evidence is in healthy flights, and how probable a fault is
     then, was learnt from flights of one aircraft.
+
+    Args:
+        flight: Log of a flight: .tlog, .bin, .ulg, .csv, .parquet, .mat, or a run folder.
+        aircraft: Judge by a model of the aircraft, a bundled one or a file: needs commands to the
+            actuators and the wind, and takes seconds in place of half a minute. Of a run folder, by
+            default the one that its laws knew.
+        out: Picture of the evidence to write (.png, .svg, .pdf); by default none.
+
+    Examples:
+        - gcs diagnose flight.bin
+        - gcs diagnose flight.csv --columns mine.yaml --out evidence.png
+        - gcs diagnose flight.ulg --json | jq .finding
+
+    Exit status: 0 nothing was found, 1 something failed, 2 bad input, or nothing that can be
+    judged.
     """
     from ftc_lab.flight_diagnosis.decisions import diagnose_flight, learnt, watch
 
