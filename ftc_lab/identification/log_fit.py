@@ -40,7 +40,7 @@ THRUST = "thrust"
 _SHIFTS_S = np.arange(-0.06, 0.1501, 0.01)
 _SMOOTHED = 3.0 / 16.0  # of a window, three spans of travel: faster is noise of probes
 _SHOTS = 4  # in a window, over which rates are simulated: four spans of travel each
-_ALIKE = 0.95  # correlation of two estimates, from which on they are not told apart
+_ALIKE = 0.95  # correlation of two estimates, from which on they are not shown apart
 
 Columns = dict[str, np.ndarray]
 
@@ -68,7 +68,7 @@ class LogModel:
             recording of ours.
         fit: Coefficients with their intervals.
         thrust: The factor of the thrust; None: it is known, or not in the log.
-        alike: Pairs of estimates that are not told apart, with their correlation.
+        alike: Pairs of estimates that the flight hardly shows apart, with their correlation.
     """
 
     moments: MomentModel

@@ -130,8 +130,8 @@ class _Reader:
     time_s: np.ndarray
     remarks: list[str] = field(default_factory=list)
 
-    def has(self, *wanted: str) -> bool:
-        return self.flight.has(wanted)
+    def has(self, *asked: str) -> bool:
+        return self.flight.has(asked)
 
     def of(self, *chosen: str) -> np.ndarray:
         """Return channels, shape (n,) of one and (n, m) of several."""
