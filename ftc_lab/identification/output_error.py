@@ -15,8 +15,10 @@ of a computer. Each of the three moments answers to the air at another time than
 measures it, as gusts come to the tail later. So seven times are fitted with the coefficients.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,7 +36,7 @@ SHIFTS = (DELAY, *LAGS, *MOMENTS)
 MOMENT_TERMS = {name: (axis, of) for axis in MOMENTS for name, of in TERMS[axis].items()}
 _EARLIEST_S, _LATEST_S = -0.1, 0.2  # times that are looked for
 _USUAL_S = 0.1  # of a shift that the log does not show: it stays within some of this
-_INSIDE_S = 1e-4  # of the bounds, from where a fit begins
+_INSIDE = 1e-3  # of the bounds, in units of a usual time, from where a fit begins
 _SHIFT_STEP_S = 2e-3  # by which a derivative is taken
 _ROUNDS = 2  # of weights from what is left over
 _FAR = 1e6  # of what is left over, by its scale, where there is no motion
@@ -226,6 +228,33 @@ class MomentFit:
     share: np.ndarray
 
 
+class _Unknowns(NamedTuple):
+    """What is free, in units of its usual size, and between which bounds."""
+
+    names: list[str]
+    unit: np.ndarray
+    least: np.ndarray
+    most: np.ndarray
+
+    def inside(self, x: np.ndarray) -> np.ndarray:
+        """Return values a little inside of the bounds, where a fit can begin."""
+        return np.asarray(np.clip(x, self.least + _INSIDE, self.most - _INSIDE))
+
+
+def _unknowns(start: MomentModel, fixed: frozenset[str], *, exact: bool) -> _Unknowns:
+    coefficients = [name for name in MOMENT_TERMS if name not in fixed]
+    shifts = [] if exact else list(SHIFTS)
+    unit = [max(abs(start.values[name]), 0.01) for name in coefficients]
+    earliest = [0.0 if name in LAGS else _EARLIEST_S for name in shifts]
+    endless = [math.inf] * len(coefficients)
+    return _Unknowns(
+        [*coefficients, *shifts],
+        np.array([*unit, *(_USUAL_S for _ in shifts)]),
+        np.array([*(-end for end in endless), *(at / _USUAL_S for at in earliest)]),
+        np.array([*endless, *(_LATEST_S / _USUAL_S for _ in shifts)]),
+    )
+
+
 def fit_moments(
     signals: LogSignals, shots: LogWindows, start: MomentModel, fixed: frozenset[str]
 ) -> MomentFit:
@@ -240,15 +269,9 @@ def fit_moments(
     from scipy.optimize import least_squares
 
     motion, model = _Motion(signals, shots), start
-    coefficients = [name for name in MOMENT_TERMS if name not in fixed]
-    shifts = [] if signals.exact else list(SHIFTS)
-    free, size = [*coefficients, *shifts], motion.measured.size
-    unit = np.array([max(abs(start.values[name]), 0.01) for name in coefficients])
-    unit = np.append(unit, np.full(len(shifts), _USUAL_S))
-    prior = np.eye(len(free))[len(coefficients) :]
-    most = np.append(np.full(len(coefficients), np.inf), np.full(len(shifts), _LATEST_S))
-    earliest = [0.0 if name in LAGS else _EARLIEST_S for name in shifts]
-    least = np.append(np.full(len(coefficients), -np.inf), earliest)
+    unknown = _unknowns(start, fixed, exact=signals.exact)
+    free, size, unit = unknown.names, motion.measured.size, unknown.unit
+    prior = np.eye(len(free))[[name in SHIFTS for name in free]]
 
     def model_at(x: np.ndarray) -> MomentModel:
         found = dict(zip(free, (x * unit).tolist(), strict=True))
@@ -271,19 +294,18 @@ def fit_moments(
             )
         return solved_at[x.tobytes()]
 
-    x = np.array([{**start.values, **start.shifts_s}[name] for name in free])
-    x = np.clip(x, least + _INSIDE_S, most - _INSIDE_S) / unit
+    x = unknown.inside(np.array([{**start.values, **start.shifts_s}[name] for name in free]) / unit)
     for _ in range(_ROUNDS):
         solved = least_squares(
             lambda x: problem(x)[0],
             x,
             lambda x: problem(x)[1],
-            bounds=(least / unit, most / unit),
+            bounds=(unknown.least, unknown.most),
             ftol=_ENOUGH,
             xtol=_ENOUGH,
         )
         solved_at.clear()
-        x = np.clip(solved.x, (least + _INSIDE_S) / unit, (most - _INSIDE_S) / unit)
+        x = unknown.inside(solved.x)
         rest = solved.fun[:size].reshape(-1, 3) * model.scale
         model = replace(model_at(x), scale=np.sqrt(np.mean(rest**2, axis=0)))
     left, slopes = motion.linearised(model, free)
