@@ -1,6 +1,6 @@
-"""``gcs identify``: the nominal aircraft of a simulator, or of a recorded flight."""
+"""``gcs identify``: the nominal aircraft of a simulator, or of the log of a flight."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,11 +15,13 @@ from gcs.console.lines import print_json
 from gcs.console.outputs import write_file
 from gcs.console.progress import working
 from gcs.console.terminal import Terminal, console_of, numbers, table_of, texts
+from mavlink_defs.constants import SURFACES
 
 if TYPE_CHECKING:
-    from ftc_lab.identification.identified import Identified
+    from ftc_lab.identification.identified import Identified, LogEvidence
 
 _MARK = "# Written by: gcs identify "
+_MOST_ROWS = 12  # of the table of segments
 
 
 @dataclass(frozen=True)
@@ -36,9 +38,10 @@ class IdentifyOptions:
         airspeed_max: Highest airspeed accepted [m/s]; by default 1.3 times the cruise.
         wing_area: Reference area in place of the simulator's [m²], if that is wrong.
         seed: Seed of the experiment's random controls.
-        source: Identify from a flight: its run folder, recorded with --record full.
-        aircraft: With --from: the aircraft as it is known so far, a bundled one or a file.
-        uav: With --from: which UAV; by default the first.
+        source: The same as FLIGHT.
+        aircraft: Of a FLIGHT: the aircraft as it is known so far, a bundled one or a file.
+        uav: Of a FLIGHT: which UAV; by default the first.
+        columns: Of a FLIGHT that is a table: its column map; by default one that fits.
         out: Aircraft file to write; by default none.
     """
 
@@ -49,18 +52,21 @@ class IdentifyOptions:
     airspeed_max: Annotated[float | None, typer.Option(min=0.1, metavar="M/S")] = None
     wing_area: Annotated[float | None, typer.Option(min=1e-3, metavar="M2")] = None
     seed: Annotated[int, typer.Option(min=0, metavar="NUMBER")] = 1
-    source: Annotated[Path | None, typer.Option("--from", metavar="FOLDER")] = None
+    source: Annotated[Path | None, typer.Option("--from", metavar="FLIGHT")] = None
     aircraft: Annotated[str | None, typer.Option(metavar="AIRCRAFT")] = None
     uav: Annotated[int | None, typer.Option(metavar="ID")] = None
+    columns: Annotated[Path | None, typer.Option(metavar="FILE")] = None
     out: Annotated[Path | None, typer.Option("--out", "-o", metavar="FILE")] = None
     quiet: QuietOption = False
     as_json: JsonOption = False
 
     def command(self, plant: str | None) -> str:
         """Return the command that identifies the same."""
-        if self.source is not None:
+        if plant is None:
+            assert self.source is not None
             uav = "" if self.uav is None else f" --uav {self.uav}"
-            return f"gcs identify --from {self.source.name} --aircraft {self.aircraft}{uav}"
+            map_file = "" if self.columns is None else f" --columns {self.columns}"
+            return f"gcs identify {self.source.name} --aircraft {self.aircraft}{uav}{map_file}"
         given = {
             "--cruise": self.cruise,
             "--altitude": self.altitude,
@@ -80,7 +86,7 @@ def identify(
     *,
     options: IdentifyOptions,
 ) -> None:
-    """Identify an aircraft from a simulator or a recorded flight.
+    """Identify an aircraft from a simulator or the log of a flight.
 
     The simulator is trimmed in level flight, its stall is searched, and it is flown in many short
     experiments with all controls moved at random. Least squares give every coefficient of force and
@@ -92,25 +98,29 @@ def identify(
     thrust from 0 to --thrust-limit at once, at every airspeed, through the centre of gravity.
 
     From a flight, only what it excites can be seen: other coefficients, and the propulsion, stay as
-    --aircraft has them.
+    --aircraft has them. How late surfaces act is estimated, and one half of the flight has to
+    predict the other.
 
     Args:
         plant: What flies: jsbsim:AIRCRAFT, one of JSBSim or a file of it; own:AIRCRAFT, a file
-            flown by our own equations.
+            flown by our own equations. Or a FLIGHT: a run folder, or a log that `gcs log` reads.
 
     Examples:
         - gcs identify jsbsim:c172p --cruise 55 -o c172p.yaml
         - gcs identify own:aerosonde --cruise 24 -o mine.yaml
-        - gcs identify --from runs/mine --aircraft aerosonde
+        - gcs identify 00000042.BIN --aircraft mine.yaml -o better.yaml
+        - gcs identify runs/mine --aircraft aerosonde
 
     Exit status: 0 identified, 2 bad input, or nothing that can be identified.
     """
     if (plant is None) == (options.source is None):
         raise BadInput(
             "expected either a PLANT, or --from FOLDER",
-            "as in gcs identify own:aerosonde --cruise 24, or gcs identify --from runs/mine "
+            "as in gcs identify own:aerosonde --cruise 24, or gcs identify runs/mine "
             "--aircraft aerosonde",
         )
+    if plant is not None and (":" not in plant or Path(plant).exists()):
+        options, plant = replace(options, source=Path(plant)), None
     check_out(options.out, _MARK, "an identified aircraft")
     console = console_of(quiet=options.quiet)
     command = options.command(plant)
@@ -181,20 +191,25 @@ def _check_airspeeds(options: IdentifyOptions, cruise: float) -> None:
 
 
 def _of_flight(options: IdentifyOptions, console: Terminal) -> "Identified":
-    from ftc_lab.identification.recorded import identify_recording
+    from ftc_lab.identification.from_log import identify_log
+    from gcs.results.logs.read import read_flight
     from gcs.scenario.aircraft_file import load_aircraft
 
     assert options.source is not None
     if options.aircraft is None:
-        text = "--aircraft is missing: a recording has neither mass nor size"
-        raise BadInput(text, "as in --from runs/mine --aircraft aerosonde")
+        text = "--aircraft is missing: a log has neither mass nor size"
+        raise BadInput(text, f"as in gcs identify {options.source} --aircraft aerosonde")
+    nominal = load_aircraft(options.aircraft)
     with working(console, "reading the flight"):
-        return identify_recording(options.source, load_aircraft(options.aircraft), options.uav)
+        flight = read_flight(options.source, options.uav, options.columns)
+    with working(console, "identifying"):
+        return identify_log(flight, nominal)
 
 
 def _json(found: "Identified") -> dict[str, object]:
     from ftc_lab.identification.identified import verdict
 
+    evidence = found.evidence
     return {
         "aircraft": found.aircraft.model_dump(exclude_none=True),
         "level_flight": found.flight._asdict(),
@@ -203,6 +218,16 @@ def _json(found: "Identified") -> dict[str, object]:
         "checks": [check._asdict() for check in found.checks],
         "verdict": verdict(found),
         "refused_by_design": found.answers,
+        **({} if evidence is None else {"evidence": _evidence_json(evidence)}),
+    }
+
+
+def _evidence_json(evidence: "LogEvidence") -> dict[str, object]:
+    return {
+        "segments": [asdict(one) for one in evidence.segments],
+        "shifts_s": dict(evidence.shifts_s),
+        "predictions": {axis: one._asdict() for axis, one in evidence.predictions.items()},
+        "remarks": list(evidence.remarks),
     }
 
 
@@ -211,6 +236,8 @@ def _print(found: "Identified", output: Terminal) -> None:
     from sitl_plant.airframe.config import TERMS
 
     values = found.aircraft.coefficients.model_dump()
+    if found.evidence is not None:
+        _print_segments(found.evidence, output)
     columns = (texts("coefficient"), numbers("value"), numbers("95 % interval ±"), texts(""))
     table = table_of(*columns)
     for coefficients in TERMS.values():
@@ -228,9 +255,39 @@ def _print(found: "Identified", output: Terminal) -> None:
         left = found.fit.residuals[axis]
         table.add_row(name, f"{left.share:.1%}", f"{left.rms:.2g}")
     output.print(table)
+    if found.evidence is not None:
+        _print_evidence(found.evidence, output)
     table = table_of(texts("check"), numbers("value"), texts(""))
     for check in found.checks:
         table.add_row(check.name, check.value, "met" if check.is_met else "NOT MET")
     output.print(table)
     for line in verdict(found):
         output.print(line, soft_wrap=True)
+
+
+def _print_segments(evidence: "LogEvidence", output: Terminal) -> None:
+    columns = (numbers("from [s]"), numbers("to [s]"))
+    table = table_of(*columns, *(numbers(f"{name} [deg]") for name in SURFACES))
+    longest = sorted(evidence.segments, key=lambda one: one.begin_s - one.end_s)[:_MOST_ROWS]
+    for one in sorted(longest, key=lambda one: one.begin_s):
+        moved = (f"{part:.2f}" for part in one.moved_deg)
+        table.add_row(f"{one.begin_s:.2f}", f"{one.end_s:.2f}", *moved)
+    output.print(table)
+    if len(evidence.segments) > len(longest):
+        output.print(f"and {len(evidence.segments) - len(longest)} shorter ones")
+
+
+def _print_evidence(evidence: "LogEvidence", output: Terminal) -> None:
+    from ftc_lab.identification.identified import FORCES, TIME_NAMES
+
+    if evidence.shifts_s:
+        table = table_of(texts("later than the log says"), numbers("by [s]"))
+        for name, shift in evidence.shifts_s.items():
+            table.add_row(TIME_NAMES[name], f"{shift:.3f}")
+        output.print(table)
+    columns = (texts("half predicts half"), numbers("R² of it"), numbers("R² of its rate"))
+    table = table_of(*columns)
+    for axis, one in evidence.predictions.items():
+        rate = "" if one.rate is None else f"{one.rate:.2f}"
+        table.add_row(FORCES[axis], f"{one.coefficient:.2f}", rate)
+    output.print(table)

@@ -5,6 +5,8 @@ windows alike. So the covariance is estimated by experiments, not by windows (Li
 "Longitudinal data analysis using generalized linear models", Biometrika 73, 1986).
 """
 
+import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -41,55 +43,84 @@ class Fit(NamedTuple):
     residuals: dict[str, Residual]
 
 
-def fit(windows: Windows, nominal: dict[str, float] | None = None) -> Fit:
-    """Fit every coefficient.
-
-    Args:
-        windows: What was measured.
-        nominal: Coefficients that stay as they are where the flight does not show them: whose
-            interval would be wider than 0.3 of the value. None: all are fitted.
-    """
+def fit(windows: Windows) -> Fit:
+    """Fit every coefficient to what was measured."""
     estimates: dict[str, CoefficientEstimate] = {}
     residuals: dict[str, Residual] = {}
     for axis, regressors in TERMS.items():
-        free = dict(regressors)
-        y = windows.coefficients[axis]
-        left = y
-        while True:
-            found, left = _solved(windows, free, y)
-            worst = max(free, key=lambda name: _width(found[name], nominal, name), default=None)
-            if nominal is None or worst is None:
-                break
-            if _width(found[worst], nominal, worst) <= _WIDE:
-                break
-            y = y - nominal[worst] * windows.regressors[free.pop(worst)]
-            estimates[worst] = CoefficientEstimate(
-                nominal[worst], found[worst].half_width, is_nominal=True
-            )
-        estimates |= found
-        rms = float(np.sqrt(np.mean(left**2)))
+        columns = {name: windows.regressors[of] for name, of in regressors.items()}
         measured = windows.coefficients[axis]
-        size = max(float(np.std(measured)), _CONSTANT * float(np.sqrt(np.mean(measured**2))))
-        residuals[axis] = Residual(rms, rms / size if size > 0.0 else 0.0)
-    ordered = {name: estimates[name] for names in TERMS.values() for name in names}
-    return Fit(ordered, residuals)
+        found, left = fit_columns(columns, measured, windows.group)
+        estimates |= found
+        residuals[axis] = residual_of(left, measured)
+    return Fit(estimates, residuals)
 
 
-def _width(found: CoefficientEstimate, nominal: dict[str, float] | None, name: str) -> float:
-    if nominal is None:
+def residual_of(left: np.ndarray, measured: np.ndarray) -> Residual:
+    """Return what is left over, as a size and as a share."""
+    rms = float(np.sqrt(np.mean(left**2)))
+    size = max(float(np.std(measured)), _CONSTANT * float(np.sqrt(np.mean(measured**2))))
+    return Residual(rms, rms / size if size > 0.0 else 0.0)
+
+
+def fit_columns(
+    columns: dict[str, np.ndarray],
+    measured: np.ndarray,
+    group: np.ndarray,
+    nominal: Mapping[str, float] | None = None,
+) -> tuple[dict[str, CoefficientEstimate], np.ndarray]:
+    """Fit columns to what was measured.
+
+    Args:
+        columns: By name, each of shape (m,).
+        measured: Shape (m,).
+        group: Of each row; errors of one group are not independent, shape (m,).
+        nominal: Values that stay as they are where the flight does not show them: whose interval
+            would be wider than 0.3 of the value. What is not in it is fitted.
+
+    Returns:
+        Estimates by name, in the order of the columns, and what is left over, shape (m,). Intervals
+        have by how much a value moves if nothing stays nominal.
+    """
+    nominal, free = nominal or {}, dict(columns)
+    estimates: dict[str, CoefficientEstimate] = {}
+    of_all: dict[str, CoefficientEstimate] = {}
+    while True:
+        found, left = _solved(free, measured, group)
+        of_all = of_all or found
+        worst = max(free, key=lambda name: _width(found[name], nominal, name), default=None)
+        if worst is None or _width(found[worst], nominal, worst) <= _WIDE:
+            break
+        measured = measured - nominal[worst] * free.pop(worst)
+        estimates[worst] = CoefficientEstimate(
+            nominal[worst], found[worst].half_width, is_nominal=True
+        )
+    if estimates:
+        found = {name: widened(one, one.value - of_all[name].value) for name, one in found.items()}
+    estimates |= found
+    return {name: estimates[name] for name in columns}, left
+
+
+def widened(one: CoefficientEstimate, by: float) -> CoefficientEstimate:
+    """Return an estimate whose interval has a further, independent part."""
+    return one._replace(half_width=math.hypot(one.half_width, by))
+
+
+def _width(found: CoefficientEstimate, nominal: Mapping[str, float], name: str) -> float:
+    if name not in nominal:
         return 0.0
     return found.half_width / max(abs(found.value), abs(nominal[name]), 1e-12)
 
 
 def _solved(
-    windows: Windows, free: dict[str, str], y: np.ndarray
+    free: dict[str, np.ndarray], y: np.ndarray, group: np.ndarray
 ) -> tuple[dict[str, CoefficientEstimate], np.ndarray]:
-    """Return estimates by name, and the residuals of all windows."""
+    """Return estimates by name, and the residuals of all rows."""
     from scipy.stats import t as students_t
 
     if not free:
         return {}, y
-    A = np.column_stack([windows.regressors[one] for one in free.values()])
+    A = np.column_stack(list(free.values()))
     size = np.sqrt(np.mean(A**2, axis=0))
     size[size == 0.0] = 1.0
     U, singular, Vt = np.linalg.svd(A / size, full_matrices=False)
@@ -97,10 +128,8 @@ def _solved(
     inverse = (Vt[is_seen].T / singular[is_seen]) @ U[:, is_seen].T
     theta = inverse @ y
     left = y - (A / size) @ theta
-    groups = np.unique(windows.group)
-    scores = np.stack(
-        [inverse[:, windows.group == one] @ left[windows.group == one] for one in groups]
-    )
+    groups = np.unique(group)
+    scores = np.stack([inverse[:, group == one] @ left[group == one] for one in groups])
     freedom = max(len(groups) - len(free), 1)
     correction = len(groups) / freedom
     deviation = np.sqrt(correction * np.sum(scores**2, axis=0))

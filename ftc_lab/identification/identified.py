@@ -1,7 +1,7 @@
 """An aircraft made of what was identified, and what is to be said of it."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -12,7 +12,9 @@ from ftc_autopilot.control.airframe_checks import AirframeCheck, airframe_checks
 from ftc_lab.design.answers import answers_of, laws_of, sentences_of
 from ftc_lab.identification.experiment import experiment, stall_of
 from ftc_lab.identification.fit import CoefficientEstimate, Fit, fit
+from ftc_lab.identification.log_fit import LogPrediction
 from ftc_lab.identification.readings import windows_of
+from ftc_lab.identification.segments import LogSegment
 from ftc_lab.identification.trim import SimulatorTrim, trim
 from gcs.console.errors import BadInput
 from mavlink_defs.config.files import problems_of
@@ -31,15 +33,43 @@ FORCES = {
     "cm": "pitching moment",
     "cn": "yawing moment",
 }
+TIME_NAMES = {
+    "delay": "delay of all surfaces",
+    "da": "lag of the aileron",
+    "de": "lag of the elevator",
+    "dr": "lag of the rudder",
+    **{axis: f"air, on the {name}" for axis, name in FORCES.items()},
+}
+"""Times by which a log is behind, as people call them."""
 MOMENTS = ("cl", "cm", "cn")
 SET_BY_TRIM = {name for terms in TERMS.values() for name, of in terms.items() if of == "1"}
 """Coefficients that are shifted so that the model trims where the plant does."""
 WELL_EXPLAINED = 0.05
-"""Share of a moment that may be left over."""
+"""Share of a moment that may be left over, of a simulator or a recording of ours."""
+WELL_PREDICTED = 0.7
+"""R² with which one half of a log should predict the other."""
 _THRUST_SHARE = 0.4  # of the weight, where no limit is given
 _MIN_AIRSPEED, _MAX_AIRSPEED = 1.2, 1.3  # of the stall, of the cruise
 _MIN_OF_CRUISE = 0.65  # where there is no stall
 _DIGITS, _NOTHING = 6, 1e-7  # of a number that is written
+
+
+@dataclass(frozen=True)
+class LogEvidence:
+    """What a log was identified from, and how far it goes.
+
+    Attributes:
+        segments: Stretches of flight in which surfaces move.
+        shifts_s: How much later than the log says surfaces act, and forces and moments answer to
+            the air, by `TIME_NAMES`; empty of a recording of ours.
+        predictions: How well one half predicts the other, by "cL", ...
+        remarks: What the log does not show or tell apart, each a sentence.
+    """
+
+    segments: Sequence[LogSegment]
+    shifts_s: Mapping[str, float]
+    predictions: Mapping[str, LogPrediction]
+    remarks: Sequence[str]
 
 
 @dataclass(frozen=True)
@@ -50,8 +80,9 @@ class Identified:
         aircraft: The nominal aircraft.
         fit: Its coefficients with their intervals, before the shift.
         flight: Level flight of the aircraft at the cruising speed.
-        level: Level flight of the plant there; None of a recording.
+        level: Level flight of the plant there; None of a log.
         checks: What laws take for granted of an aircraft.
+        evidence: What a log shows; None of a simulator.
     """
 
     aircraft: Aircraft
@@ -59,6 +90,7 @@ class Identified:
     flight: LevelFlight
     level: SimulatorTrim | None
     checks: list[AirframeCheck]
+    evidence: LogEvidence | None = None
 
     @cached_property
     def answers(self) -> dict[str, str | None]:
@@ -226,7 +258,8 @@ def verdict(identified: Identified) -> list[str]:
     """Return sentences: how well the aircraft is known, and what `gcs design` says of it."""
     unmet = [check for check in identified.checks if not check.is_met]
     lines = [f"{check.name}: {check.value}: {check.otherwise}" for check in unmet]
-    for axis in MOMENTS:
+    evidence = identified.evidence
+    for axis in MOMENTS if evidence is None or not evidence.shifts_s else ():
         share = identified.fit.residuals[axis].share
         if share > WELL_EXPLAINED:
             lines.append(
@@ -238,10 +271,23 @@ def verdict(identified: Identified) -> list[str]:
         lines.append(
             f"the flight does not show {', '.join(kept)}: they stay at their nominal values"
         )
+    if evidence is not None:
+        lines += [*_doubts(evidence), *evidence.remarks]
     designed = sentences_of(identified.answers)
     if not lines and len(laws_of(identified.answers)) == len(identified.answers):
         return [f"nothing speaks against it: {designed[0]}"]
     return [*lines, *designed]
+
+
+def _doubts(evidence: LogEvidence) -> Iterator[str]:
+    """Yield what one half of a flight does not predict of the other."""
+    for axis, one in evidence.predictions.items():
+        for well, what in ((one.coefficient, FORCES[axis]), (one.rate, f"rate by {FORCES[axis]}")):
+            if well is not None and not well >= WELL_PREDICTED:
+                yield (
+                    f"one half of the flight predicts {max(well, 0.0):.0%} of the {what} in the "
+                    f"other, expected {WELL_PREDICTED:.0%}: gusts, noise, or another form of model"
+                )
 
 
 def text_of(identified: Identified, command: str) -> str:
@@ -252,7 +298,12 @@ def text_of(identified: Identified, command: str) -> str:
         command: What was asked for, for its first line.
     """
     flight, residuals = identified.flight, identified.fit.residuals
-    shares = ", ".join(f"{name} {residuals[axis].share:.1%}" for axis, name in FORCES.items())
+    shown = {
+        axis: name
+        for axis, name in FORCES.items()
+        if residuals[axis].share == residuals[axis].share
+    }
+    shares = ", ".join(f"{name} {residuals[axis].share:.1%}" for axis, name in shown.items())
     head = [
         f"# Written by: {command}",
         "#",

@@ -22,27 +22,21 @@ class Readings:
         dt: Interval [s].
         v: Velocity through the air, body axes [m/s], shape (n, 3).
         omega: Angular velocity [rad/s], shape (n, 3).
-        force: Specific force [m/s²], shape (n, 3); None where it is not read.
+        force: Specific force [m/s²], shape (n, 3).
         delta: Aileron, elevator, rudder [rad], shape (n, 3).
         thrust: Along x [N], shape (n,).
         piece: Number of the piece, shape (n,).
         group: Number of the experiment, shape (n,): errors of one are not independent.
-        ground: Without a specific force: velocity over the ground, body axes [m/s], shape (n, 3).
-        gravity: The same: gravity, body axes [m/s²], shape (n, 3).
-        arms: Known moments by thrust, body axes [m], shape (3,); None: of none.
     """
 
     dt: float
     v: np.ndarray
     omega: np.ndarray
-    force: np.ndarray | None
+    force: np.ndarray
     delta: np.ndarray
     thrust: np.ndarray
     piece: np.ndarray
     group: np.ndarray
-    ground: np.ndarray | None = None
-    gravity: np.ndarray | None = None
-    arms: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -75,8 +69,6 @@ def windows_of(readings: Readings, body: Body) -> Windows:
     turning = (readings.omega[rows[:, -1]] - readings.omega[rows[:, 0]]) / (span * readings.dt)
     gyroscopic = np.cross(readings.omega, readings.omega @ J)
     moment = turning @ J + np.stack([mean(column) for column in gyroscopic.T], axis=1)
-    if readings.arms is not None:
-        moment -= np.outer(mean(readings.thrust), readings.arms)
     V = np.linalg.norm(readings.v, axis=1)
     qS = 0.5 * body.air_density_kg_m3 * V**2 * body.wing_area_m2
     by = mean(qS)
@@ -112,36 +104,20 @@ def angles_of(v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _forces(readings: Readings, body: Body) -> dict[str, np.ndarray]:
     """Return lift, drag and side force [N] of each reading, the thrust taken off."""
-    felt = readings.force
-    if felt is None:
-        felt = _felt(readings)
-    x, y, z = (felt * body.mass_kg).T
-    x = x - readings.thrust
-    alpha, beta = angles_of(readings.v)
+    x, y, z = (readings.force * body.mass_kg).T
+    return wind_axes(x - readings.thrust, y, z, *angles_of(readings.v))
+
+
+def wind_axes(
+    x: np.ndarray, y: np.ndarray, z: np.ndarray, alpha: np.ndarray, beta: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Return lift, drag and side force of a force in body axes, at angles α and β [rad]."""
     ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
     return {
         "cL": x * sa - z * ca,
         "cD": -(x * ca * cb + y * sb + z * sa * cb),
         "cY": -x * ca * sb + y * cb - z * sa * sb,
     }
-
-
-def _felt(readings: Readings) -> np.ndarray:
-    """Return the specific force from the motion, v̇ + ω × v - g [m/s²], shape (n, 3).
-
-    Differences do not reach over the edge of a piece, where the force may jump.
-    """
-    ground, gravity = readings.ground, readings.gravity
-    assert ground is not None
-    assert gravity is not None
-    slope = np.zeros_like(ground)
-    edges = np.flatnonzero(np.diff(readings.piece)) + 1
-    for begin, end in zip([0, *edges], [*edges, len(ground)], strict=True):
-        if end - begin > 2:
-            part = ground[begin:end]
-            slope[begin:end] = np.gradient(part, readings.dt, axis=0, edge_order=2)
-    felt: np.ndarray = slope + np.cross(readings.omega, ground) - gravity
-    return felt
 
 
 def _regressors(readings: Readings, body: Body, V: np.ndarray) -> dict[str, np.ndarray]:

@@ -70,6 +70,7 @@ def test_a_flight_is_recorded_and_identified(tmp_path: Path) -> None:
         ),
         (("identify", "--from", "none"), "--aircraft is missing"),
         (("identify", "--from", "none", "--aircraft", "aerosonde"), "none"),
+        (("identify", "none.bin", "--aircraft", "aerosonde"), "none.bin"),
     ],
 )
 def test_bad_input_is_one_message(

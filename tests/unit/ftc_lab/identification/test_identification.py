@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ftc_lab.identification.experiment import experiment, stall_of
-from ftc_lab.identification.fit import Fit, fit
+from ftc_lab.identification.fit import fit
 from ftc_lab.identification.identified import (
     SET_BY_TRIM,
     Choices,
@@ -17,15 +17,10 @@ from ftc_lab.identification.identified import (
     verdict,
 )
 from ftc_lab.identification.readings import Readings, windows_of
-from ftc_lab.identification.recorded import body_of, readings_of
 from ftc_lab.identification.trim import trim
 from gcs.console.errors import BadInput
-from gcs.fleet.in_process import fly_in_process
 from gcs.scenario.aircraft_file import load_aircraft
-from gcs.scenario.model import load_scenario
 from mavlink_defs.config.files import parse
-from sitl_plant.actuators.config import Servos, SurfaceServo
-from sitl_plant.air.config import Disturbance
 from sitl_plant.airframe.config import TERMS, Aircraft
 from sitl_plant.airframe.level_flight import level_flight
 from sitl_plant.simulators.own import OwnSimulator
@@ -89,7 +84,6 @@ def test_the_file_is_an_aircraft_and_the_same_every_time(
 
 
 def noisy(readings: Readings, rng: np.random.Generator) -> Readings:
-    assert readings.force is not None
     rates = np.radians(0.3) * rng.standard_normal(readings.omega.shape)
     forces = 0.2 * rng.standard_normal(readings.force.shape)
     return replace(readings, omega=readings.omega + rates, force=readings.force + forces)
@@ -155,59 +149,10 @@ def test_what_has_no_trim_is_refused_with_the_reason(aerosonde: Aircraft) -> Non
         identify(OwnSimulator(aerosonde), Choices(3.0))
 
 
-def flown(aerosonde: Aircraft, seconds: float) -> Fit:
-    scenario = load_scenario("airframes/aerosonde").model_copy(
-        update={
-            "disturbance": Disturbance(),
-            "duration_s": seconds,
-            "servos": Servos(surfaces=SurfaceServo(lag_s=0.02, rate_limit_deg_s=400.0)),
-        }
-    )
-    readings = readings_of(fly_in_process(scenario), aerosonde, 0)
-    windows = windows_of(readings, body_of(aerosonde))
-    wrong = {name: 1.3 * value for name, value in aerosonde.coefficients.model_dump().items()}
-    return fit(windows, wrong)
-
-
-def test_a_recording_shows_what_was_excited_and_keeps_the_rest(aerosonde: Aircraft) -> None:
-    known, found = aerosonde.coefficients.model_dump(), flown(aerosonde, 24.0)
-    for name in ("cl_beta", "cl_p", "cl_da", "cm_de", "cm_alpha", "cL_alpha", "cn_dr", "cY_beta"):
-        assert not found.estimates[name].is_nominal, name
-        assert found.estimates[name].value == pytest.approx(known[name], rel=0.02), name
-    assert found.estimates["cD_beta2"].is_nominal
-    still = flown(aerosonde, 2.5)  # before the first step of the profile
-    kept = {name for name, one in still.estimates.items() if one.is_nominal}
-    assert {"cl_beta", "cl_r", "cn_beta", "cn_dr", "cY_beta"} <= kept
-    assert still.estimates["cn_dr"].value == 1.3 * known["cn_dr"]
-
-
 def test_set_by_trim_are_the_constants() -> None:
     assert {
         name for names in TERMS.values() for name, of in names.items() if of == "1"
     } == SET_BY_TRIM
-
-
-def test_the_moment_of_the_thrust_is_not_taken_for_the_airs() -> None:
-    """Of a flight whose thrust turns the aircraft, as its nominal file says."""
-    tree = load_aircraft("aerosonde").model_dump()
-    arms = {"torque_arm_m": -0.1, "pitch_arm_m": 0.1, "yaw_arm_m": 0.05}
-    aircraft = Aircraft.model_validate(tree | {"propulsion": arms})
-    scenario = load_scenario("airframes/aerosonde").model_copy(
-        update={
-            "aircraft": aircraft,
-            "disturbance": Disturbance(),
-            "servos": Servos(surfaces=SurfaceServo(lag_s=0.02, rate_limit_deg_s=400.0)),
-        }
-    )
-    readings = readings_of(fly_in_process(scenario), aircraft, 0)
-    known = aircraft.coefficients.model_dump()
-    found, without = (
-        fit(windows_of(one, body_of(aircraft)), known)
-        for one in (readings, replace(readings, arms=None))
-    )
-    for name in ("cm_alpha", "cm_de", "cl_da", "cn_dr"):
-        assert found.estimates[name].value == pytest.approx(known[name], rel=0.02), name
-    assert found.residuals["cm"].share < 0.2 * without.residuals["cm"].share
 
 
 def test_the_file_of_an_inertia_of_no_rigid_body_says_so(identified: Identified) -> None:

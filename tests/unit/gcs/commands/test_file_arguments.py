@@ -32,6 +32,7 @@ READ = {
     ("runs note", "run"): ["runs", "note", "@", "text"],
     ("ardupilot", "scenario"): ["ardupilot", "@", "--out", "none"],
     ("identify", "source"): ["identify", "--from", "@", "--aircraft", "aerosonde"],
+    ("identify", "columns"): ["identify", TABLE, "--aircraft", "aerosonde", "--columns", "@"],
     ("up", "scenario"): ["up", "@", "--free-ports"],
     ("config", "scenario"): ["config", "@", "--out", "none"],
     ("log", "file"): ["log", "@"],
