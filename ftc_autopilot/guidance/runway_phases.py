@@ -41,7 +41,10 @@ RUNWAY_STATE = np.dtype(
         ("known", "i8"),  # 0: whether it stands is not found out yet
         ("time", "f8"),  # in the phase [s]
         ("doubt", "f8"),  # for how long what ends the phase has been seen [s]
-        ("begun_at", "f8"),  # height at which a roll began [m]
+        ("ground", "f8"),  # height of the centre of gravity on the runway [m]
+        ("climb_to", "f8"),  # height to which a climb leads, and where on the path it may end [m]
+        ("climb_until", "f8"),
+        ("line", "f8", (3,)),  # on the ground: a place of it, north, east [m], and its course [rad]
         ("rotating", "f8"),  # for how long it has been rotating [s]
         ("acceleration", "f8"),  # behind a low pass [m/s²]
         ("go_arounds", "i8"),  # made
@@ -104,22 +107,23 @@ def on_ground(phase: int) -> bool:
 
 @compiled
 def find_out(through_air: float, over_ground: float, figures: np.void, state: np.void) -> None:
-    """Note once whether the aircraft stands, by its airspeed and its ground speed [m/s]."""
+    """Note, once armed, whether the aircraft stands, by airspeed and ground speed [m/s]."""
     state["known"] = 1
     if through_air < figures["stall"] and over_ground < STANDS * figures["stall"]:
-        state["phase"] = STANDING
+        _enter(state, STANDING)
 
 
 @compiled
 def note_path(path: np.void, state: np.void) -> None:
-    """Note that another path is flown from now on."""
+    """Note that another path is flown from now on; first a climb is flown to its end."""
     phase = state["phase"]
     if phase == STOPPED:
         _enter(state, STANDING)
     elif phase == ROLLING and path["take_off"] == 0.0:
         _enter(state, REJECTED)
-    elif phase in (CLIMBING, FINAL, FLARE, AROUND):
-        _enter(state, FLYING)
+    elif phase in (FINAL, FLARE):
+        _give_up(state, ASKED)
+    state["climb_until"] = 0.0
     state["go_arounds"] = state["asked"] = 0
 
 
@@ -158,20 +162,17 @@ def advance(
         return math.nan
     s = _in_first_round(path, now.s)
     height = -now.position[2]
-    if phase == CLIMBING:
-        if s >= path["take_off"] and height > path["climb_to"] - _NEAR_M:
-            _enter(state, FLYING)
-    elif phase == AROUND:
-        if s >= path["around"] and height > path["around_at"] - _NEAR_M:
+    if phase in (CLIMBING, AROUND):
+        if s >= state["climb_until"] and height > state["climb_to"] - _NEAR_M:
             _enter(state, FLYING)
     elif phase == FLYING:
         if path["landing"] > 0.0 and path["final"] <= s < path["landing"]:
             _enter(state, FINAL)
+            state["ground"] = height_at(path, path["landing"])
+            state["climb_to"], state["climb_until"] = path["around_at"], path["around"]
     else:
         _approach(now, path, s, height, limits, figures, state)
-    if state["phase"] == CLIMBING:
-        return float(path["climb_to"])
-    return float(path["around_at"]) if state["phase"] == AROUND else math.nan
+    return float(state["climb_to"]) if state["phase"] in (CLIMBING, AROUND) else math.nan
 
 
 @compiled
@@ -180,7 +181,7 @@ def nose_for(now: Situation, path: np.void, figures: np.void, state: np.void) ->
     if state["phase"] != FLARE:
         return math.nan
     bias = figures["touchdown"] * figures["flare"]
-    above = -now.position[2] - _touchdown(path)
+    above = -now.position[2] - state["ground"]
     left = figures["flare"] * math.log(max(above + bias, bias) / bias)
     if left > _TURNING * 3.0 / now.bandwidth:
         return math.nan
@@ -196,9 +197,8 @@ def bank_near_ground(
     state["bank_max"] = 0.0
     if phase not in (CLIMBING, FINAL, FLARE, AROUND):
         return roll
-    ground = state["begun_at"] if phase == CLIMBING else _touchdown(path)
     lower = 3.0 / now.bandwidth * max(now.velocity[2], 0.0)  # when the command comes into force
-    most = _bank_max(-now.position[2] - lower - ground, limits, figures)
+    most = _bank_max(-now.position[2] - lower - state["ground"], limits, figures)
     state["bank_max"] = most
     return clamp(roll, -most, most)
 
@@ -218,12 +218,6 @@ def _in_first_round(path: np.void, s: float) -> float:
         return s
     again = path["start"][path["loop"]]
     return float(again + (s - again) % (end - again))
-
-
-@compiled
-def _touchdown(path: np.void) -> float:
-    """Return the height of the centre of gravity at touchdown [m]."""
-    return height_at(path, path["landing"])
 
 
 @compiled
@@ -247,7 +241,7 @@ def _approach(
     state: np.void,
 ) -> None:
     """Advance the final approach and the flare."""
-    above, sink = height - _touchdown(path), now.velocity[2]
+    above, sink = height - state["ground"], now.velocity[2]
     if state["asked"] != 0:
         _give_up(state, ASKED)
         return
@@ -270,6 +264,7 @@ def _approach(
     state["doubt"] = state["doubt"] + now.dt if touches else 0.0
     if state["doubt"] > _CONTACT_S or (low and pushed):
         _enter(state, ROLL_OUT)
+        _note_line(now, state)
         state["pitch"] = now.motion.phi[1]
     elif s > path["landing"] + _LONG * figures["flare"] * figures["approach"] and not low:
         _give_up(state, TOO_LONG)
@@ -321,16 +316,23 @@ def _roll(
     figures: np.void,
     state: np.void,
 ) -> None:
-    """Advance the phases on the ground, and say what is asked for there."""
+    """Advance the phases on the ground, and say what is asked for there.
+
+    The line is the runway's to the end: another path leads elsewhere, which is for the air.
+    """
     phase, speed = state["phase"], hypot(now.velocity[0], now.velocity[1])
     if phase == STANDING and path["take_off"] > 0.0 and now.s < path["take_off"]:
         _enter(state, ROLLING)
-        state["begun_at"], state["acceleration"] = -now.position[2], 0.0
-    slow = _SLOW * figures["stall"]
-    away = math.atan(now.off / (_LINE_S * max(speed, slow)))
-    state["heading"] = wrap(now.here.course - clamp(away, -_LINE_MAX, _LINE_MAX))
+        _note_line(now, state)
+        state["ground"], state["acceleration"] = -now.position[2], 0.0
+        state["climb_to"], state["climb_until"] = path["climb_to"], path["take_off"]
+    north, east, course = state["line"]
+    across = math.cos(course) * (now.position[1] - east)
+    off = across - math.sin(course) * (now.position[0] - north)
+    away = math.atan(off / (_LINE_S * max(speed, _SLOW * figures["stall"])))
+    state["heading"] = wrap(course - clamp(away, -_LINE_MAX, _LINE_MAX))
     if state["phase"] == ROLLING:
-        _take_off(now, aircraft, limits, figures, state)
+        _take_off(now, off, aircraft, limits, figures, state)
         return
     if phase in (STANDING, STOPPED):
         state["heading"] = now.motion.phi[2]
@@ -344,8 +346,20 @@ def _roll(
 
 
 @compiled
+def _note_line(now: Situation, state: np.void) -> None:
+    """Note the line of the runway that is rolled on."""
+    state["line"][0], state["line"][1] = now.here.north, now.here.east
+    state["line"][2] = now.here.course
+
+
+@compiled
 def _take_off(
-    now: Situation, aircraft: AircraftRecord, limits: np.void, figures: np.void, state: np.void
+    now: Situation,
+    off: float,
+    aircraft: AircraftRecord,
+    limits: np.void,
+    figures: np.void,
+    state: np.void,
 ) -> None:
     """Accelerate along the runway, rotate, and notice the lift-off, or that it is not coming."""
     V, motion = now.motion.V, now.motion
@@ -369,7 +383,7 @@ def _take_off(
     share = min(state["rotating"] / _ROTATION_S, 1.0)
     state["pitch"] = figures["pitch"] + share * (highest - figures["pitch"])
     if _DECISION * figures["rotate"] < V:
-        risen = -now.position[2] - state["begun_at"]
+        risen = -now.position[2] - state["ground"]
         if risen > _LIFTED * figures["span"]:
             _enter(state, CLIMBING)
         return
@@ -380,7 +394,7 @@ def _take_off(
     reason = NO_REASON
     if settled and state["acceleration"] < figures["reject_share"] * expected:
         reason = NO_THRUST
-    elif abs(now.off) > 0.5 * figures["width"]:
+    elif abs(off) > 0.5 * figures["width"]:
         reason = OFF_LINE
     state["doubt"] = state["doubt"] + now.dt if reason != NO_REASON else 0.0
     if state["doubt"] > _REJECTED_S:

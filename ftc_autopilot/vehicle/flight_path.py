@@ -19,7 +19,14 @@ from ftc_autopilot.guidance.mission_places import Home, home_item
 from ftc_autopilot.guidance.path import NO_LOOP, PathPoint, commands_between, locate, point_at
 from ftc_autopilot.guidance.planner import Planner
 from ftc_autopilot.guidance.runway import figures_of
-from ftc_autopilot.guidance.runway_phases import STANDING, STOPPED
+from ftc_autopilot.guidance.runway_phases import (
+    AROUND,
+    CLIMBING,
+    FINAL,
+    FLARE,
+    STANDING,
+    STOPPED,
+)
 from ftc_autopilot.hot.hot_state import HotState
 from mavlink_defs.profile import ItemError
 from mavlink_defs.services.mission import MissionItem
@@ -309,7 +316,12 @@ class FlightPath:
     # inside
 
     def _start(self, airspeed: float) -> Start:
-        return self.planner.start_of(self._hot.measured, airspeed)
+        """Return where a path begins: near a runway at the height to which it climbs first."""
+        start = self.planner.start_of(self._hot.measured, airspeed)
+        runway = self._guidance["runway"]
+        if runway["phase"] not in (CLIMBING, FINAL, FLARE, AROUND):
+            return start
+        return start._replace(height=max(start.height, float(runway["climb_to"])))
 
     def _within(self, path: np.void) -> float:
         """Return the path parameter, within the first round of a path that returns."""

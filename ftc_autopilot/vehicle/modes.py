@@ -387,6 +387,7 @@ class Modes:
         self._item, self._guidance["start_step"] = item, start_step
         if armed and not self.armed:
             restart_law(self._controllers.uavs[0]["controller"])
+            self._guidance["runway"]["known"] = 0  # it may have come to the ground meanwhile
             self._set_armed(True)
         if way is not None:
             self.path.begin(way)
