@@ -287,8 +287,12 @@ class Modes:
         return _ACCEPTED if self._enter(int(mode)) else _DENIED
 
     def take_off(self, params: Sequence[float]) -> int:
-        """Execute MAV_CMD_NAV_TAKEOFF: param 7 is the height above home [m], 0 the usual one."""
-        height = params[6] if params[6] > 0.0 else self._usual_take_off_m
+        """Execute MAV_CMD_NAV_TAKEOFF: param 7 is the height above home [m], 0 or NaN the usual one."""
+        height, highest = params[6], self.path.planner.limits.highest_m
+        if height == 0.0 or math.isnan(height):
+            height = self._usual_take_off_m
+        if height > highest:
+            return self._refuse(f"Take-off: {height:g} m above home, must be <= {highest:g} m")
         before, self._take_off_m = self._take_off_m, height
         if self._enter(TAKEOFF):
             return _ACCEPTED

@@ -106,7 +106,8 @@ def show(
 ) -> None:
     """Check a mission as a vehicle would, and show its items, lengths, turns, times and heights.
 
-    Times are those in still air, from home on. A map shows fence and rally points, if it has some.
+    Times are those in still air, from home on, or from where the scenario's first UAV stands. A map
+    shows fence and rally points, if it has some.
     """
     items, not_flown = _read(file)
     own = Path("paper/scenario1") if is_mission_file(file) else file

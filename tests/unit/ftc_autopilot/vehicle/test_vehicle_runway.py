@@ -66,6 +66,15 @@ def test_who_stands_takes_off_to_the_height_that_is_commanded(bench: RunwayBench
     assert bench.path.record["climb_to"] == SCENARIO.runway_guidance.take_off_m
 
 
+@pytest.mark.parametrize("height", [math.inf, 1e9, -5.0, 3.0])
+def test_a_take_off_to_where_no_place_may_be_is_refused(bench: RunwayBench, height: float) -> None:
+    """The first two climbed for ever, the third to the usual height."""
+    assert bench.command(TAKE_OFF, *[0.0] * 6, height) == DENIED
+    assert bench.modes.mode == LOITER
+    assert bench.command(TAKE_OFF, *[0.0] * 6, math.nan) == ACCEPTED
+    assert bench.path.record["climb_to"] == SCENARIO.runway_guidance.take_off_m
+
+
 def test_who_flies_does_not_take_off(bench: RunwayBench) -> None:
     bench.fly()
     assert bench.landed_state() == dialect.MAV_LANDED_STATE_IN_AIR
