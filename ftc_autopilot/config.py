@@ -99,18 +99,22 @@ class AutopilotConfig(ControllerConfig):
         return self
 
 
-def parts_of(law: LawParameters, navigation: str, *, on_path: bool) -> list[str]:
+def parts_of(
+    law: LawParameters, navigation: str, *, on_path: bool, has_gear: bool = False
+) -> list[str]:
     """Return the parts of the numeric core, of `ftc_autopilot.warm_up.PARTS`, that a UAV flies by.
 
     Args:
         law: Its parameters. A plug-in is no part, but a law of ours that it extends is one.
         navigation: "true" or "estimated".
         on_path: Whether it may fly a path.
+        has_gear: Whether it may take off and land on one.
     """
     uses = {
         "controller": True,
         **{f"law {kind}": isinstance(law, one) for kind, one in LAWS.items()},
         "estimator": navigation == "estimated",
         "guidance": on_path,
+        "runway": on_path and has_gear,
     }
     return [part for part, used in uses.items() if used]

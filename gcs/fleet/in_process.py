@@ -140,7 +140,9 @@ def begin(scenario: Scenario) -> InProcessFlight:
     ids = tuple(uav.id for uav in scenario.uavs)
     configs = [scenario.autopilot_config(uav_id) for uav_id in ids]
     on_path = scenario.mission is not None
-    for part in parts_of(scenario.controller, scenario.navigation, on_path=on_path):
+    has_gear = any(config.aircraft.gear is not None for config in configs)
+    law, navigation = scenario.controller, scenario.navigation
+    for part in parts_of(law, navigation, on_path=on_path, has_gear=has_gear):
         PARTS[part]()
     try:
         controllers = new_controllers(configs)
