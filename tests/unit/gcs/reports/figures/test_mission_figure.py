@@ -88,7 +88,10 @@ def test_a_figure_is_drawn_with_the_formation(
 
 
 def test_a_take_off_is_no_error_of_the_height_and_one_uav_shows_its_altitude() -> None:
-    """It climbs as it can; separation has nothing to show."""
+    """It climbs as it can, up to 2 m below its height, where the path is followed from.
+
+    Separation has nothing to show.
+    """
     base = load_scenario("runway/circuit")
     scenario = base.model_copy(update={"duration_s": 40.0, "step_us": 4000})
     recording, paths = fly_in_process(scenario), paths_of(scenario)
@@ -96,7 +99,7 @@ def test_a_take_off_is_no_error_of_the_height_and_one_uav_shows_its_altitude() -
     (uav,) = summarise(recording, scenario).uavs
     assert uav.path is not None
     assert uav.path.height_max_m is not None
-    assert uav.path.height_max_m < 1.0
+    assert uav.path.height_max_m < 2.0
     figure = mission_figure(recording, scenario, paths, ())
     labels = [axis.get_ylabel() for axis in figure.axes]
     assert "altitude [m]" in labels
