@@ -286,8 +286,12 @@ class Modes:
             return _ACCEPTED  # a circle goes on
         return _ACCEPTED if self._enter(int(mode)) else _DENIED
 
+    def enter(self, mode: int) -> bool:
+        """Change the mode from within the vehicle; return False, all as it was, if it cannot be."""
+        return self._enter(mode)
+
     def take_off(self, params: Sequence[float]) -> int:
-        """Execute MAV_CMD_NAV_TAKEOFF: param 7 is the height above home [m], 0 or NaN the usual one."""
+        """Execute MAV_CMD_NAV_TAKEOFF: param 7 is the height above home [m]; 0, NaN: usual."""
         height, highest = params[6], self.path.planner.limits.highest_m
         if height == 0.0 or math.isnan(height):
             height = self._usual_take_off_m

@@ -25,6 +25,7 @@ from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.triggers import Trigger
 from ftc_autopilot.control.triggers.static import PerChannel
 from ftc_autopilot.estimation.parameters import EstimatorParameters
+from ftc_autopilot.guidance.failsafe_parameters import FailsafeParameters
 from ftc_autopilot.guidance.formation import Formation
 from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
@@ -140,6 +141,9 @@ class Scenario(Model):
     runway_guidance: RunwayParameters = Field(
         default=RunwayParameters(), description="Take-off and landing of every UAV."
     )
+    failsafe: FailsafeParameters = Field(
+        default=FailsafeParameters(), description="What every UAV does by itself."
+    )
     plugins: Annotated[dict[str, str], AtMost(100)] = Field(
         default={},
         description="Digest of the code of each plug-in, by its name: filled in when the scenario "
@@ -239,6 +243,7 @@ class Scenario(Model):
             formation_trigger=links.formation.trigger,
             guidance=self.guidance,
             runway_guidance=self._on_runway,
+            failsafe=self.failsafe,
             plugins=plugins_of(self.controller, self.trigger, self.guidance),
             formation=self.formation,
             leader_access=self.network.leader_access.get(uav_id, 0.0),

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from scenario_edits import edit
-from vehicle_bench import ARM, START, Bench
+from vehicle_bench import ARM, START, Bench, of_type
 
 from gcs.fleet import in_process
 from gcs.scenario.model import scenario_of, scenario_tree
@@ -16,7 +16,12 @@ _LOOK_STEPS = 20
 
 
 class FlyingBench(Bench):
-    """A bench whose aircraft flies its mission, until commands of a test say otherwise."""
+    """A bench whose aircraft flies its mission, until commands of a test say otherwise.
+
+    Attributes:
+        loss: Why it was lost; None if it was not.
+        told: Its STATUSTEXTs.
+    """
 
     def __init__(self, name: str | Path, changes: Mapping[str, Any]) -> None:
         self.scenario = scenario_of(name, edit(scenario_tree(name), {"step_us": 4000, **changes}))
@@ -27,6 +32,7 @@ class FlyingBench(Bench):
         self.runway = self.controllers.uavs[0]["guidance"]["runway"]
         self._room = in_process.room_of(self.scenario, _LOOK_STEPS).part(0, _LOOK_STEPS)[1:]
         self.loss: str | None = None
+        self.told: list[str] = []
         observe(begun.fleet, 0, 0, self.scenario.step_us)
         self._hear()
         self.upload_items(list(self.scenario.mission_items()))
@@ -61,7 +67,8 @@ class FlyingBench(Bench):
             self.step += flown
             self._hear()
             self.vehicle.handle_timer(self.now)
-            self.vehicle.gcs_messages()
+            texts = of_type(self.vehicle.gcs_messages(), "STATUSTEXT")
+            self.told += [message.text for message in texts]
             if lost >= 0:
                 self.loss = loss_of(flight.fleet, lost)
 

@@ -6,9 +6,16 @@ import pytest
 from flying_bench import FlyingBench
 from vehicle_bench import ACCEPTED, ARM
 
-from ftc_autopilot.guidance.runway_phases import AROUND, CLIMBING, FLARE, ROLL_OUT, STANDING
+from ftc_autopilot.guidance.runway_state import (
+    AROUND,
+    CLIMBING,
+    FLARE,
+    ROLL_OUT,
+    STANDING,
+)
 from mavlink_defs import dialect
 from mavlink_defs.constants import FORCE_DISARM, LOITER, RTL
+from sitl_plant.air.turbulence import dryden
 
 SET_MODE = dialect.MAV_CMD_DO_SET_MODE
 ON_FINAL: dict[str, Any] = {
@@ -66,3 +73,22 @@ def test_who_has_come_to_the_ground_disarmed_stands_there_when_it_is_armed() -> 
     assert bench.command(ARM, 1.0) == ACCEPTED
     bench.fly_on(1.0)
     assert bench.runway["phase"] == STANDING
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+def test_a_gust_in_the_flare_is_no_touchdown(seed: int) -> None:
+    """It took one for the ground, cut the thrust and lowered the nose in the air."""
+    gusts = dryden("light", 0.0).model_dump()
+    changes = {
+        "uavs.0.initial": {"north_m": -500.0, "east_m": 0.0, "altitude_m": 9.0, "airspeed_m_s": 20},
+        "mission.items": [
+            {"waypoint": {"north_m": -450.0, "east_m": 0.0, "height_m": 9.0}},
+            {"land": {"north_m": 0.0, "east_m": 0.0}},
+        ],
+        "wind": {"steady": {"north_m_s": -4.0}, "turbulence": gusts},
+        "faults": [],
+        "seed": seed,
+    }
+    bench = FlyingBench("runway/engine_lost", changes)
+    bench.fly_to(ROLL_OUT)
+    assert bench.plant["gear"]["touchdowns"] > 0

@@ -7,7 +7,12 @@ from typing import Any
 import pytest
 from vehicle_bench import ACCEPTED, ARM, DENIED, START, Bench, of_type
 
-from ftc_autopilot.guidance.runway_phases import FINAL, ROLL_OUT, STANDING, STOPPED
+from ftc_autopilot.guidance.runway_state import (
+    FINAL,
+    ROLL_OUT,
+    STANDING,
+    STOPPED,
+)
 from gcs.scenario.model import load_scenario
 from mavlink_defs import dialect
 from mavlink_defs.constants import AUTO, LOITER, TAKEOFF
