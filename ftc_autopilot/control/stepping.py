@@ -45,7 +45,7 @@ from ftc_autopilot.guidance.runway_state import (
     on_ground,
 )
 from ftc_autopilot.plugins.models import PLUGIN
-from mavlink_defs.constants import BRAKE, N_CHANNELS, THROTTLE
+from mavlink_defs.constants import AILERON, BRAKE, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.framing.codec import RELAYED_AT, REPORT_AT, SIM_STATE
 from mavlink_defs.runtime.jit import apart, compiled, inlined
 from mavlink_defs.runtime.memory import copy_record
@@ -346,10 +346,11 @@ def _fly_near_ground(uav: np.void, path: np.void, now: Situation) -> None:
         command[2], command[3] = runway["pitch"], runway["heading"]
     else:
         now = replaced(now, "over_ground", int(runway["phase"] in (FINAL, FLARE)))
-        if not heading_loop(parameters).by_bank:
+        signals, lost = uav["signals"], uav["signals"]["phase"]
+        steers = lost[AILERON] != LOST and lost[RUDDER] != LOST
+        if steers and not heading_loop(parameters).by_bank:
             now = replaced(now, "nose", nose_for(now, path, figures, runway))
-        signals = uav["signals"]
-        if is_glide(path) and signals["phase"][THROTTLE] == LOST:
+        if is_glide(path) and lost[THROTTLE] == LOST:
             now = replaced(now, "glide", float(signals["offset"][THROTTLE]))
         flown = guide(now, path, aircraft, parameters["guidance"], guidance["law"])
         for k in range(4):
