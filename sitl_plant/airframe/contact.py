@@ -17,7 +17,7 @@ import numpy as np
 
 from mavlink_defs.runtime.jit import apart, compiled
 from sitl_plant.airframe.aerodynamics import aerodynamics, force
-from sitl_plant.airframe.aircraft import AircraftRecord
+from sitl_plant.airframe.aircraft import AIRCRAFT, AircraftRecord
 from sitl_plant.airframe.rigid_body import R1, Air, State, load_state
 from sitl_plant.vec3 import (
     Mat3,
@@ -238,7 +238,7 @@ def _wheel_axes(n: Vec3, heading: float) -> tuple[Vec3, Vec3]:
     return along, cross(n, along)
 
 
-@compiled
+@apart(aircraft=AIRCRAFT, gear=GEAR)
 def beside_the_ground(
     state: State,
     delta: Vec3,
@@ -384,7 +384,7 @@ def _note_place(place: Vec3, gear: np.void) -> None:
         gear["off_runway"] = 1
 
 
-@compiled
+@apart(x=np.zeros(12), aircraft=AIRCRAFT, gear=GEAR, felt=np.zeros(3))
 def launch(
     x: np.ndarray,
     dt: float,

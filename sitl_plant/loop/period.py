@@ -25,6 +25,7 @@ from sitl_plant.airframe.contact import (
     GEAR,
     beside_the_ground,
     hold_points,
+    launch,
     note_contact,
     note_nearness,
     rudder_share,
@@ -264,7 +265,7 @@ def force_near_ground(
     return specific_force_at(x, step, step_us, d_v, surrounding, environment)
 
 
-GROUND_PARTS = (note_nearness, step_near_ground, force_near_ground)
+GROUND_PARTS = (note_nearness, launch, step_near_ground, beside_the_ground, force_near_ground)
 """What an aircraft with gear needs near the ground."""
 
 
