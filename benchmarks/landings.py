@@ -76,6 +76,7 @@ def landing(name: str, law: str, wind: Wind, fault: dict[str, Any], seed: int) -
     base = base_of(name, law)
     aircraft, bandwidth = base.aircraft_of(1), base.controller.reference_bandwidth_rad_s
     own = figures_of(base.runway_guidance, base.guidance, aircraft, bandwidth)
+    assert own is not None
     cruise = min(1.3 * own.approach, aircraft.airspeed_limits.max_m_s)
     draw = Random(seed)
     ahead, across = wind.ahead * draw.random(), wind.across * draw.uniform(-1.0, 1.0)

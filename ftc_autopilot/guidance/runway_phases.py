@@ -168,7 +168,8 @@ def bank_near_ground(
     state["bank_max"] = 0.0
     if phase not in (CLIMBING, FINAL, FLARE, AROUND):
         return roll
-    lower = 3.0 / now.bandwidth * max(now.velocity[2], 0.0)  # when the command comes into force
+    # when the command comes into force, in a gust
+    lower = 3.0 / now.bandwidth * (max(now.velocity[2], 0.0) + _GUST)
     most = _bank_max(-now.position[2] - lower - state["ground"], limits, figures)
     state["bank_max"] = most
     return clamp(roll, -most, most)

@@ -30,7 +30,7 @@ _PERIOD_US = 100_000
 _NEVER = 2**62
 _ANOTHER_M = 3.0
 """Error of the height from which another glide is planned, before the final [m]."""
-_WORDS = {TO_LOITER: "LOITER", TO_LAND: "landing", TO_RTL: "RTL"}
+_NAMES = {TO_LOITER: "LOITER", TO_LAND: "landing", TO_RTL: "RTL"}
 
 
 class ActuatorFailsafe:
@@ -107,8 +107,8 @@ class ActuatorFailsafe:
         if action == TO_LAND and self._land() != dialect.MAV_RESULT_ACCEPTED:
             action = TO_RTL
         if action != TO_LAND and not self._modes.enter(LOITER if action == TO_LOITER else RTL):
-            return f"{_WORDS[action]} cannot be flown"
-        return _WORDS[action]
+            return f"{_NAMES[action]} cannot be flown"
+        return _NAMES[action]
 
     @property
     def _without_thrust(self) -> bool:
