@@ -20,6 +20,7 @@ from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.triggers import TRIGGERS
 from ftc_autopilot.control.triggers.base import TriggerParameters
 from ftc_autopilot.estimation.parameters import EstimatorParameters
+from ftc_autopilot.guidance.failsafe_parameters import FailsafeParameters
 from ftc_autopilot.guidance.fence_parameters import (
     FenceParameters,
     RallyParameters,
@@ -110,6 +111,7 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "network": Network,
     "guidance": PathFollowing,
     "runway_guidance": RunwayParameters,
+    "failsafe": FailsafeParameters,
     "formation": Formation,
     "slot": Slot,
     "profile": ProfileSegment,
@@ -292,6 +294,7 @@ def parameters() -> str:
         gains = records["guidance"][kind]
         groups[f"Guidance `{kind}`"] = tunables(guidance, gains, "GUID_", GuidanceParameters)
     groups["Formation"] = tunables(FormationParameters, records["formation"], "FORM_")
+    groups["Failsafe"] = tunables(FailsafeParameters, records["failsafe"], "COM_")
     fence = fence_records(FenceParameters(), RallyParameters())
     groups["Fence and rally points"] = fence_tunables(fence)
     own = {group: list(found) for group, found in groups.items()}

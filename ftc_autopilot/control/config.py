@@ -14,6 +14,7 @@ from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.triggers import MODES, Trigger
 from ftc_autopilot.control.triggers.static import PerChannel
 from ftc_autopilot.guidance.aircraft_limits import guidance_problems
+from ftc_autopilot.guidance.failsafe_parameters import FailsafeParameters
 from ftc_autopilot.guidance.formation import Formation
 from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
@@ -131,6 +132,9 @@ class ControllerConfig(Model):
     )
     runway_guidance: RunwayParameters = Field(
         default=RunwayParameters(), description="Take-off and landing."
+    )
+    failsafe: FailsafeParameters = Field(
+        default=FailsafeParameters(), description="What it does by itself."
     )
     formation: Formation | None = Field(
         default=None, description="Formation on paths; none: it flies on the path itself."

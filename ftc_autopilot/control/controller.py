@@ -43,10 +43,11 @@ from ftc_autopilot.control.transmit import not_finite, transmit
 from ftc_autopilot.control.triggers import MODES, PLUGIN_MODE, TRIGGERS, clock_of
 from ftc_autopilot.control.triggers import plugin as trigger_plugins
 from ftc_autopilot.control.triggers.base import TriggerParameters
+from ftc_autopilot.guidance.failsafe_parameters import FailsafeParameters
 from ftc_autopilot.guidance.formation import FormationParameters
 from ftc_autopilot.guidance.laws import GUIDANCE_PARAMETERS, Guidance, guidance_record
 from ftc_autopilot.guidance.runway import RUNWAY_FIGURES, RunwayFigures, runway_record
-from ftc_autopilot.guidance.runway_phases import on_ground
+from ftc_autopilot.guidance.runway_state import on_ground
 from ftc_autopilot.plugins.models import PLUGIN, owned
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
@@ -80,6 +81,7 @@ PARAMETERS = np.dtype(
         ("formation_trigger", record_dtype(FormationTrigger)),
         ("guidance", GUIDANCE_PARAMETERS),
         ("runway", RUNWAY_FIGURES),
+        ("failsafe", record_dtype(FailsafeParameters)),
         ("formation", record_dtype(FormationParameters)),
         *((kind, law.record()) for kind, law in LAWS.items()),
         (PLUGIN, PLUGIN_PARAMETERS),  # last, as of CONTROLLER
@@ -120,6 +122,7 @@ def parameter_record(
     guidance: Guidance | None = None,
     in_space: FormationParameters | None = None,
     runway: RunwayFigures | None = None,
+    failsafe: FailsafeParameters | None = None,
 ) -> np.void:
     """Turn a UAV's configuration into a record of `PARAMETERS`.
 
@@ -146,6 +149,8 @@ def parameter_record(
         record["runway"] = runway_record(runway)
     if in_space is not None:
         fill(record["formation"], in_space)
+    if failsafe is not None:
+        fill(record["failsafe"], failsafe)
     controller.write_to(own_parameters(record, type(controller), controller.kind))
     return record
 
@@ -194,7 +199,7 @@ class Records(NamedTuple):
     state: ControllerRecord  # dtype `CONTROLLER`, updated in place
     controls: np.ndarray  # HIL_ACTUATOR_CONTROLS.controls, updated in place
     signals: SignalsRecord  # dtype `SIGNALS`, written
-    runway: np.void  # dtype `ftc_autopilot.guidance.runway_phases.RUNWAY_STATE`
+    runway: np.void  # dtype `ftc_autopilot.guidance.runway_state.RUNWAY_STATE`
 
 
 @compiled

@@ -28,7 +28,7 @@ from ftc_autopilot.guidance.formation import LAYOUT, layout_record
 from ftc_autopilot.guidance.laws import GUIDANCE_STATE
 from ftc_autopilot.guidance.path import PATH
 from ftc_autopilot.guidance.runway import figures_of
-from ftc_autopilot.guidance.runway_phases import RUNWAY_STATE
+from ftc_autopilot.guidance.runway_state import RUNWAY_STATE
 from ftc_autopilot.plugins.loading import calling
 from mavlink_defs.framing.codec import ACTUATORS, NEIGHBOUR
 from sitl_plant.airframe.aircraft import AIRCRAFT, aircraft_record
@@ -129,6 +129,7 @@ def unbound_controllers(configs: Sequence[ControllerConfig]) -> Controllers:
                 config.aircraft,
                 config.controller.reference_bandwidth_rad_s,
             ),
+            config.failsafe,
         )
         if config.formation is not None:
             weights = {neighbour.id: neighbour.weight for neighbour in config.neighbours}

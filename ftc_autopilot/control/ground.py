@@ -15,7 +15,7 @@ import numpy as np
 from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.control.step import ALL, Command, Step
 from ftc_autopilot.guidance.runway import RUNWAY_FIGURES
-from ftc_autopilot.guidance.runway_phases import RUNWAY_STATE, STANDING, STOPPED
+from ftc_autopilot.guidance.runway_state import RUNWAY_STATE, STANDING, STOPPED
 from mavlink_defs.runtime.jit import apart, compiled
 from sitl_plant.airframe.aircraft import AIRCRAFT, AircraftRecord
 from sitl_plant.vec3 import clamp, mul, square
@@ -37,7 +37,7 @@ def ground_law(now: Step, aircraft: AircraftRecord, asked: np.void, figures: np.
     Args:
         now: The step.
         aircraft: Nominal aircraft, dtype `sitl_plant.airframe.aircraft.AIRCRAFT`.
-        asked: Record of dtype `ftc_autopilot.guidance.runway_phases.RUNWAY_STATE`; its integrals
+        asked: Record of dtype `ftc_autopilot.guidance.runway_state.RUNWAY_STATE`; its integrals
             are advanced.
         figures: Record of dtype `ftc_autopilot.guidance.runway.RUNWAY_FIGURES`.
     """

@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from ftc_autopilot.common.motion import MeasuredMotion, fill_neighbour_state, motion_of
+from ftc_autopilot.common.phases import LOST
 from ftc_autopilot.common.tuples import four, replaced, rows_of
 from ftc_autopilot.control import state_predictor
 from ftc_autopilot.control.controller import Inputs, Records, control_step, count_events
@@ -30,18 +31,21 @@ from ftc_autopilot.guidance.laws.base import Situation
 from ftc_autopilot.guidance.path import PATH, locate, point_at
 from ftc_autopilot.guidance.places import note_relayed, take_in
 from ftc_autopilot.guidance.runway_phases import (
-    FINAL,
-    FLARE,
     advance,
     bank_near_ground,
     find_out,
     nose_for,
     note_path,
-    on_ground,
     uses_runway,
 )
+from ftc_autopilot.guidance.runway_state import (
+    FINAL,
+    FLARE,
+    is_glide,
+    on_ground,
+)
 from ftc_autopilot.plugins.models import PLUGIN
-from mavlink_defs.constants import BRAKE, N_CHANNELS, THROTTLE
+from mavlink_defs.constants import AILERON, BRAKE, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.framing.codec import RELAYED_AT, REPORT_AT, SIM_STATE
 from mavlink_defs.runtime.jit import apart, compiled, inlined
 from mavlink_defs.runtime.memory import copy_record
@@ -300,6 +304,7 @@ def _guide(
         level=math.nan,
         over_ground=0,
         nose=math.nan,
+        glide=math.nan,
     )
     if uav["layout"]["count"] > 0:
         coordination = fly_in_formation(
@@ -341,8 +346,12 @@ def _fly_near_ground(uav: np.void, path: np.void, now: Situation) -> None:
         command[2], command[3] = runway["pitch"], runway["heading"]
     else:
         now = replaced(now, "over_ground", int(runway["phase"] in (FINAL, FLARE)))
-        if not heading_loop(parameters).by_bank:
+        signals, lost = uav["signals"], uav["signals"]["phase"]
+        steers = lost[AILERON] != LOST and lost[RUDDER] != LOST
+        if steers and not heading_loop(parameters).by_bank:
             now = replaced(now, "nose", nose_for(now, path, figures, runway))
+        if is_glide(path) and lost[THROTTLE] == LOST:
+            now = replaced(now, "glide", float(signals["offset"][THROTTLE]))
         flown = guide(now, path, aircraft, parameters["guidance"], guidance["law"])
         for k in range(4):
             command[k] = flown[k]

@@ -143,6 +143,8 @@ class RunwayFigures(NamedTuple):
         launch: Length of its launcher.
         span: Of the wing.
         go_arounds: Approaches given up, at most.
+        glide: Airspeed of a glide without thrust.
+        sink: Its sink.
     """
 
     stall: float
@@ -173,6 +175,8 @@ class RunwayFigures(NamedTuple):
     launch: float
     span: float
     go_arounds: float
+    glide: float
+    sink: float
 
     def flare_height(self, slope: float) -> float:
         """Return the height at which the flare of an approach begins, above touchdown [m]."""
@@ -232,6 +236,8 @@ def figures_of(
     half = 0.5 * float(record["rho"]) * float(record["S"])
     clear = math.sqrt(weight / (half * max(at_zero + rise * highest, 1e-6)))
     rotate = runway.rotate_m_s or max(_ROTATE * stall, clear)
+    touchdown = min(runway.touchdown_m_s, approach * slope)
+    glide, sink = _glide(record, stall, approach, limits.airspeed_max_m_s, flare, touchdown)
     return RunwayFigures(
         stall=stall,
         rotate=rotate,
@@ -245,7 +251,7 @@ def figures_of(
         idle=idle,
         lag=lag,
         flare=flare,
-        touchdown=min(runway.touchdown_m_s, approach * slope),
+        touchdown=touchdown,
         take_off_roll=_take_off_roll(record, guidance, acceleration, rotate, gear.rolling),
         landing_roll=_landing_roll(record, approach, gear.braking),
         length=runway.length_m or 0.0,
@@ -261,7 +267,39 @@ def figures_of(
         launch=gear.launch,
         span=aircraft.wing_span_m,
         go_arounds=float(runway.go_arounds),
+        glide=glide,
+        sink=sink,
     )
+
+
+def _glide(
+    record: AircraftRecord, stall: float, slowest: float, fastest: float, flare: float, end: float
+) -> tuple[float, float]:
+    """Return airspeed and sink of a glide without thrust.
+
+    It is so fast that its slope has a reserve over the one at the slowest airspeed, and that what
+    the flare takes of it, by the drag, leaves enough for touchdown.
+
+    Args:
+        record: The aircraft.
+        stall: V_s.
+        slowest: Airspeed of the approach.
+        fastest: Greatest airspeed.
+        flare: Time constant of the flare.
+        end: Sink at touchdown.
+    """
+    weight = float(record["m"] * record["g"])
+    at_zero, rise = _carried_linearly(record)
+    least = math.inf
+    for k in range(_STEPS + 1):
+        V = slowest + (fastest - slowest) * k / _STEPS
+        area = 0.5 * float(record["rho"]) * V**2 * float(record["S"])
+        slope = float(_drag(area, (weight / area - at_zero) / rise, record)) / weight
+        least = min(least, slope)
+        lost = slope * float(record["g"]) * flare * math.log(max(V * slope / end, 1.0))
+        if slope >= least / _STEEPEST_SHARE and V - lost >= _ROTATE * stall:
+            break
+    return V, V * math.sin(math.atan(slope))
 
 
 class _Stance(NamedTuple):

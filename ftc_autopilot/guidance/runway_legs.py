@@ -83,15 +83,8 @@ def landing_legs(
     legs = [before._replace(height_m=height, airspeed_m_s=approach, item=seq)]
     legs.append(Leg(*glide[:5], height, -slope, *there))
     bias = figures.touchdown * figures.flare
-    above = [
-        (flare_from + bias) * (bias / (flare_from + bias)) ** (k / _FLARE_LEGS) - bias
-        for k in range(_FLARE_LEGS + 1)
-    ]
-    piece = flare_length / _FLARE_LEGS
-    for k in range(_FLARE_LEGS):
-        part, flare = flare.cut(piece)
-        climb = (above[k + 1] - above[k]) / piece
-        legs.append(Leg(*part[:4], piece, target.height + above[k], climb, *there))
+    flare = flare._replace(length_m=flare_length, height_m=target.height)
+    legs += flare_legs(flare._replace(airspeed_m_s=approach, item=seq), flare_from, bias)
     landing = len(legs)
     end = line.end
     away = (height - target.height) / limits.climb + _SETTLING * figures.lag * at
@@ -158,6 +151,26 @@ def _needed(slope: float, level: float, descent: float, figures: RunwayFigures) 
     """Return the length of the line that an approach with a slope takes [m]."""
     down = max(descent - figures.flare_height(slope), 0.0) / slope
     return down + figures.flare_length(slope) + level
+
+
+def flare_legs(line: Leg, begin: float, bias: float) -> list[Leg]:
+    """Return a line as legs of an exponential flare.
+
+    Args:
+        line: With the height at its end, airspeed and item.
+        begin: Height at its beginning above that at its end [m].
+        bias: Depth of the level below its end that the flare leads to [m].
+    """
+    above = [
+        (begin + bias) * (bias / (begin + bias)) ** (k / _FLARE_LEGS) - bias
+        for k in range(_FLARE_LEGS + 1)
+    ]
+    legs, piece, rest = list[Leg](), line.length_m / _FLARE_LEGS, line
+    for k in range(_FLARE_LEGS):
+        part, rest = rest.cut(piece)
+        climb = (above[k + 1] - above[k]) / piece
+        legs.append(Leg(*part[:4], piece, line.height_m + above[k], climb, *line[7:]))
+    return legs
 
 
 def _slope(length: float, level: float, descent: float, figures: RunwayFigures, seq: int) -> float:

@@ -21,7 +21,7 @@ from ftc_autopilot.guidance.fence_parameters import (
     TO_GUIDED,
     TO_LOITER,
 )
-from ftc_autopilot.guidance.runway_phases import FLYING
+from ftc_autopilot.guidance.runway_state import FLYING
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.vehicle.changes import Change
 from ftc_autopilot.vehicle.clock import VehicleClock

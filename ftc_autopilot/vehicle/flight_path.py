@@ -13,7 +13,10 @@ import numpy as np
 from ftc_autopilot.common.geography import Origin, Place, place_of
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controllers import Controllers, ReferenceSource, begin_path
+from ftc_autopilot.guidance.glide import Begin, Glide
+from ftc_autopilot.guidance.legs import Pose
 from ftc_autopilot.guidance.limits import tightest_turn
+from ftc_autopilot.guidance.mission_items import LAND
 from ftc_autopilot.guidance.mission_path import Start
 from ftc_autopilot.guidance.mission_places import Home, home_item
 from ftc_autopilot.guidance.path import (
@@ -26,7 +29,14 @@ from ftc_autopilot.guidance.path import (
 )
 from ftc_autopilot.guidance.planner import Planner
 from ftc_autopilot.guidance.runway import figures_of
-from ftc_autopilot.guidance.runway_phases import STANDING, STOPPED
+from ftc_autopilot.guidance.runway_state import (
+    AROUND,
+    CLIMBING,
+    FINAL,
+    FLARE,
+    STANDING,
+    STOPPED,
+)
 from ftc_autopilot.hot.hot_state import HotState
 from mavlink_defs.profile import ItemError
 from mavlink_defs.services.mission import MissionItem
@@ -118,7 +128,7 @@ class FlightPath:
 
     @property
     def phase(self) -> int:
-        """Phase of take-off or landing, of `ftc_autopilot.guidance.runway_phases`."""
+        """Phase of take-off or landing, of `ftc_autopilot.guidance.runway_state`."""
         return int(self._guidance["runway"]["phase"])
 
     @property
@@ -259,6 +269,26 @@ class FlightPath:
             return self.way_to(place)
         return Way(self.planner.way_home(self._start(self.airspeed), home))
 
+    def glide(self, wind: tuple[float, float]) -> tuple[Way, bool]:
+        """Return the way down without thrust, and whether the mission's runway is within reach.
+
+        Args:
+            wind: Velocity of the air, north and east [m/s].
+        """
+        limits = self.planner.limits
+        assert limits.runway is not None
+        here = self.planner.start_of(self._hot.measured, self.airspeed)
+        begin = Begin(here.pose, here.height, wind)
+        if any(item.command == LAND for item in self.items):
+            planned = self.planner.path(self.items, home=self.home.at)
+            there = point_at(planned, float(planned["landing"]))
+            to = Pose(float(there.north), float(there.east), float(there.course))
+            path = Glide(begin, float(there.height), limits, self._item_of(LAND)).to_runway(to)
+            if path is not None:
+                return Way(path), True
+        ground = self.home.at.height_m + limits.runway.height
+        return Way(Glide(begin, ground, limits).ahead()), False
+
     def way_to(
         self,
         place: tuple[float, float, float],
@@ -311,8 +341,16 @@ class FlightPath:
 
     # inside
 
+    def _item_of(self, command: int) -> int:
+        return next(item.seq for item in self.items if item.command == command)
+
     def _start(self, airspeed: float) -> Start:
-        return self.planner.start_of(self._hot.measured, airspeed)
+        """Return where a path begins: near a runway at the height to which it climbs first."""
+        start = self.planner.start_of(self._hot.measured, airspeed)
+        runway = self._guidance["runway"]
+        if runway["phase"] not in (CLIMBING, FINAL, FLARE, AROUND):
+            return start
+        return start._replace(height=max(start.height, float(runway["climb_to"])))
 
     def _within(self, path: np.void) -> float:
         """Return the path parameter, within the first round of a path that returns."""

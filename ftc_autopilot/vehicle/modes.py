@@ -285,9 +285,17 @@ class Modes:
             return _ACCEPTED  # a circle goes on
         return _ACCEPTED if self._enter(int(mode)) else _DENIED
 
+    def enter(self, mode: int) -> bool:
+        """Change the mode from within the vehicle; return False, all as it was, if it cannot be."""
+        return self._enter(mode)
+
     def take_off(self, params: Sequence[float]) -> int:
-        """Execute MAV_CMD_NAV_TAKEOFF: param 7 is the height above home [m], 0 the usual one."""
-        height = params[6] if params[6] > 0.0 else self._usual_take_off_m
+        """Execute MAV_CMD_NAV_TAKEOFF: param 7 is the height above home [m]; 0, NaN: usual."""
+        height, highest = params[6], self.path.planner.limits.highest_m
+        if height == 0.0 or math.isnan(height):
+            height = self._usual_take_off_m
+        if height > highest:
+            return self._refuse(f"Take-off: {height:g} m above home, must be <= {highest:g} m")
         before, self._take_off_m = self._take_off_m, height
         if self._enter(TAKEOFF):
             return _ACCEPTED
@@ -386,6 +394,7 @@ class Modes:
         self._item, self._guidance["start_step"] = item, start_step
         if armed and not self.armed:
             restart_law(self._controllers.uavs[0]["controller"])
+            self._guidance["runway"]["known"] = 0  # it may have come to the ground meanwhile
             self._set_armed(True)
         if way is not None:
             self.path.begin(way)

@@ -27,6 +27,7 @@ from ftc_autopilot.control.laws.surviving.gains import LoopWeights
 from ftc_autopilot.control.triggers import MODES, PLUGIN_MODE, TRIGGERS, trigger_of
 from ftc_autopilot.control.triggers.base import TriggerParameters
 from ftc_autopilot.control.triggers.plugin import own_record
+from ftc_autopilot.guidance.failsafe_parameters import FailsafeParameters
 from ftc_autopilot.guidance.fence_parameters import (
     ACTION_NUMBERS,
     ActionName,
@@ -146,6 +147,7 @@ def _tunables_of(config: AutopilotConfig, controllers: Controllers) -> list[Tuna
         *tunables(LawParameters, records["common"]),
         *law_tunables(law, own_parameters(records, law, config.controller.kind)),
         *tunables(guidance_law, gains, "GUID_", base=GuidanceParameters),
+        *tunables(FailsafeParameters, records["failsafe"], "COM_"),
     ]
     if config.formation is not None:
         found += tunables(FormationParameters, records["formation"], "FORM_")

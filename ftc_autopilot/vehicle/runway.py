@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 
 from ftc_autopilot.guidance.mission_items import LAND, PLACES
 from ftc_autopilot.guidance.runway import STANDS
-from ftc_autopilot.guidance.runway_phases import (
+from ftc_autopilot.guidance.runway_state import (
     AIRSPEED,
     AROUND,
     ASKED,
@@ -22,6 +22,7 @@ from ftc_autopilot.guidance.runway_phases import (
     STANDING,
     STOPPED,
     TOO_LONG,
+    is_glide,
 )
 from ftc_autopilot.vehicle.changes import Change
 from ftc_autopilot.vehicle.flight_path import FlightPath
@@ -116,6 +117,8 @@ class RunwayMessages:
         """Execute MAV_CMD_DO_GO_AROUND: climb, and fly the approach again."""
         if self._modes.path.phase not in (FINAL, FLARE):
             return self._refuse("Go around: no approach is flown")
+        if is_glide(self._modes.path.record):
+            return self._refuse("Go around: there is no thrust for it")
         self._modes.path.go_around()
         return _ACCEPTED
 

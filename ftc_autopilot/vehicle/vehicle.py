@@ -23,6 +23,7 @@ from ftc_autopilot.vehicle.commands import Commands, Handler, PlaceHandler
 from ftc_autopilot.vehicle.controller_messages import ControllerMessages
 from ftc_autopilot.vehicle.diagnosis_messages import DiagnosisMessages
 from ftc_autopilot.vehicle.estimator_messages import EstimatorMessages
+from ftc_autopilot.vehicle.failsafe import ActuatorFailsafe
 from ftc_autopilot.vehicle.flight_path import FlightPath, VehicleHome
 from ftc_autopilot.vehicle.formation_messages import FormationMessages
 from ftc_autopilot.vehicle.guided import Guided
@@ -104,6 +105,7 @@ class VehicleServices:
         shown = ShownState(hot, config.origin, self._home)
         self._estimator = EstimatorMessages(hot, shown, self._clock)
         self._runway = RunwayMessages(shown, self.modes, self._plan.mission.start_at, self.say)
+        self._failsafe = ActuatorFailsafe(hot, controllers, self.modes, self._runway.land)
         makers = (
             StateMessages(shown, controllers, self._home, self._clock),
             TrueStateSensors(shown, self._clock)
@@ -203,6 +205,7 @@ class VehicleServices:
         self._params.handle_timer(now)
         self.modes.handle_timer()
         self._plan.handle_timer(now)
+        self._failsafe.handle_timer()
         state = (self.modes.status, self.modes.armed, self.modes.mode)
         if now >= self._next_heartbeat or state != self._reported:
             self._next_heartbeat, self._reported = now + _HEARTBEAT_S, state
@@ -230,6 +233,7 @@ class VehicleServices:
         reset_controllers(self._controllers)
         self.modes.restart()
         self._plan.restart()
+        self._failsafe.restart()
         self._resumption = Resumption(self._hot)
         self._edges = NeighbourEdges(self._hot)
         self._old_states = OldStates(self._hot)
@@ -248,6 +252,7 @@ class VehicleServices:
         items = segments_to_items(segments, *self._own) if segments else []
         self._plan.resume(plan, items, int(saved["item"]))
         self.modes.resume(int(saved["mode"]))
+        self._failsafe.restart()
         self._resumption.resume()
 
     def save(self, to: np.void) -> None:
@@ -296,8 +301,8 @@ class VehicleServices:
         return min(telemetry.next_due_us() for telemetry in self.telemetry)
 
     def next_check_step(self) -> int:
-        """Return the step after which the fence is to be checked; far away if it is not."""
-        return self._plan.fence.next_step
+        """Return the step after which fence or actuators are to be checked; far away if not."""
+        return min(self._plan.fence.next_step, self._failsafe.next_step)
 
     def most_per_step(self, step_us: int) -> int:
         """Return messages per control period [µs] to a ground station that sustain all rates."""
@@ -402,7 +407,7 @@ class VehicleServices:
     def _report_changes(self) -> None:
         """Announce what has changed since the last report."""
         own = self._resumption, self._edges, self._old_states, self._plan.fence, self._runway
-        services = (*own, self._controller, self._diagnosis, self._estimator, self._formation)
-        changes = chain.from_iterable(service.changes() for service in services)
+        services = (*own, self._failsafe, self._controller, self._diagnosis, self._estimator)
+        changes = chain.from_iterable(each.changes() for each in (*services, self._formation))
         for severity, text in self._changes.bounded(changes, self._hot.time_us):
             self.say(severity, text)

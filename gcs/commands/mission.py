@@ -55,7 +55,8 @@ def show(
 ) -> None:
     """Check a mission as a vehicle would, and show its items, lengths, turns, times and heights.
 
-    Times are those in still air, from home on. A map shows fence and rally points, if it has some.
+    Times are those in still air, from home on, or from where the scenario's first UAV stands. A map
+    shows fence and rally points, if it has some.
 
     Args:
         fleet: Scenario of the fleet that is to fly it; FILE if that is one, else paper/scenario1.

@@ -270,7 +270,7 @@ def _follow(
         return False
     own["s"] = s
     point = point_at(path, s)
-    if own["began"] == _NEVER:
+    if own["began"] == _NEVER or 0.0 < path["take_off"] > s:  # a take-off climbs as it can
         own["began"] = step
     if point.curvature != 0.0:
         own["turned"] = step

@@ -14,7 +14,9 @@ from ftc_autopilot.guidance.fence_parameters import (
     RallyParameters,
     fence_records,
 )
+from ftc_autopilot.guidance.legs import Pose
 from ftc_autopilot.guidance.mission_items import is_path
+from ftc_autopilot.guidance.mission_path import Start
 from ftc_autopilot.guidance.mission_places import Home
 from ftc_autopilot.guidance.path import NO_LOOP, commands_between, point_at
 from gcs.scenario.bundled import find_scenario
@@ -141,7 +143,7 @@ def dry_run(name: Path | str, items: Sequence[MissionItem], fleet: Scenario) -> 
     if not is_path(items):
         raise ConfigError(name, [Problem((), "a profile, not a path; see gcs profile")])
     try:
-        path = fleet.planner().path(items)
+        path = fleet.planner().path(items, _standing(fleet))
     except ItemError as error:
         raise ConfigError(name, [Problem((), str(error))]) from error
     stages = tuple(_stages(path))
@@ -204,6 +206,16 @@ def outline(path: np.void) -> list[tuple[float, float, float]]:
         if k == path["count"] - 1:
             points.append(point_at(path, math.nextafter(end, begin)))
     return [(point.north, point.east, point.height) for point in points]
+
+
+def _standing(fleet: Scenario) -> Start | None:
+    """Return where the first UAV of a scenario stands; None if it begins in the air."""
+    initial, limits = fleet.uavs[0].initial, fleet.planner().limits
+    if not initial.on_ground or limits.runway is None:
+        return None
+    place = initial.north_m, initial.east_m
+    height = fleet.ground.altitude_m(*place) + limits.runway.height
+    return Start(Pose(*place, math.radians(initial.yaw_deg)), height, limits.cruise_m_s, True)
 
 
 def _flown(path: np.void) -> int:

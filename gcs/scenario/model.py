@@ -20,6 +20,7 @@ from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.triggers import Trigger
 from ftc_autopilot.control.triggers.static import PerChannel
 from ftc_autopilot.estimation.parameters import EstimatorParameters
+from ftc_autopilot.guidance.failsafe_parameters import FailsafeParameters
 from ftc_autopilot.guidance.formation import Formation
 from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
@@ -109,6 +110,7 @@ class Scenario(Model):
         trigger: Event triggers of every UAV.
         guidance: Guidance law of every UAV on a path.
         runway_guidance: Take-off and landing of every UAV.
+        failsafe: What every UAV does by itself.
         plugins: Digest of the code of each plug-in, by its name: filled in when the scenario is
             read. Other code is not flown.
         uavs: The fleet.
@@ -145,6 +147,7 @@ class Scenario(Model):
     trigger: Trigger = PerChannel()
     guidance: Guidance = PathFollowing()
     runway_guidance: RunwayParameters = RunwayParameters()
+    failsafe: FailsafeParameters = FailsafeParameters()
     plugins: Annotated[dict[str, str], AtMost(100)] = Field(default={})
     uavs: Annotated[tuple[ScenarioUav, ...], AtMost(LAST_SYSTEM)] = Field(min_length=1)
     network: Network
@@ -220,6 +223,7 @@ class Scenario(Model):
             formation_trigger=links.formation.trigger,
             guidance=self.guidance,
             runway_guidance=self._on_runway,
+            failsafe=self.failsafe,
             plugins=plugins_of(self.controller, self.trigger, self.guidance),
             formation=self.formation,
             leader_access=self.network.leader_access.get(uav_id, 0.0),

@@ -20,6 +20,7 @@ from ftc_autopilot.control.triggers import MODES, TRIGGERS, trigger_of
 from ftc_autopilot.control.triggers.base import TriggerParameters
 from ftc_autopilot.control.triggers.plugin import own_record
 from ftc_autopilot.control.triggers.static import PerChannel
+from ftc_autopilot.guidance.failsafe_parameters import FailsafeParameters
 from ftc_autopilot.guidance.fence_parameters import FenceParameters, RallyParameters, fence_records
 from ftc_autopilot.guidance.formation import FormationParameters
 from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
@@ -170,4 +171,5 @@ def _tunables(kind: str) -> Iterator[Tunable]:
     for mode in MODES:
         yield from trigger_tunables(records, mode)
     yield from law_tunables(law, own)
+    yield from tunables(FailsafeParameters, records["failsafe"], "COM_")
     yield from fence_tunables(fence_records(FenceParameters(), RallyParameters()))

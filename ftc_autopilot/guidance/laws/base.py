@@ -129,6 +129,7 @@ class Situation(NamedTuple):
     level: float = math.nan  # height to climb to in place of the path's [m]; NaN: the path's
     over_ground: int = 0  # 1: the climb is held over the ground, not through the air
     nose: float = math.nan  # heading in place of the one that the course takes [rad]; NaN: none
+    glide: float = math.nan  # thrust of a glide, in which pitch holds the airspeed [N]; NaN: none
 
 
 class Pace(NamedTuple):

@@ -28,6 +28,11 @@ Energy: the control law turns V_r into thrust, pitch sets the climb; both at onc
 that their sum is what the thrust can pay for: sin γ_d <= (T_max - D)/(m g) - V_r'/g, and not
 steeper downwards than drag takes away. So the airspeed comes first.
 
+In a glide, of which there is a thrust T that cannot be chosen, the airspeed is held by the pitch
+between the path's and the greatest one, and what is left between follows the path's height:
+
+    (V - V_max)/(g (Tf + τ_γ)) <= sin γ_d - (T - D)/(m g) <= (V - V_r)/(g (Tf + τ_γ))
+
 Corners of the height are rounded: what is flown is the mean of the path's height over a distance
 before and after.
 """
@@ -151,6 +156,8 @@ def path_law(
         return now.motion.V, *now.motion.phi
     airspeed = _airspeed(now, path, place, wind, aircraft, limits, state)
     climb, climb_now = _climb(now, path, place, aircraft, limits, gains, state)
+    if math.isfinite(now.glide):
+        airspeed = V
     weight = aircraft["m"] * aircraft["g"] * math.cos(climb)
     lift = 0.5 * aircraft["rho"] * square(airspeed) * aircraft["S"]
     at_zero, slope = carried_linearly(aircraft)
@@ -358,6 +365,11 @@ def _climb(
     most = math.sin(limits["climb_max_rad"])
     high = min(max((thrust - D) / weight - accelerating, -most), most)
     low = max(min(-D / weight - accelerating, most), -most)
+    if math.isfinite(now.glide):
+        balance, pace = (now.glide - D) / weight, aircraft["g"] * (3.0 / now.bandwidth + lag)
+        high = min(balance + (V - now.here.airspeed) / pace, most)
+        low = max(balance + (V - limits["airspeed_max_m_s"]) / pace, -most)
+        high = max(high, low)
     desired = (sink + slope_ahead * place.s_dot) / V
     if low < desired < high and gain > 0.0 and coordination.up == 0.0:
         limit = _INTEGRAL_SHARE * V / gain

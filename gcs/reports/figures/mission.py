@@ -48,7 +48,7 @@ def mission_figure(
 
     Panels: the map, with the path, all tracks, and the formation at marked times, drawn larger
     than it is; distance from the slot (of a UAV without a formation: from the path), height error,
-    least separation; held commands. Faults are shaded.
+    least separation (of one UAV: its altitude); held commands. Faults are shaded.
 
     Args:
         recording: The flight, as of `gcs.results.preview.Preview`.
@@ -82,7 +82,7 @@ def mission_figure(
 def _draw_errors(
     axes: Sequence["Axes"], flight: PlottedFlight, errors: np.ndarray, in_formation: bool
 ) -> None:
-    """Draw distances from slot or path, height errors and least separation over time."""
+    """Draw distances from slot or path, height errors, and separation or altitude over time."""
     t, distances = flight.recording.time_s, least_distances(flight.recording.states)[0]
     first = errors["slot"] if in_formation else errors["cross_track"]
     for axis, shown in zip(axes, (first, errors["height"]), strict=False):
@@ -91,8 +91,13 @@ def _draw_errors(
         style.frame(axis, list(shown.T), *style.usual_range(list(shown.T), flight.step_s))
     axes[0].set_ylabel("from slot [m]" if in_formation else "cross-track [m]")
     axes[1].set_ylabel("height error [m]")
-    axes[2].set_ylabel("least separation [m]")
-    if np.isfinite(distances).any():
+    if not np.isfinite(distances).any():
+        axes[2].set_ylabel("altitude [m]")
+        altitude = -flight.recording.states[:, 0, 2]
+        style.draw_curve(axes[2], t, altitude, **style.style(0).thin)
+        style.frame(axes[2], [altitude], *style.usual_range([altitude], flight.step_s))
+    else:
+        axes[2].set_ylabel("least separation [m]")
         style.draw_curve(axes[2], t, distances, color="black", lw=0.9)
         style.frame(axes[2], [distances], *style.usual_range([distances], flight.step_s))
         axes[2].set_ylim(bottom=0.0)

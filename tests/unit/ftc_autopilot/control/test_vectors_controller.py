@@ -19,7 +19,7 @@ from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.signals import SIGNALS
 from ftc_autopilot.control.step import Seen
 from ftc_autopilot.control.triggers.static import PerChannel
-from ftc_autopilot.guidance.runway_phases import RUNWAY_STATE
+from ftc_autopilot.guidance.runway_state import RUNWAY_STATE
 from gcs.scenario.model import Scenario
 from mavlink_defs.framing.codec import NEIGHBOUR, SIM_STATE
 from sitl_plant.airframe.rigid_body import gravity_body

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scenario_edits import edit
 
-from ftc_autopilot.guidance.runway_phases import (
+from ftc_autopilot.guidance.runway_state import (
     AROUND,
     CLIMBING,
     FINAL,

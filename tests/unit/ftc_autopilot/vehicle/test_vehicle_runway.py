@@ -7,7 +7,12 @@ from typing import Any
 import pytest
 from vehicle_bench import ACCEPTED, ARM, DENIED, START, Bench, of_type
 
-from ftc_autopilot.guidance.runway_phases import FINAL, ROLL_OUT, STANDING, STOPPED
+from ftc_autopilot.guidance.runway_state import (
+    FINAL,
+    ROLL_OUT,
+    STANDING,
+    STOPPED,
+)
 from gcs.scenario.model import load_scenario
 from mavlink_defs import dialect
 from mavlink_defs.constants import AUTO, LOITER, TAKEOFF
@@ -63,6 +68,15 @@ def test_who_stands_takes_off_to_the_height_that_is_commanded(bench: RunwayBench
     assert bench.path.record["take_off"] > 0.0
     assert bench.command(SET_MODE, 1.0, LOITER) == ACCEPTED
     assert bench.command(TAKE_OFF) == ACCEPTED
+    assert bench.path.record["climb_to"] == SCENARIO.runway_guidance.take_off_m
+
+
+@pytest.mark.parametrize("height", [math.inf, 1e9, -5.0, 3.0])
+def test_a_take_off_to_where_no_place_may_be_is_refused(bench: RunwayBench, height: float) -> None:
+    """The first two climbed for ever, the third to the usual height."""
+    assert bench.command(TAKE_OFF, *[0.0] * 6, height) == DENIED
+    assert bench.modes.mode == LOITER
+    assert bench.command(TAKE_OFF, *[0.0] * 6, math.nan) == ACCEPTED
     assert bench.path.record["climb_to"] == SCENARIO.runway_guidance.take_off_m
 
 

@@ -89,6 +89,16 @@ def test_a_plan_that_begins_with_a_takeoff_is_shown_without_a_way_to_it(tmp_path
     assert "takeoff" in show(path)[1]
 
 
+def test_an_aircraft_that_stands_is_shown_from_its_runway_on() -> None:
+    """Its take-off had no numbers, and the heights began in the air."""
+    shown = json.loads(show(Path("runway/circuit"), "--json")[1])
+    assert [stage["item"] for stage in shown["stages"]] == [1, 2, 3, 4, 5, 6]
+    (way, begin), *_, (_, end) = shown["profile"]
+    assert way == 0.0
+    assert 0.0 < begin < 1.0
+    assert begin == pytest.approx(end, abs=1e-6)
+
+
 @pytest.mark.parametrize("low", ["-5", "-50"])
 def test_places_below_home_are_refused_unless_the_scenario_permits_them(
     tmp_path: Path, low: str

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from gcs.fleet.in_process import fly_in_steps
-from gcs.reports.figures.mission import draw_mission
+from gcs.fleet.in_process import fly_in_process, fly_in_steps
+from gcs.reports.figures.mission import draw_mission, mission_figure
 from gcs.reports.flight import flight_tables
 from gcs.results.choices import Format, Record
 from gcs.results.export import convert
@@ -17,6 +17,7 @@ from gcs.results.figures import FlightSummary
 from gcs.results.path_following import leaders_of, paths_of
 from gcs.results.recorder import FlightRecorder
 from gcs.results.recording import Recording
+from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario, load_scenario
 
 pytestmark = pytest.mark.slow
@@ -84,6 +85,25 @@ def test_a_figure_is_drawn_with_the_formation(
         one, two = ((tmp_path / folder / name).read_bytes() for folder in ("one", "two"))
         assert one == two
         assert len(one) > 20_000
+
+
+def test_a_take_off_is_no_error_of_the_height_and_one_uav_shows_its_altitude() -> None:
+    """It climbs as it can, up to 2 m below its height, where the path is followed from.
+
+    Separation has nothing to show.
+    """
+    base = load_scenario("runway/circuit")
+    scenario = base.model_copy(update={"duration_s": 40.0, "step_us": 4000})
+    recording, paths = fly_in_process(scenario), paths_of(scenario)
+    assert paths is not None
+    (uav,) = summarise(recording, scenario).uavs
+    assert uav.path is not None
+    assert uav.path.height_max_m is not None
+    assert uav.path.height_max_m < 2.0
+    figure = mission_figure(recording, scenario, paths, ())
+    labels = [axis.get_ylabel() for axis in figure.axes]
+    assert "altitude [m]" in labels
+    assert "least separation [m]" not in labels
 
 
 def test_kml_has_path_and_home_at_their_altitudes(
