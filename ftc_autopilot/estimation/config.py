@@ -8,7 +8,7 @@ import numpy as np
 from ftc_autopilot.common.records import fill, record_dtype
 from ftc_autopilot.estimation.parameters import EstimatorParameters
 from mavlink_defs.origin import Origin
-from sitl_plant.airframe.aerodynamics import lateral, lift_coefficient
+from sitl_plant.airframe.aerodynamics import carried_linearly, lateral
 from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft
 from sitl_plant.sensing.config import NavigationSensors
@@ -24,7 +24,6 @@ _FORCE_CHANGE = 0.3
 """Of the specific force along an axis [m/s²/sqrt(s)]: its scale error then is another bias."""
 _USUAL_DEFLECTION = math.radians(5.0)
 """Of aileron and rudder, which the estimator does not know."""
-_SMALL = 0.01  # rad, of the angle of attack, to either side
 _MARGIN = 1.5
 """Of variances of errors that turn with the aircraft, for what a linear filter makes of them."""
 _UNTIMELY_M = 0.1
@@ -71,10 +70,10 @@ PARAMETERS = np.dtype(
         # the aircraft: side force and lift over mass and dynamic pressure
         ("side", "f8"),  # S (cY_beta - cD0) / m [m²/kg]: in a sideslip, drag has a part along y
         ("side_by_surfaces", "f8"),  # the same of usual deflections
-        ("lift0", "f8"),  # S cL0 / m
+        ("lift0", "f8"),  # S cL0 / m: of the force along -z, in which thrust has no part
         ("cruise", "f8"),  # airspeed that is assumed where no pitot tube shows it [m/s]
         ("slowest", "f8"),  # lowest airspeed command [m/s]
-        ("lift", "f8"),  # S cL_alpha / m
+        ("lift", "f8"),  # S (cL_alpha + cD0) / m: at an angle of attack, drag has one
         # of what the receiver's place and the barometer moved beyond the velocity [m]
         ("receiver_moved", "f8", (4,)),  # largest sum: north, east, down; barometer
         ("receiver_jump", "f8", (3,)),  # largest difference between two fixes
@@ -239,9 +238,8 @@ def _aircraft(own: np.void, aircraft: Aircraft) -> None:
     own["side"] = side.beta / per
     own["side_by_surfaces"] = math.hypot(side.aileron, side.rudder) / per * _USUAL_DEFLECTION
     area = aircraft.wing_area_m2 / aircraft.mass_kg
-    above, below = (lift_coefficient(alpha, record) for alpha in (_SMALL, -_SMALL))
-    own["lift0"] = area * lift_coefficient(0.0, record)
-    own["lift"] = area * (above - below) / (2.0 * _SMALL)
+    across, by_alpha = carried_linearly(record)
+    own["lift0"], own["lift"] = area * across, area * by_alpha
     own["cruise"], own["slowest"] = V, aircraft.airspeed_min_m_s
 
 
