@@ -1,6 +1,7 @@
 """What the estimator assumes of its sensors, the air and the aircraft, as compiled code sees it."""
 
 import math
+import sys
 from typing import NamedTuple
 
 import numpy as np
@@ -80,6 +81,7 @@ PARAMETERS = np.dtype(
         # from the parameters
         ("wind_walk", "f8"),  # m²/s³
         ("gate", "f8"),  # largest squared normalised innovation that is fused
+        ("gate_of_two", "f8"),  # as rare a sum of two such squares
         ("rate_filter", "f8"),  # gain of a step of the low pass of the rates
         ("force_filter", "f8"),
         *record_dtype(EstimatorParameters).descr,
@@ -127,6 +129,8 @@ def parameters_of(config: EstimatorConfig) -> np.ndarray:
     fill(own, parameters)
     own["wind_walk"] = parameters.wind_walk_m_s_sqrt_s**2
     own["gate"] = parameters.gate_sigma**2
+    chance = math.erfc(parameters.gate_sigma / math.sqrt(2.0))
+    own["gate_of_two"] = -2.0 * math.log(max(chance, sys.float_info.min))
     for name, cutoff in (
         ("rate_filter", parameters.rate_cutoff_hz),
         ("force_filter", parameters.force_cutoff_hz),

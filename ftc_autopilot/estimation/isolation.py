@@ -8,10 +8,9 @@ import math
 import numpy as np
 
 from ftc_autopilot.estimation.airspeed import (
-    NOW,
+    FLIGHT,
     RESTORED,
-    forget_lift,
-    forget_ratio,
+    SHORT,
     is_icing,
     is_impossible,
     is_stalled,
@@ -160,7 +159,7 @@ def _is_kept_out(s: int, estimator: np.void, assumed: np.void) -> bool:
     """Return whether there is more than its innovations against an inconsistent sensor."""
     if s == PITOT:
         airspeed = estimator["airspeed"]
-        return lift_disagrees(airspeed, NOW, assumed) or is_stalled(airspeed, assumed)
+        return lift_disagrees(airspeed, SHORT, assumed) or is_stalled(airspeed, assumed)
     return is_kept_out(estimator["receiver"], s, assumed)
 
 
@@ -205,7 +204,7 @@ def watch_air(estimator: np.void, period_s: float, assumed: np.void) -> None:
     kalman = estimator["filters"][estimator["progress"]["imu"]]
     without, pressure = estimator["progress"]["without_gnss"], estimator["progress"]["pressure"]
     if kalman["blind"][1] == 1 or not is_settled(kalman):
-        forget_lift(airspeed)
+        airspeed["means"][:FLIGHT, :] = 0.0  # until they are of samples that come after
         return
     if not math.isnan(pressure):
         note_lift(kalman, airspeed, pressure, period_s, assumed)
@@ -219,7 +218,7 @@ def watch_air(estimator: np.void, period_s: float, assumed: np.void) -> None:
             exclude(sensors[PITOT], INCONSISTENT)
             airspeed["suspicious"] = 0.0
         if impossible:
-            forget_ratio(airspeed)
+            airspeed["means"][FLIGHT, :] = 0.0  # of a tube that was wrong from the start
     elif without >= 1.0 and airspeed["age"] > 0.0:
         for k in range(assumed["imus"]):
             own = estimator["filters"][k]

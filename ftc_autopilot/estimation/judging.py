@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from ftc_autopilot.estimation.airspeed import NOW, is_stalled, lift_disagrees, says_something
+from ftc_autopilot.estimation.airspeed import SHORT, is_stalled, lift_disagrees, says_something
 from ftc_autopilot.estimation.health import WELL, is_repeating, is_used
 from ftc_autopilot.estimation.receiver import agrees_with_itself, has_moved, is_kept_out
 from ftc_autopilot.estimation.state import GNSS_HEIGHT, GNSS_VELOCITY
@@ -67,9 +67,9 @@ def judge(
     if not used:
         return NOBODY
     if s == PITOT:
-        if not says_something(airspeed, NOW, assumed):
+        if not says_something(airspeed, SHORT, assumed):
             return NOBODY
-        wrong = lift_disagrees(airspeed, NOW, assumed) or is_stalled(airspeed, assumed)
+        wrong = lift_disagrees(airspeed, SHORT, assumed) or is_stalled(airspeed, assumed)
         return IT if wrong else THE_WIND
     if is_repeating(sensors[MAGNETOMETER]) or sensors[MAGNETOMETER]["steady"] < _STEADY:
         return IT
