@@ -41,7 +41,7 @@ AIRFRAMES = {
     "airframes/c172p": 55.0,
     "airframes/mixed": 24.0,
 }
-"""Scenarios of aircraft, with their airspeed [m/s]: gusts are in proportion to it."""
+"""Scenarios of aircraft, with their airspeed [m/s]: gusts are smaller for slow ones."""
 STEPS_US = (1000, 2000, 4000, 5000, 10_000)
 _LATE_S, _SLOW_S = 0.7, 10.0  # of a fault that is noticed; of a sensor that is taken back
 _FITTED_S = 0.1  # what is not fitted is excluded before
@@ -154,7 +154,7 @@ def healthy(rng: random.Random) -> Iterator[Case]:
         wind = _wind(rng, 38.0 * wind_m_s, air if air in ("light", "moderate") else "none")
         north, east = _direction(rng)
         if air == "gust":
-            peak = rng.uniform(4.0, 12.0) * speed / 45.0
+            peak = rng.uniform(4.0, 12.0) * min(speed / 45.0, 1.0)
             gust = {"start_s": rng.uniform(5.0, 25.0), "duration_s": rng.uniform(3.0, 12.0)}
             wind["gust"] = {**gust, "north_m_s": peak * north, "east_m_s": peak * east}
         elif air == "shear":

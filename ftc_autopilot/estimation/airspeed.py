@@ -43,6 +43,7 @@ AIRSPEED = np.dtype(
         ("slope", "f8"),  # of the ratio by a vertical wind [s/m]
         ("suspicious", "f8"),  # for which wind and lift have spoken against the tube [s]
         ("excess", "f8"),  # mean of the filter's `gusts`, while the wind is near its mean
+        ("unknown", "f8"),  # mean variance of the wind along the x axis [m²/s²]
     ]
 )
 """What the test of the pitot tube remembers."""
@@ -58,7 +59,6 @@ _MIN_LIFT = 0.3  # of the weight: of less, nothing can be said
 _MIN_AIRSPEED = 5.0  # m/s
 _MODEL = 0.1  # standard deviation of the ratio by errors of mass and coefficients
 _MIN_SCATTER = 0.03  # the same by what else is no gust
-_LEAST = 1.0  # standard deviation: of less, the lift says nothing, whatever the wind says
 _SMALL = 1e-3  # ratio
 RESTORED = 0.5
 """Standard deviation of the wind after it has been set back to its mean [m/s]."""
@@ -136,9 +136,8 @@ def lift_disagrees(airspeed: np.void, k: int, assumed: np.void) -> bool:
 
     Usual is the model's ratio of 1, for as long as gusts leave the mean of the flight less certain
     than the model is. A mean over τ of gusts with a correlation time T has T / (T + τ) of their
-    variance. Of a healthy tube, the squares of the change of the wind and of what the lift shows,
-    over their variances, add up to χ² of two degrees of freedom: the more the wind says, the less
-    the lift needs to. But in a gust ahead, it explains half of what the tube shows, at the least.
+    variance. What the wind says is worth nothing here: a gust ahead is no fault. But in one, the
+    lift explains half of what the tube shows, at the least.
 
     Args:
         airspeed: Record of dtype `AIRSPEED`.
@@ -156,19 +155,19 @@ def lift_disagrees(airspeed: np.void, k: int, assumed: np.void) -> bool:
     time_s = _SHORT_S if k == SHORT else min(assumed["icing_mean_s"], airspeed["age"])
     variance = square(_MODEL) * (1.0 - share) + square(_MIN_SCATTER)
     variance += by_gusts * gust_s / (gust_s + time_s)
-    pressure, expected = max(airspeed["means"][k, SHOWN], 0.0), airspeed["means"][k, EXPECTED]
-    change = (math.sqrt(pressure) - math.sqrt(expected)) / math.sqrt(0.5 * assumed["density"])
-    wind = assumed["gate"] * square(change / _least_change(airspeed, assumed))
-    explained = pressure / expected - 1.0
-    limit = math.sqrt(max(assumed["gate_of_two"] - wind, square(_LEAST)) * variance)
-    limit = max(limit, assumed["icing_lift"] * abs(explained))
+    explained = max(airspeed["means"][k, SHOWN], 0.0) / airspeed["means"][k, EXPECTED] - 1.0
+    limit = max(math.sqrt(assumed["gate"] * variance), assumed["icing_lift"] * abs(explained))
     return bool(shown * explained > 0.0 and abs(shown) > limit)
 
 
 @compiled
 def _least_change(airspeed: np.void, assumed: np.void) -> float:
-    """Return the change of the wind along the x axis at `gate_sigma` [m/s]: it says something."""
-    return float(assumed["icing_change_m_s"] * math.sqrt(1.0 + _GUSTS * _excess(airspeed)))
+    """Return the least change of the wind along the x axis that says something [m/s].
+
+    It is more in gusts, and where the wind itself is not known so well.
+    """
+    change = square(assumed["icing_change_m_s"]) * (1.0 + _GUSTS * _excess(airspeed))
+    return float(math.sqrt(change + assumed["gate"] * airspeed["unknown"]))
 
 
 @compiled
@@ -210,21 +209,25 @@ def is_icing(kalman: np.void, airspeed: np.void, period_s: float, assumed: np.vo
         period_s: Time since the last call [s].
         assumed: Record of dtype `PARAMETERS`.
     """
-    c, wind, change = column(rotation(kalman["quaternion"]), 0), airspeed["wind"], 0.0
+    c, wind, P = column(rotation(kalman["quaternion"]), 0), airspeed["wind"], kalman["P"]
     airspeed["age"] += period_s
     gain = period_s / min(assumed["icing_mean_s"], airspeed["age"])
+    change, variance = 0.0, 0.0
     for k in range(2):
         off = kalman["x"][WIND + k] - wind[k]
         wind[k] += gain * off
         airspeed["gusts"][k] += gain * (off * off - airspeed["gusts"][k])
         change += (kalman["x"][WIND + k] - wind[k]) * c[k]
+        variance += (c[0] * P[WIND, WIND + k] + c[1] * P[WIND + 1, WIND + k]) * c[k]
+    airspeed["unknown"] += gain * (variance - airspeed["unknown"])
     change, least = abs(change), _least_change(airspeed, assumed)
     if change < _CALM or airspeed["age"] < _LEARN_S:
         airspeed["excess"] += gain * (kalman["gusts"] - airspeed["excess"])
     if change < least:  # else it is not the usual
         _learn(airspeed, period_s, assumed)
     lift = lift_disagrees(airspeed, SHORT, assumed) or lift_disagrees(airspeed, LONG, assumed)
-    agree = (change > least and lift) or change > _NO_GUST or is_stalled(airspeed, assumed)
+    least_alone = least * _NO_GUST / assumed["icing_change_m_s"]
+    agree = (change > least and lift) or change > least_alone or is_stalled(airspeed, assumed)
     airspeed["suspicious"] = airspeed["suspicious"] + period_s if agree else 0.0
     return bool(airspeed["age"] > _LEARN_S and airspeed["suspicious"] > assumed["icing_confirm_s"])
 

@@ -1,7 +1,6 @@
 """What the estimator assumes of its sensors, the air and the aircraft, as compiled code sees it."""
 
 import math
-import sys
 from typing import NamedTuple
 
 import numpy as np
@@ -69,7 +68,8 @@ PARAMETERS = np.dtype(
         ("has_pitot", "i8"),
         ("imus", "i8"),
         # the aircraft: side force and lift over mass and dynamic pressure
-        ("side", "f8"),  # S (cY_beta - cD0) / m [m²/kg]: in a sideslip, drag has a part along y
+        ("side", "f8"),  # by a sideslip that the surfaces balance [m²/kg]
+        ("side_error", "f8"),  # standard deviation of that, relative: surfaces may not balance it
         ("side_by_surfaces", "f8"),  # the same of usual deflections
         ("lift0", "f8"),  # S cL0 / m: of the force along -z, in which thrust has no part
         ("cruise", "f8"),  # airspeed that is assumed where no pitot tube shows it [m/s]
@@ -81,7 +81,6 @@ PARAMETERS = np.dtype(
         # from the parameters
         ("wind_walk", "f8"),  # m²/s³
         ("gate", "f8"),  # largest squared normalised innovation that is fused
-        ("gate_of_two", "f8"),  # as rare a sum of two such squares
         ("rate_filter", "f8"),  # gain of a step of the low pass of the rates
         ("force_filter", "f8"),
         *record_dtype(EstimatorParameters).descr,
@@ -125,12 +124,10 @@ def parameters_of(config: EstimatorConfig) -> np.ndarray:
     parameters = config.parameters
     _gnss(own, config.sensors)
     _moves(own, config.sensors, parameters)
-    _aircraft(own, config.aircraft)
+    _aircraft(own, config.aircraft, parameters.side_model)
     fill(own, parameters)
     own["wind_walk"] = parameters.wind_walk_m_s_sqrt_s**2
     own["gate"] = parameters.gate_sigma**2
-    chance = math.erfc(parameters.gate_sigma / math.sqrt(2.0))
-    own["gate_of_two"] = -2.0 * math.log(max(chance, sys.float_info.min))
     for name, cutoff in (
         ("rate_filter", parameters.rate_cutoff_hz),
         ("force_filter", parameters.force_cutoff_hz),
@@ -234,12 +231,22 @@ def _moves(own: np.void, sensors: NavigationSensors, parameters: EstimatorParame
     own["receiver_jump"] = parameters.gate_sigma * np.sqrt(steps)
 
 
-def _aircraft(own: np.void, aircraft: Aircraft) -> None:
-    """Write slopes of lift and side force, by mass and dynamic pressure, and airspeeds."""
+def _aircraft(own: np.void, aircraft: Aircraft, model: float) -> None:
+    """Write slopes of lift and side force, by mass and dynamic pressure, and airspeeds.
+
+    A sideslip that lasts is held by aileron and rudder, whose moments balance its own; so of its
+    side force, S (cY_beta - cD0) β, these leave a share, in which the rudder's is the largest: of a
+    PC-7 an eighth, of a PA-28 less than nothing. A gust's has no such share yet.
+    """
     record, V = aircraft_record(aircraft), aircraft.design_airspeed
-    side = lateral(V, record).side
+    side, _, rolling, yawing = lateral(V, record)
     per = 0.5 * aircraft.air_density_kg_m3 * V * V * aircraft.mass_kg  # of N: m²/kg
-    own["side"] = side.beta / per
+    by_surfaces = [[rolling.aileron, rolling.rudder], [yawing.aileron, yawing.rudder]]
+    held = -np.linalg.lstsq(np.array(by_surfaces), [rolling.beta, yawing.beta], rcond=None)[0]
+    balanced = side.beta + float(held @ [side.aileron, side.rudder])
+    own["side"] = balanced / per
+    error = math.hypot(model * side.beta, balanced - side.beta)
+    own["side_error"] = error / abs(balanced) if balanced != 0.0 else 0.0
     own["side_by_surfaces"] = math.hypot(side.aileron, side.rudder) / per * _USUAL_DEFLECTION
     area = aircraft.wing_area_m2 / aircraft.mass_kg
     across, by_alpha = carried_linearly(record)

@@ -184,8 +184,8 @@ def fuse_sideslip(kalman: np.void, period_s: float, assumed: np.void) -> float:
 
     PX4's EKF2 fuses a sideslip of zero; here the nominal aircraft's side force says how much there
     is, as far as it can, and a sideslip within ±10° otherwise. Errors of the coefficient, and what
-    else pushes to the side, last, and a rudder in trim longest: they count as white noise of the
-    same density.
+    else pushes to the side, last, a rudder in trim and a sideslip that is held longest: they count
+    as white noise of the same density.
 
     Args:
         kalman: Record of dtype `FILTER`.
@@ -198,17 +198,18 @@ def fuse_sideslip(kalman: np.void, period_s: float, assumed: np.void) -> float:
     if V < _MIN_AIRSPEED or not is_settled(kalman):
         return 0.0
     per_rad = assumed["side"] * 0.5 * assumed["density"] * V * V
-    own, prior = V * V, square(V * assumed["sideslip_rad"])
-    shown, correlation_s = 0.0, _SIDE_CORRELATION_S
+    prior = square(V * assumed["sideslip_rad"])
+    shown, density = 0.0, prior * _TRIM_S
     if per_rad != 0.0:
         shown = kalman["force"][1] * V / per_rad
-        other = assumed["side_by_surfaces"] * 0.5 * assumed["density"] * V * V
-        trim = square(other * V / per_rad)
-        disturbance = square(assumed["side_disturbance_m_s2"] * V / per_rad)
-        own = trim + disturbance + square(assumed["side_model"] * shown)
-        correlation_s += trim / own * (_TRIM_S - _SIDE_CORRELATION_S)
+        trim = square(assumed["side_by_surfaces"] * 0.5 * assumed["density"] * V * V * V / per_rad)
+        other = trim + square(assumed["side_disturbance_m_s2"] * V / per_rad)
+        error = square(assumed["side_error"])
+        own = other + error * (square(shown) + other)
+        lasting = own * _SIDE_CORRELATION_S + (1.0 + error) * trim * _TRIM_S
+        density *= lasting / (density + lasting)  # what both say of it adds up
         shown *= prior / (prior + own)
-    variance = own * prior / (own + prior) * 2.0 * correlation_s / period_s
+    variance = 2.0 * density / period_s
     lever = cross(c, a)
     for k in range(3):
         h[PHI + k] = lever[k]
