@@ -59,7 +59,6 @@ _MIN_LIFT = 0.3  # of the weight: of less, nothing can be said
 _MIN_AIRSPEED = 5.0  # m/s
 _MODEL = 0.1  # standard deviation of the ratio by errors of mass and coefficients
 _MIN_SCATTER = 0.03  # the same by what else is no gust
-_SMALL = 1e-3  # ratio
 RESTORED = 0.5
 """Standard deviation of the wind after it has been set back to its mean [m/s]."""
 
@@ -97,8 +96,8 @@ def note_lift(
 
 @compiled
 def _ratio(airspeed: np.void, k: int) -> float:
-    """Return what the tube's pressure would carry over what is carried, of a mean."""
-    return float(max(airspeed["means"][k, CARRIED] / airspeed["means"][k, LIFT], _SMALL))
+    """Return what a tube's pressure would carry over what is carried, of a mean: 0 at the least."""
+    return float(max(airspeed["means"][k, CARRIED] / airspeed["means"][k, LIFT], 0.0))
 
 
 @compiled
@@ -187,14 +186,16 @@ def is_stalled(airspeed: np.void, assumed: np.void) -> bool:
 def is_impossible(airspeed: np.void, assumed: np.void) -> bool:
     """Return whether neither errors of the model nor gusts explain the ratio of the flight.
 
-    Errors of mass and coefficients are factors: it is the logarithm that is normal.
+    Errors of mass and coefficients are factors, what gusts do adds up.
     """
     learned_s, gust_s = _learned_s(airspeed), assumed["vertical_wind_s"]
     if airspeed["age"] < _LEARN_S or not says_something(airspeed, FLIGHT, assumed):
         return False
+    shown = _ratio(airspeed, FLIGHT) - 1.0
+    by_model = math.expm1(math.copysign(math.sqrt(assumed["gate"]) * _MODEL, shown))
     share = 2.0 * gust_s / (2.0 * gust_s + learned_s)  # of the variance of a plain mean
-    variance = square(_MODEL) + _by_gusts(airspeed, assumed) * share
-    return bool(square(math.log(_ratio(airspeed, FLIGHT))) > assumed["gate"] * variance)
+    by_gusts = assumed["gate"] * _by_gusts(airspeed, assumed) * share
+    return bool(square(shown) > square(by_model) + by_gusts)
 
 
 @compiled

@@ -21,6 +21,7 @@ from ftc_autopilot.estimation.state import (
     POS,
     VEL,
     WIND,
+    of_second_order,
     rotation,
 )
 from mavlink_defs.constants import GNSS
@@ -111,33 +112,8 @@ def _magnetic(
         h[PHI + k] = lever[k]
     h[MAG_BIAS + axis] = 1.0
     innovation = sample[axis] - dot(c, B) - kalman["x"][MAG_BIAS + axis]
-    variance = assumed["magnetometer"] + _of_second_order(kalman["P"], c, B)
+    variance = assumed["magnetometer"] + _LASTS * of_second_order(kalman["P"], c, B)
     return _fuse_tested(kalman, innovation, variance, assumed, use)
-
-
-@compiled
-def _of_second_order(P: np.ndarray, c: Vec3, B: Vec3) -> float:
-    """Return the variance of what a turn adds to c · B in second order.
-
-    That is φᵀ H φ / 2, H = (c Bᵀ + B cᵀ) / 2 - (c · B) I, and its variance tr(H P H P) / 2
-    (Y. Bar-Shalom et al., Estimation with Applications to Tracking and Navigation, 2001, section
-    10.3). Without it, a quiet magnetometer would seem to show the tilt of a coarse guess.
-    """
-    along, total = dot(c, B), 0.0
-    for i in range(3):
-        for j in range(3):
-            one = other = 0.0
-            for k in range(3):
-                one += (_bend(c, B, along, i, k)) * P[PHI + k, PHI + j]
-                other += (_bend(c, B, along, j, k)) * P[PHI + k, PHI + i]
-            total += one * other
-    return _LASTS * 0.5 * total
-
-
-@inlined
-def _bend(c: Vec3, B: Vec3, along: float, i: int, k: int) -> float:
-    """Return an element of H, see `_of_second_order`."""
-    return 0.5 * (c[i] * B[k] + B[i] * c[k]) - (along if i == k else 0.0)
 
 
 @compiled
