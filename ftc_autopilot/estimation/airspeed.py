@@ -59,8 +59,6 @@ _MIN_LIFT = 0.3  # of the weight: of less, nothing can be said
 _MIN_AIRSPEED = 5.0  # m/s
 _MODEL = 0.1  # standard deviation of the ratio by errors of mass and coefficients
 _MIN_SCATTER = 0.03  # the same by what else is no gust
-RESTORED = 0.5
-"""Standard deviation of the wind after it has been set back to its mean [m/s]."""
 
 
 @compiled
@@ -171,10 +169,7 @@ def _least_change(airspeed: np.void, assumed: np.void) -> float:
 
 @compiled
 def is_stalled(airspeed: np.void, assumed: np.void) -> bool:
-    """Return whether no wing carries what is carried at the pressure that the tube shows.
-
-    No gust and no error of the model explains that.
-    """
+    """Return whether no wing carries what is carried at the pressure that the tube shows."""
     means = airspeed["means"]
     slowest = 0.5 * assumed["density"] * square(STALLED * assumed["slowest"])
     least = slowest * means[SHORT, LIFT] / assumed["gravity"]
@@ -251,15 +246,3 @@ def _learn(airspeed: np.void, period_s: float, assumed: np.void) -> None:
         long_s = min(assumed["icing_mean_s"], airspeed["age"])
         seen = long_s / (assumed["vertical_wind_s"] + long_s)
         airspeed["scatter"] += gain * (apart * apart - seen * airspeed["scatter"])
-
-
-@compiled
-def restore_wind(kalman: np.void, airspeed: np.void) -> None:
-    """Set the wind back to its mean, with a covariance of its own."""
-    x, P = kalman["x"], kalman["P"]
-    for k in range(2):
-        kalman["owed"][WIND + k] += airspeed["wind"][k] - x[WIND + k]
-        x[WIND + k] = airspeed["wind"][k]
-        for j in range(len(x)):
-            P[WIND + k, j], P[j, WIND + k] = 0.0, 0.0
-        P[WIND + k, WIND + k] = RESTORED * RESTORED + airspeed["gusts"][k]

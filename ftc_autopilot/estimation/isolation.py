@@ -9,14 +9,12 @@ import numpy as np
 
 from ftc_autopilot.estimation.airspeed import (
     FLIGHT,
-    RESTORED,
     SHORT,
     is_icing,
     is_impossible,
     is_stalled,
     lift_disagrees,
     note_lift,
-    restore_wind,
 )
 from ftc_autopilot.estimation.health import (
     INCONSISTENT,
@@ -47,6 +45,7 @@ from ftc_autopilot.estimation.receiver import (
     note_fix,
 )
 from ftc_autopilot.estimation.resets import (
+    RESTORED,
     doubt_barometer,
     doubt_biases,
     doubt_magnetometer,
@@ -54,6 +53,7 @@ from ftc_autopilot.estimation.resets import (
     place_of_now,
     reset_height,
     reset_to_fix,
+    restore_wind,
 )
 from ftc_autopilot.estimation.state import GNSS_HEIGHT, GNSS_PARTS, GNSS_VELOCITY, TESTED, VEL, WIND
 from mavlink_defs.constants import BAROMETER, GNSS, MAGNETOMETER, PITOT

@@ -8,7 +8,13 @@ import math
 
 import numpy as np
 
-from ftc_autopilot.estimation.fuse import clear, correct, innovation_variance, normalised
+from ftc_autopilot.estimation.fuse import (
+    clear,
+    correct,
+    correct_air,
+    innovation_variance,
+    normalised,
+)
 from ftc_autopilot.estimation.state import (
     BARO_ERROR,
     FORCE_BIAS,
@@ -126,14 +132,38 @@ def fuse_barometer(kalman: np.void, altitude: float, assumed: np.void, use: bool
 
 
 @compiled
-def fuse_pitot(kalman: np.void, pressure: float, assumed: np.void, use: bool) -> float:
+def _fuse_air(
+    kalman: np.void, innovation: float, variance: float, assumed: np.void, use: bool, alone: bool
+) -> float:
+    """Fuse one value of the motion through the air; return the normalised square.
+
+    A gust is no error of the attitude: with a receiver, it is the wind that is learned, as PX4's
+    EKF2 does (`update_wind_only`). Alone, wind and airspeed show the velocity.
+    """
+    if alone:
+        return _fuse_tested(kalman, innovation, variance, assumed, use)
+    S = innovation_variance(kalman, variance)
+    ratio = normalised(innovation, S)
+    if use and ratio < assumed["gate"]:
+        correct_air(kalman, innovation, S)
+    return ratio
+
+
+@compiled
+def fuse_pitot(kalman: np.void, pressure: float, assumed: np.void, use: bool, alone: bool) -> float:
     """Fuse a differential pressure [Pa]: (1 + s) ρ u²/2, with u the airspeed along the x axis.
 
     PX4's EKF2 fuses a true airspeed instead, with the same dependence on velocity and wind.
 
     How u depends on the attitude changes with each correction of the velocity across, and the
-    covariance does not follow: after a coarse guess, the tube would seem to show the heading. So
-    the attitude's share counts as noise, and at first nothing is fused (`is_settled`).
+    covariance does not follow: so at first nothing is fused (`is_settled`).
+
+    Args:
+        kalman: Record of dtype `FILTER`.
+        pressure: The differential pressure.
+        assumed: Record of dtype `PARAMETERS`.
+        use: Whether it is fused if it passes its test.
+        alone: Whether there is no receiver.
     """
     h, x, density = clear(kalman), kalman["x"], assumed["density"]
     c, a = column(rotation(kalman["quaternion"]), 0), through_air(x)
@@ -141,21 +171,20 @@ def fuse_pitot(kalman: np.void, pressure: float, assumed: np.void, use: bool) ->
     if u < _MIN_AIRSPEED or not is_settled(kalman):
         return 0.0
     slope = density * u * (1.0 + x[PITOT_SCALE])
-    lever, noise = cross(c, a), assumed["pitot"]
+    lever = cross(c, a)
     for k in range(3):
         h[PHI + k] = slope * lever[k]
         h[VEL + k] = slope * c[k]
         h[WIND + k] = -slope * c[k]
-        noise += square(slope * lever[k]) * kalman["P"][PHI + k, PHI + k]
     h[PITOT_SCALE] = 0.5 * density * u * u
     expected = 0.5 * density * u * u * (1.0 + x[PITOT_SCALE])
-    ratio = _fuse_tested(kalman, pressure - expected, noise, assumed, use)
+    ratio = _fuse_air(kalman, pressure - expected, assumed["pitot"], assumed, use, alone)
     kalman["gusts"] += _GUST_GAIN * (min(ratio, assumed["gate"]) - kalman["gusts"])
     return ratio
 
 
 @compiled
-def fuse_sideslip(kalman: np.void, period_s: float, assumed: np.void) -> float:
+def fuse_sideslip(kalman: np.void, period_s: float, assumed: np.void, alone: bool) -> float:
     """Fuse the sideslip that the side force shows: f_y = (S (cY_beta - cD0) / m) (ρ V²/2) beta.
 
     PX4's EKF2 fuses a sideslip of zero; here the nominal aircraft's side force says how much there
@@ -167,6 +196,7 @@ def fuse_sideslip(kalman: np.void, period_s: float, assumed: np.void) -> float:
         kalman: Record of dtype `FILTER`.
         period_s: Time between two calls [s].
         assumed: Record of dtype `PARAMETERS`.
+        alone: Whether there is no receiver.
     """
     h, x = clear(kalman), kalman["x"]
     c, a = column(rotation(kalman["quaternion"]), 1), through_air(x)
@@ -191,7 +221,7 @@ def fuse_sideslip(kalman: np.void, period_s: float, assumed: np.void) -> float:
         h[PHI + k] = lever[k]
         h[VEL + k] = c[k]
         h[WIND + k] = -c[k]
-    return _fuse_tested(kalman, shown - dot(c, a), variance, assumed, True)
+    return _fuse_air(kalman, shown - dot(c, a), variance, assumed, True, alone)
 
 
 @compiled
