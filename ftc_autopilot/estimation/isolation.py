@@ -145,6 +145,9 @@ def _exclude(estimator: np.void, s: int, assumed: np.void) -> None:
     """Exclude a sensor that is inconsistent."""
     exclude(estimator["sensors"][s], INCONSISTENT)
     leave_out(estimator["receiver"], s)
+    if s == PITOT and estimator["airspeed"]["age"] > 0.0:  # it may have had its wind before
+        for k in range(assumed["imus"]):
+            restore_wind(estimator["filters"][k], estimator["airspeed"])
     if s == GNSS_VELOCITY:  # by which the barometer was judged
         estimator["receiver"]["since"] = 0
         if estimator["sensors"][BAROMETER]["reason"] == WELL:
