@@ -24,7 +24,8 @@ from typing import Any, NamedTuple
 from benchmarks.sensor_flights import Errors, Exclusion, errors_of, times_claimed, watched
 from ftc_autopilot.common.phases import LOST
 from ftc_lab.reports.markdown import table
-from gcs.scenario.model import Scenario, ScenarioFault, scenario_of, scenario_tree
+from gcs.scenario.model import Scenario, scenario_of, scenario_tree
+from gcs.scenario.sections import ScenarioFault
 from mavlink_defs.config.inherit import merged
 from mavlink_defs.faults.sensors import FAILURES, SENSOR_NAMES
 
@@ -226,8 +227,8 @@ def _wind(rng: random.Random, speed: float, turbulence: str) -> dict[str, Any]:
 
 
 def _law(law: str) -> dict[str, Any]:
-    tree: dict[str, Any] = scenario_tree("tube") if law == "tube" else {}
-    return merged({"controller": {"kind": law}}, tree)
+    known: dict[str, Any] = {"controller": {"kind": law}}
+    return known | scenario_tree("tube") if law == "tube" else known
 
 
 class Flown(NamedTuple):
