@@ -138,7 +138,7 @@ def _fuse_air(
     """Fuse one value of the motion through the air; return the normalised square.
 
     A gust is no error of the attitude: with a receiver, it is the wind that is learned, as PX4's
-    EKF2 does (`update_wind_only`). Alone, wind and airspeed show the velocity.
+    EKF2 does. Alone, wind and airspeed show the velocity.
     """
     if alone:
         return _fuse_tested(kalman, innovation, variance, assumed, use)
