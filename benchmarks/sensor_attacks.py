@@ -282,7 +282,7 @@ def fly(case: Case) -> Flown:
             max(lost - len(scenario.actuator_faults), 0),
         ),
         sum(one.excluded and not _lasts(one, faults, scenario) for one in last),
-        int(watch.resets.sum()) - (0 if case.again_s is None else len(scenario.uavs)),
+        int(watch.resets.sum()),
         errors_of(steps, scenario.step_us, case.settled_s),
         times_claimed(watch, scenario, case.settled_s),
         ", ".join(

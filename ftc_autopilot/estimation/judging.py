@@ -66,12 +66,14 @@ def judge(
         return IT if used else NOBODY
     if not used:
         return NOBODY
+    if is_repeating(sensors[s]):
+        return IT
     if s == PITOT:
         if not says_something(airspeed, SHORT, assumed):
             return NOBODY
         wrong = lift_disagrees(airspeed, SHORT, assumed) or is_stalled(airspeed, assumed)
         return IT if wrong else THE_WIND
-    if is_repeating(sensors[MAGNETOMETER]) or sensors[MAGNETOMETER]["steady"] < _STEADY:
+    if sensors[MAGNETOMETER]["steady"] < _STEADY:
         return IT
     if coherent and sensors[GNSS_VELOCITY]["failed"] > 0:
         return THE_FILTER
