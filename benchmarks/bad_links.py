@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.impairer import Impairer
 from ftc_autopilot.control.controllers import ReferenceSource
 from ftc_autopilot.control.laws import KINDS
 from ftc_autopilot.control.reference import profile_record
@@ -31,7 +32,6 @@ from gcs.results.quantities import QUANTITIES
 from gcs.results.recording import Recording
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
-from mavlink_defs.capture.impairing import Impairer
 from mavlink_defs.capture.impairment import Bursts, Impairment
 from mavlink_defs.framing.codec import ACTUATORS, SIM_STATE
 from sitl_plant.loop.fault_commands import faults_of

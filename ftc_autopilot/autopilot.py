@@ -21,11 +21,7 @@ from ftc_autopilot.vehicle.mission_checkpoint import load_mission, save_mission
 from ftc_autopilot.vehicle.vehicle import VehicleServices
 from mavlink_defs import dialect
 from mavlink_defs.constants import SIMULATOR_COMPONENT
-from mavlink_defs.endpoint import (
-    parse_address,
-    resolve,
-    set_receive_timeout,
-)
+from mavlink_defs.endpoint import parse_address, resolve, set_receive_timeout
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import FramePacker, drop_reason, parse
 from mavlink_defs.framing.header import MAX_FRAME_SIZE

@@ -37,43 +37,41 @@ NEIGHBOUR_TIMEOUT_S = 0.25
 
 
 class AutopilotConfig(ControllerConfig):
-    """All that one autopilot process needs."""
+    """All that one autopilot process needs.
 
-    name: Title = Field(min_length=1, description="Name of the UAV.")
-    identity: Identity = Field(
-        default="ardupilot", description="Autopilot whose MAVLink conventions it follows."
-    )
-    fleet: tuple[SystemId, ...] = Field(
-        default=(), description="UAVs of the fleet, this one included; none: it does not say."
-    )
-    origin: Origin = Field(
-        default=Origin(), description="Geographic coordinates of north = east = down = 0."
-    )
+    Attributes:
+        name: Name of the UAV.
+        identity: Autopilot whose MAVLink conventions it follows.
+        fleet: UAVs of the fleet, this one included; none: it does not say.
+        origin: Geographic coordinates of north = east = down = 0.
+        sensors: What an estimated state comes from.
+        estimator: Parameters of its estimator.
+        fence: Parameters of its fence.
+        rally: Parameters of its rally points.
+        formation_bind: Where the formation link is received.
+        plant: Where the plant receives the simulator link.
+        gcs: Addresses of the ground stations, host:port.
+        telemetry_clock: What intervals of telemetry count in lockstep.
+        signing_key: Key file; none: unsigned.
+    """
+
+    name: Title = Field(min_length=1)
+    identity: Identity = "ardupilot"
+    fleet: tuple[SystemId, ...] = ()
+    origin: Origin = Origin()
     navigation: Navigation = "true_state"
-    sensors: NavigationSensors = Field(
-        default=NavigationSensors(), description="What an estimated state comes from."
-    )
-    estimator: EstimatorParameters = Field(
-        default=EstimatorParameters(), description="Parameters of its estimator."
-    )
-    fence: FenceParameters = Field(
-        default=FenceParameters(), description="Parameters of its fence."
-    )
-    rally: RallyParameters = Field(
-        default=RallyParameters(), description="Parameters of its rally points."
-    )
+    sensors: NavigationSensors = NavigationSensors()
+    estimator: EstimatorParameters = EstimatorParameters()
+    fence: FenceParameters = FenceParameters()
+    rally: RallyParameters = RallyParameters()
     neighbour_timeout_s: float = quantity(
         "s", "Silence after which a neighbour's edge is dropped.", NEIGHBOUR_TIMEOUT_S, gt=0.0
     )
-    formation_bind: HostPort = Field(description="Where the formation link is received.")
-    plant: HostPort = Field(description="Where the plant receives the simulator link.")
-    gcs: tuple[HostPort, ...] = Field(
-        min_length=1, description="Addresses of the ground stations, host:port."
-    )
-    telemetry_clock: TelemetryClockKind = Field(
-        default="wall", description="What intervals of telemetry count in lockstep."
-    )
-    signing_key: str | None = Field(default=None, description="Key file; none: unsigned.")
+    formation_bind: HostPort
+    plant: HostPort
+    gcs: tuple[HostPort, ...] = Field(min_length=1)
+    telemetry_clock: TelemetryClockKind = "wall"
+    signing_key: str | None = None
     silence_timeout_s: float = quantity(
         "s", "Silence after which the plant counts as gone.", 5.0, gt=0.0
     )
@@ -99,18 +97,22 @@ class AutopilotConfig(ControllerConfig):
         return self
 
 
-def parts_of(law: LawParameters, navigation: str, *, on_path: bool) -> list[str]:
+def parts_of(
+    law: LawParameters, navigation: str, *, on_path: bool, has_gear: bool = False
+) -> list[str]:
     """Return the parts of the numeric core, of `ftc_autopilot.warm_up.PARTS`, that a UAV flies by.
 
     Args:
         law: Its parameters. A plug-in is no part, but a law of ours that it extends is one.
         navigation: "true" or "estimated".
         on_path: Whether it may fly a path.
+        has_gear: Whether it may take off and land on one.
     """
     uses = {
         "controller": True,
         **{f"law {kind}": isinstance(law, one) for kind, one in LAWS.items()},
         "estimator": navigation == "estimated",
         "guidance": on_path,
+        "runway": on_path and has_gear,
     }
     return [part for part, used in uses.items() if used]

@@ -19,19 +19,10 @@ from ftc_autopilot.hot.loop import new_loops, run
 from ftc_autopilot.hot.recorder import RECORD_ROWS
 from ftc_autopilot.hot.restart import with_checkpoint
 from ftc_autopilot.hot.state import Autopilots, new_autopilots
+from mavlink_defs import endpoint
 from mavlink_defs.config.files import load
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.config.problems import Problem
-from mavlink_defs.endpoint import (
-    EndpointError,
-    UdpAddress,
-    bind_udp,
-    connect_udp,
-    exposed,
-    is_loopback,
-    open_udp,
-    parse_address,
-)
 from mavlink_defs.framing.hot_link import ReturnReason
 from mavlink_defs.framing.key_file import KeyFile
 from mavlink_defs.framing.signing import SigningError, counts_text
@@ -126,7 +117,7 @@ def main(arguments: list[str] | None = None) -> None:
     with ExitStack() as sockets:
         try:
             autopilots, state = _boot(options.configs, options.record, options.checkpoint, sockets)
-        except (ConfigError, EndpointError, PluginError, SigningError) as problem:
+        except (ConfigError, endpoint.EndpointError, PluginError, SigningError) as problem:
             log_line(problem)
             sys.exit(2)
         except OSError as problem:
@@ -196,13 +187,13 @@ def _open_sockets(
     config: AutopilotConfig, sockets: ExitStack
 ) -> tuple[socket.socket, socket.socket, socket.socket]:
     """Return sockets: connected to the plant, on the formation port, of ground stations."""
-    address = parse_address(config.formation_bind)
-    plant = sockets.enter_context(connect_udp(parse_address(config.plant)))
+    address = endpoint.parse_address(config.formation_bind)
+    plant = sockets.enter_context(endpoint.connect_udp(endpoint.parse_address(config.plant)))
     formation = sockets.enter_context(
-        bind_udp(address, f"formation link of UAV {config.id}", "change `formation_bind`")
+        endpoint.bind_udp(address, f"formation link of UAV {config.id}", "change `formation_bind`")
     )
-    gcs = sockets.enter_context(open_udp(map(parse_address, config.gcs)))
-    for at in (address, UdpAddress(*gcs.getsockname())):
-        if not is_loopback(at):
-            log(config.id, exposed(at, bool(config.signing_key)))
+    gcs = sockets.enter_context(endpoint.open_udp(map(endpoint.parse_address, config.gcs)))
+    for at in (address, endpoint.UdpAddress(*gcs.getsockname())):
+        if not endpoint.is_loopback(at):
+            log(config.id, endpoint.exposed(at, bool(config.signing_key)))
     return plant, formation, gcs

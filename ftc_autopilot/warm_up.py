@@ -12,7 +12,7 @@ import numpy as np
 
 from ftc_autopilot.config import AutopilotConfig, parts_of
 from ftc_autopilot.control.laws import LAWS
-from ftc_autopilot.control.stepping import PATH_PARTS, controller_step
+from ftc_autopilot.control.stepping import PATH_PARTS, RUNWAY_PARTS, controller_step
 from ftc_autopilot.estimation.estimator import estimate
 from ftc_autopilot.guidance.legs import Leg
 from ftc_autopilot.guidance.members import cause_of, policy_of, state_of
@@ -41,6 +41,7 @@ PARTS: Mapping[str, Callable[[], None]] = MappingProxyType(
         **{f"law {kind}": partial(load_code, *apart_in(LAWS[kind].__module__)) for kind in LAWS},
         "estimator": partial(load_code, estimate),
         "guidance": partial(load_code, *PATH_PARTS),
+        "runway": partial(load_code, *RUNWAY_PARTS),
     }
 )
 """What is compiled apart, and how it is compiled, or loaded if it was."""
@@ -50,7 +51,8 @@ def call_everything(config: AutopilotConfig) -> None:
     """Call all that a process calls; of what is compiled apart, what it may need and is cached."""
     call_loop(config)
     call_messages(config)
-    used = parts_of(config.controller, config.navigation, on_path=True)
+    has_gear = config.aircraft.gear is not None
+    used = parts_of(config.controller, config.navigation, on_path=True, has_gear=has_gear)
     for part in set(used) - set(cold_parts(used)):
         PARTS[part]()
 

@@ -89,8 +89,7 @@ def load_all(folder: Path) -> dict[str, Scenario]:
     """
     if not folder.is_dir():
         raise BadInput(
-            f"there is no folder {folder}, expected the paper's scenario files there",
-            _BUNDLED,
+            f"there is no folder {folder}, expected the paper's scenario files there", _BUNDLED
         )
     for file in FILES:
         if not (folder / f"{file}.yaml").is_file():

@@ -101,11 +101,7 @@ def ftc_fly(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     flights = request.config.stash[_FLIGHTS]
 
     def flown(
-        path: str | Path,
-        *,
-        speed: float | None = None,
-        mode: FlightMode = "wire",
-        **changes: Any,
+        path: str | Path, *, speed: float | None = None, mode: FlightMode = "wire", **changes: Any
     ) -> FlightResult:
         flight = prepared(_found(request, path), changes, speed, mode)
         key = f"{mode} {speed} {flight.scenario.model_dump_json()}"

@@ -53,13 +53,7 @@ LAST_SYSTEM = 250
 
 AUTO, RTL, LOITER, TAKEOFF, GUIDED = 10, 11, 12, 13, 15
 """custom_mode numbers of ArduPlane."""
-MODE_NAMES = {
-    AUTO: "AUTO",
-    RTL: "RTL",
-    LOITER: "LOITER",
-    TAKEOFF: "TAKEOFF",
-    GUIDED: "GUIDED",
-}
+MODE_NAMES = {AUTO: "AUTO", RTL: "RTL", LOITER: "LOITER", TAKEOFF: "TAKEOFF", GUIDED: "GUIDED"}
 
 MAX_DATAGRAM = 65535
 """Size of the longest UDP payload, rounded up [bytes]."""

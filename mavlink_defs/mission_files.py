@@ -55,6 +55,10 @@ _PLAN_KEYS = {
     "rallyPoints": {},
     "mission": {},
 }
+_AREA_KEYS = {
+    "geoFence": {"circles", "polygons", "breachReturn", "version"},
+    "rallyPoints": {"points", "version"},
+}
 _MISSION_KEYS = {
     "version": 2,
     "firmwareType": 0,
@@ -264,6 +268,11 @@ def _not_flown(plan: dict[str, Any], mission: dict[str, Any]) -> Iterator[str]:
                 yield f"{where}{visible(key)[:60]}"
             elif key == "version" and value != known[key]:
                 yield f"what is new in {where}version {shown(value)}"
+    for name, read in _AREA_KEYS.items():
+        section = plan.get(name)
+        for key, value in section.items() if isinstance(section, dict) else ():
+            if value and key not in read:  # polygon of version 1, say
+                yield f"{name}.{visible(key)[:60]}"
 
 
 def _of_waypoints(text: str) -> tuple[dict[str, Any], ...]:

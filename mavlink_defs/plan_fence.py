@@ -41,6 +41,8 @@ def fence_rows(plan: dict[str, Any]) -> Iterator[PlanRow]:
     for shape, where in _listed(plan, "geoFence", "polygons"):
         corners = _list(shape.get("polygon"), f"{where}.polygon")
         command = _CORNER_IN if _is_inclusion(shape, where) else _CORNER_OUT
+        if not corners:  # a fence that vanishes keeps nobody inside
+            raise PlanShapeError(f"{where}.polygon: expected corners, got none")
         for k, corner in enumerate(corners):
             at = f"{where}.polygon[{k}]"
             yield command, _ABSOLUTE, [len(corners), 0, 0, 0, *_list(corner, at, 2), 0], at

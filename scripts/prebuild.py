@@ -23,8 +23,7 @@ from gcs.scenario.changes import with_changes
 from gcs.scenario.model import load_scenario
 from mavlink_defs import dialect
 from mavlink_defs.capture import delayed, tap_counts
-from mavlink_defs.capture.impairing import Impairer, new_directions
-from mavlink_defs.capture.impairment import Impairment
+from mavlink_defs.capture.impairing import new_directions
 from mavlink_defs.capture.relay_loop import new_relay_state
 from mavlink_defs.capture.tap import Tap
 from mavlink_defs.framing.hot_signing import new_link_signer, sign_bytes
@@ -148,7 +147,6 @@ def call_what_is_rare() -> None:
     tap.report()
     tap_counts.with_room(tap_counts.new_counts(window_s=1.0), len(FRAME))
     delayed.with_room(delayed.new_delayed(), len(FRAME), 1)
-    Impairer(Impairment(), "plant").send(FRAME, 0.0)
     fly_in_process(scenario.model_copy(update={"duration_s": 0.002})).error("command")
 
 

@@ -32,16 +32,16 @@ def truth_problems(
 
 
 class InitialState(Model):
-    """State at t = 0: v = [V, 0, 0] through the air, no rotation; or at rest on the ground."""
+    """State at t = 0: v = [V, 0, 0] through the air, no rotation; or at rest on the ground.
+
+    Attributes:
+        on_ground: Whether it stands at rest on its wheels or launcher, in place of altitude,
+            airspeed, roll and pitch.
+    """
 
     north_m: float = quantity("m", "North.")
     east_m: float = quantity("m", "East.")
-    on_ground: bool = Field(
-        default=False,
-        strict=True,
-        description="Whether it stands at rest on its wheels or launcher, in place of altitude, "
-        "airspeed, roll and pitch.",
-    )
+    on_ground: bool = Field(default=False, strict=True)
     altitude_m: float = quantity("m", "Height above the origin.", 0.0, ge=0.0)
     airspeed_m_s: float = quantity("m/s", "Airspeed V.", 0.0, ge=0.0)
     roll_deg: float = quantity("deg", "Roll angle.", 0.0, ge=-180.0, le=180.0)
@@ -74,13 +74,20 @@ Seed = Annotated[int, whole("", "Seed of all that is random.", ge=0, le=2**32 - 
 
 
 class PlantUav(Model):
-    """One aircraft of the plant."""
+    """One aircraft of the plant.
+
+    Attributes:
+        initial: State at t = 0.
+        aircraft: The true aircraft.
+        servos: Its servos.
+        plant: What flies it.
+    """
 
     id: SystemId
-    initial: InitialState = Field(description="State at t = 0.")
-    aircraft: Aircraft = Field(description="The true aircraft.")
-    servos: ActuatorServos = Field(default=ActuatorServos(), description="Its servos.")
-    plant: PlantSection = Field(default=OwnPlant(), description="What flies it.")
+    initial: InitialState
+    aircraft: Aircraft
+    servos: ActuatorServos = ActuatorServos()
+    plant: PlantSection = OwnPlant()
 
 
 def start_problems(
@@ -100,7 +107,20 @@ def start_problems(
 
 
 class PlantConfig(Model):
-    """All that the plant process needs."""
+    """All that the plant process needs.
+
+    Attributes:
+        bind: Where the simulator link is received.
+        signing_key: Key file; none: unsigned.
+        wait_for_restart: Wait for a silent autopilot instead of stopping.
+        disturbance: Disturbances of every aircraft.
+        wind: Motion of the air.
+        ground: The ground.
+        runway: A runway on it.
+        sensors: Sensors of every aircraft.
+        origin: Where north = east = down = 0 is.
+        uavs: The aircraft.
+    """
 
     step_us: int = whole(
         "us", "Control period, and step of the integration.", 1000, ge=1, le=100_000
@@ -109,25 +129,21 @@ class PlantConfig(Model):
         "s", "Length of the flight; none: until stopped.", None, gt=0.0, le=86_400.0
     )
     speed: float | None = quantity("", "Real-time factor; none: lockstep.", None, gt=0.0)
-    bind: HostPort = Field(description="Where the simulator link is received.")
-    signing_key: str | None = Field(default=None, description="Key file; none: unsigned.")
+    bind: HostPort
+    signing_key: str | None = None
     silence_timeout_s: float = quantity(
         "s", "Silence after which an autopilot counts as gone.", 5.0, gt=0.0
     )
-    wait_for_restart: bool = Field(
-        default=False, strict=True, description="Wait for a silent autopilot instead of stopping."
-    )
-    disturbance: Disturbance = Field(
-        default=Disturbance(), description="Disturbances of every aircraft."
-    )
-    wind: Wind = Field(default=Wind(), description="Motion of the air.")
-    ground: Ground = Field(default=Ground(), description="The ground.")
-    runway: Runway | None = Field(default=None, description="A runway on it.")
-    sensors: Sensors = Field(default=Sensors(), description="Sensors of every aircraft.")
+    wait_for_restart: bool = Field(default=False, strict=True)
+    disturbance: Disturbance = Disturbance()
+    wind: Wind = Wind()
+    ground: Ground = Ground()
+    runway: Runway | None = None
+    sensors: Sensors = Sensors()
     navigation: Navigation = "true_state"
-    origin: Origin = Field(default=Origin(), description="Where north = east = down = 0 is.")
+    origin: Origin = Origin()
     seed: Seed = 1
-    uavs: tuple[PlantUav, ...] = Field(min_length=1, description="The aircraft.")
+    uavs: tuple[PlantUav, ...] = Field(min_length=1)
 
     @model_validator(mode="after")
     def _ids_unique(self) -> "PlantConfig":

@@ -48,11 +48,7 @@ def vec3(a: np.ndarray) -> Vec3:
 @compiled
 def mat3(a: np.ndarray) -> Mat3:
     """Return the rows of an array of shape (3, 3)."""
-    return (
-        (a[0, 0], a[0, 1], a[0, 2]),
-        (a[1, 0], a[1, 1], a[1, 2]),
-        (a[2, 0], a[2, 1], a[2, 2]),
-    )
+    return ((a[0, 0], a[0, 1], a[0, 2]), (a[1, 0], a[1, 1], a[1, 2]), (a[2, 0], a[2, 1], a[2, 2]))
 
 
 @compiled
@@ -88,11 +84,7 @@ def norm(a: Vec3) -> float:
 @compiled
 def cross(a: Vec3, b: Vec3) -> Vec3:
     """Return the vector product a × b, the paper's S(a) b."""
-    return (
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    )
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 @compiled

@@ -15,6 +15,7 @@ from ftc_autopilot.common.records import fill, record_dtype
 from ftc_autopilot.common.schedule import scheduled
 from ftc_autopilot.common.tuples import four, rows_of
 from ftc_autopilot.control.config import FormationTrigger
+from ftc_autopilot.control.ground import ground_law
 from ftc_autopilot.control.heading import along_flight, bank_for
 from ftc_autopilot.control.laws import (
     KINDS,
@@ -45,6 +46,7 @@ from ftc_autopilot.control.triggers.base import TriggerParameters
 from ftc_autopilot.guidance.formation import FormationParameters
 from ftc_autopilot.guidance.laws import GUIDANCE_PARAMETERS, Guidance, guidance_record
 from ftc_autopilot.guidance.runway import RUNWAY_FIGURES, RunwayFigures, runway_record
+from ftc_autopilot.guidance.runway_phases import on_ground
 from ftc_autopilot.plugins.models import PLUGIN, owned
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
@@ -192,11 +194,14 @@ class Records(NamedTuple):
     state: ControllerRecord  # dtype `CONTROLLER`, updated in place
     controls: np.ndarray  # HIL_ACTUATOR_CONTROLS.controls, updated in place
     signals: SignalsRecord  # dtype `SIGNALS`, written
+    runway: np.void  # dtype `ftc_autopilot.guidance.runway_phases.RUNWAY_STATE`
 
 
 @compiled
 def control_step(inputs: Inputs, records: Records, may_send: bool = True) -> int:
     """Make one control step.
+
+    On the ground `ground_law` flies in place of the law.
 
     The reference starts at the command in the very first step, and at the present motion when
     the law starts again in flight.
@@ -212,18 +217,16 @@ def control_step(inputs: Inputs, records: Records, may_send: bool = True) -> int
         message is due unless it is 0.
     """
     aircraft, parameters, state = records.aircraft, records.parameters, records.state
-    now = step_of(inputs, aircraft, parameters, state)
-    forget_signals(records.signals)
-    flown = along_flight(now, aircraft["g"]) if now.by_bank != 0 else now
-    command = evaluate(flown, aircraft, parameters, state, records.signals)
-    return finish_step(command, now, records, may_send)
-
-
-@inlined
-def finish_step(command: Command, now: Step, records: Records, may_send: bool) -> int:
-    """Send what a step commands, record it, advance the reference; as of `control_step`."""
-    aircraft, parameters, state = records.aircraft, records.parameters, records.state
     controls, signals = records.controls, records.signals
+    now = _step(inputs, aircraft, parameters, state)
+    for i in range(N_CHANNELS):
+        signals["predicted_exit"][i] = math.nan
+    signals["dead_steps"] = 0  # of a law without diagnosis, too
+    if on_ground(records.runway["phase"]):
+        command = ground_law(now, aircraft, records.runway, parameters["runway"])
+    else:
+        flown = along_flight(now, aircraft["g"]) if now.by_bank != 0 else now
+        command = evaluate(flown, aircraft, parameters, state, signals)
     mask = 0
     if may_send:
         mask = transmit(command, now, aircraft, parameters, state, controls)
@@ -236,15 +239,7 @@ def finish_step(command: Command, now: Step, records: Records, may_send: bool) -
 
 
 @inlined
-def forget_signals(signals: SignalsRecord) -> None:
-    """Forget what only some laws write."""
-    for i in range(N_CHANNELS):
-        signals["predicted_exit"][i] = math.nan
-    signals["dead_steps"] = 0  # of a law without diagnosis, too
-
-
-@inlined
-def step_of(
+def _step(
     inputs: Inputs,
     aircraft: AircraftRecord,
     parameters: ParametersRecord,

@@ -13,17 +13,11 @@ import math
 import numpy as np
 
 from ftc_autopilot.common.angles import wrap
-from ftc_autopilot.control.controller import (
-    Inputs,
-    Records,
-    finish_step,
-    forget_signals,
-    step_of,
-)
 from ftc_autopilot.control.step import ALL, Command, Step
-from ftc_autopilot.guidance.runway_phases import STANDING, STOPPED
-from mavlink_defs.runtime.jit import compiled
-from sitl_plant.airframe.aircraft import AircraftRecord
+from ftc_autopilot.guidance.runway import RUNWAY_FIGURES
+from ftc_autopilot.guidance.runway_phases import RUNWAY_STATE, STANDING, STOPPED
+from mavlink_defs.runtime.jit import apart, compiled
+from sitl_plant.airframe.aircraft import AIRCRAFT, AircraftRecord
 from sitl_plant.vec3 import clamp, mul, square
 
 _STIFFNESS = 2.0
@@ -36,29 +30,17 @@ _LEAST_SHARE = 0.3
 """Airspeed below which the air is asked for less, relative to the one of the rotation."""
 
 
-@compiled
-def ground_step(
-    inputs: Inputs, records: Records, asked: np.void, figures: np.void, may_send: bool
-) -> int:
-    """Make one control step on the ground, as `control_step` makes one in the air.
+@apart(aircraft=AIRCRAFT, asked=RUNWAY_STATE, figures=RUNWAY_FIGURES)
+def ground_law(now: Step, aircraft: AircraftRecord, asked: np.void, figures: np.void) -> Command:
+    """Return the commands that hold heading and attitude, and the thrust asked for.
 
     Args:
-        inputs: What it is made from.
-        records: Its records.
+        now: The step.
+        aircraft: Nominal aircraft, dtype `sitl_plant.airframe.aircraft.AIRCRAFT`.
         asked: Record of dtype `ftc_autopilot.guidance.runway_phases.RUNWAY_STATE`; its integrals
             are advanced.
         figures: Record of dtype `ftc_autopilot.guidance.runway.RUNWAY_FIGURES`.
-        may_send: As of `control_step`.
     """
-    now = step_of(inputs, records.aircraft, records.parameters, records.state)
-    forget_signals(records.signals)
-    command = _ground_law(now, records.aircraft, asked, figures)
-    return finish_step(command, now, records, may_send)
-
-
-@compiled
-def _ground_law(now: Step, aircraft: AircraftRecord, asked: np.void, figures: np.void) -> Command:
-    """Return the commands that hold heading and attitude, and the thrust asked for."""
     if asked["phase"] in (STANDING, STOPPED):
         return Command((0.0, 0.0, 0.0), 0.0, ALL)
     motion, k = now.motion, _STIFFNESS * now.bandwidth

@@ -13,7 +13,7 @@ from ftc_autopilot.control import state_predictor
 from ftc_autopilot.control.controller import Inputs, Records, control_step, count_events
 from ftc_autopilot.control.controllers import NOT_STARTED, UAV, ReferenceSource
 from ftc_autopilot.control.edges import EDGE
-from ftc_autopilot.control.ground import ground_step
+from ftc_autopilot.control.ground import ground_law
 from ftc_autopilot.control.laws import heading_loop
 from ftc_autopilot.control.neighbour_messages import (
     extrapolate,
@@ -235,8 +235,9 @@ def _control(
     on_path = guidance["follows"] == ReferenceSource.PATH
     placed = guidance["unplaced"] == 0  # else the command stays, and neighbours hear of no place
     _note_known(uav, edges, int(np.int64(measured["step"])), dt)
-    runway, figures = guidance["runway"], uav["parameters"]["runway"]
+    runway = guidance["runway"]
     if runway["known"] == 0:
+        figures = uav["parameters"]["runway"]
         find_out(motion.V, norm(vec3(measured["velocity"])), figures, runway)
     if guidance["follows"] == ReferenceSource.PROFILE:
         profile_value(uav["profile"], clock, guidance["command"])
@@ -250,11 +251,9 @@ def _control(
         uav["controller"],
         uav["actuators"]["controls"],
         uav["signals"],
+        runway,
     )
-    if on_ground(runway["phase"]):
-        mask = ground_step(inputs, records, runway, figures, may_send)
-    else:
-        mask = control_step(inputs, records, may_send)
+    mask = control_step(inputs, records, may_send)
     if on_path and placed and uav["layout"]["count"] > 0:
         own, layout = uav["own_state"], uav["layout"]
         tell_place(own, path["id"], measured, motion, dt, layout, uav["formation"])
@@ -328,7 +327,7 @@ def _guide(
     guidance["guided_step"] = step
 
 
-@compiled
+@apart(uav=UAV, path=PATH)
 def _fly_near_ground(uav: np.void, path: np.void, now: Situation) -> None:
     """Update the command on a path that has a runway; a phase begins with a message."""
     guidance, parameters, aircraft = uav["guidance"], uav["parameters"], uav["aircraft"]
@@ -355,6 +354,8 @@ def _fly_near_ground(uav: np.void, path: np.void, now: Situation) -> None:
 
 PATH_PARTS = (_guide, tell_place)
 """What a UAV flies a path by, and no profile."""
+RUNWAY_PARTS = (_fly_near_ground, ground_law)
+"""What an aircraft with gear takes off and lands by."""
 
 
 @inlined

@@ -173,12 +173,7 @@ def coordinate(
 
 @compiled
 def _consensus(
-    now: Progress,
-    speed: float,
-    edges: np.ndarray,
-    layout: np.void,
-    gains: np.void,
-    state: np.void,
+    now: Progress, speed: float, edges: np.ndarray, layout: np.void, gains: np.void, state: np.void
 ) -> float:
     """Return Δ, and move the virtual point."""
     ks, limit, access = gains["ks"], gains["speed_limit_m_s"], layout["access"]

@@ -6,8 +6,9 @@ rests on one number, the clearance: the distance to the nearest edge, positive i
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -32,6 +33,7 @@ from mavlink_defs.plan_fence import CIRCLES, POLYGONS, RALLY_POINT, RETURN_POINT
 from mavlink_defs.profile import ItemError
 from mavlink_defs.services.mission import MissionItem
 
+_BOUNDARY = dialect.FENCE_BREACH_BOUNDARY
 _MIN_CORNERS = 3
 _MIN_AREA_M2 = 1.0
 _LOOK_M = 5.0
@@ -49,7 +51,7 @@ class FenceArea:
     Attributes:
         item: Number of its first item.
         stay_in: Whether it is an inclusion area.
-        corners: North and east of its corners, or of the centre of a circle, shape (k, 2) [m].
+        corners: North and east of its corners, shape (k, 2) [m]; a circle has one, its centre.
         radius: Of a circle; 0 for a polygon [m].
     """
 
@@ -58,15 +60,10 @@ class FenceArea:
     corners: np.ndarray
     radius: float = 0.0
 
-    def clearance(self, place: FencePlace) -> float:
-        """Return the distance to the edge, negative where one must not be [m]."""
-        north, east = place
-        if self.radius:
-            north_m, east_m = self.corners[0].tolist()
-            inside = self.radius - math.hypot(north - north_m, east - east_m)
-        else:
-            inside = _inside_by(self.corners, north, east)
-        return inside if self.stay_in else -inside
+    @property
+    def where(self) -> str:
+        """Where one must not be: "outside" it or "within"."""
+        return "outside" if self.stay_in else "within"
 
     @property
     def text(self) -> str:
@@ -75,7 +72,8 @@ class FenceArea:
         return f"{kind} {'circle' if self.radius else 'polygon'} of item {self.item}"
 
 
-class Fence(NamedTuple):
+@dataclass(frozen=True)
+class Fence:
     """Areas, and where to go after a breach if the fence names a place; neither: no fence."""
 
     areas: tuple[FenceArea, ...] = ()
@@ -83,8 +81,142 @@ class Fence(NamedTuple):
 
     def nearest(self, place: FencePlace) -> tuple[float, FenceArea | None]:
         """Return the least clearance, and the area that has it; infinite without areas."""
-        found = [(area.clearance(place), area) for area in self.areas]
-        return min(found, key=lambda pair: pair[0], default=(math.inf, None))
+        if not self.areas:
+            return math.inf, None
+        clear = self.clearances(place)
+        nearest = int(clear.argmin())
+        return float(clear[nearest]), self.areas[nearest]
+
+    def clearances(self, place: FencePlace) -> np.ndarray:
+        """Return for each area the distance to its edge, negative where one must not be [m].
+
+        What is inside a polygon says the even-odd rule; around a circle's centre nothing is, and
+        its edge is a radius away from there. All edges are looked at in one go: a fence may have
+        hundreds of areas.
+        """
+        edges, sides, radii = self._edges
+        begin, end = edges.begin - place, edges.end - place
+        along = end - begin
+        share = np.clip(-(begin * along).sum(axis=1) / edges.squares, 0.0, 1.0)
+        distances = np.hypot(*(begin + share[:, None] * along).T)
+        turns = begin[:, 0] * along[:, 1] - begin[:, 1] * along[:, 0]
+        passes = (begin[:, 1] > 0.0) != (end[:, 1] > 0.0)  # the line to the north of the place
+        passed = np.add.reduceat(passes & (turns * along[:, 1] > 0.0), edges.first, dtype=int)
+        inside = np.where(passed % 2, 1.0, -1.0) * np.minimum.reduceat(distances, edges.first)
+        clear: np.ndarray = sides * (inside + radii)
+        return clear
+
+    @cached_property
+    def _edges(self) -> tuple["_Edges", np.ndarray, np.ndarray]:
+        """All edges, and of each area the sign of an inclusion area and the radius."""
+        lines = [area.corners for area in self.areas]
+        begin = np.concatenate(lines)
+        end = np.concatenate([np.roll(line, -1, axis=0) for line in lines])
+        squares = np.maximum(np.square(end - begin).sum(axis=1), np.finfo(float).tiny)
+        first = np.cumsum([0, *map(len, lines[:-1])])
+        sides = np.array([1.0 if area.stay_in else -1.0 for area in self.areas])
+        radii = np.array([area.radius for area in self.areas])
+        return _Edges(begin, end, squares, first), sides, radii
+
+
+class _Edges(NamedTuple):
+    """The edges of all areas, one after the other; the one of a circle is its centre."""
+
+    begin: np.ndarray  # [m]
+    end: np.ndarray  # [m]
+    squares: np.ndarray  # of their lengths, not 0 [m²]
+    first: np.ndarray  # number of the first edge of each area
+
+
+class FenceWatch(NamedTuple):
+    """A fence as it is watched.
+
+    Attributes:
+        fence: The areas.
+        parameters: Record of `fence_parameters.FenceRecords`.
+        home: What heights and the circle around home count from.
+        floor: Whether the least height counts.
+    """
+
+    fence: Fence
+    parameters: np.void
+    home: Home = Home()
+    floor: bool = True
+
+    @property
+    def kinds(self) -> int:
+        """What is watched, as of `FenceParameters.type`."""
+        return int(self.parameters["type"]) & ~(0 if self.floor else ALT_MIN)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is nothing to watch."""
+        kinds = self.kinds
+        return not (kinds & ~AREAS or (kinds & AREAS and self.fence.areas))
+
+    def at(self, place: tuple[float, float, float]) -> Iterator[tuple[int, float, str]]:
+        """Yield all that is watched: FENCE_BREACH, how far inside a place is, what if < 0.
+
+        Args:
+            place: North, east and height above the origin [m].
+        """
+        (north, east, height), home, p = place, self.home, self.parameters
+        above, kinds = height - home.height_m, self.kinds
+        if kinds & ALT_MIN:
+            low = float(p["alt_min_m"])
+            yield dialect.FENCE_BREACH_MINALT, above - low, f"below {low:g} m"
+        if kinds & ALT_MAX:
+            high = float(p["alt_max_m"])
+            yield dialect.FENCE_BREACH_MAXALT, high - above, f"above {high:g} m"
+        if kinds & AROUND_HOME:
+            radius = float(p["radius_m"])
+            inside = radius - math.hypot(north - home.north_m, east - home.east_m)
+            yield _BOUNDARY, inside, f"more than {radius:g} m from home"
+        if kinds & AREAS:
+            clear, area = self.fence.nearest((north, east))
+            where = "" if area is None else f"{area.where} the {area.text}"
+            yield _BOUNDARY, clear, where
+
+    def clearance(self, place: tuple[float, float, float]) -> float:
+        """Return how far inside a place is, north, east, height [m]; infinite if all is."""
+        return min((clear for _, clear, _ in self.at(place)), default=math.inf)
+
+    def room(self, place: tuple[float, float, float]) -> float:
+        """Return the distance from a place to what is watched beside heights [m]."""
+        beside = (clear for kind, clear, _ in self.at(place) if kind == _BOUNDARY)
+        return min(beside, default=math.inf)
+
+    def objection(self, place: tuple[float, float, float], *, stands: bool) -> str | None:
+        """Return why a vehicle must not begin at a place; the ground is below the least height."""
+        watch = self._replace(floor=False) if stands else self
+        found = (why for _, clear, why in watch.at(place) if clear < 0.0)
+        return next((f"outside the fence: {why}" for why in found), None)
+
+    def left_by(self, path: np.void) -> int | None:
+        """Return the number of the item on the way to which a path leaves it; None: none.
+
+        A way as long as the clearance cannot lead outside, so the path is looked at where it might
+        be; what is outside for less than `_LOOK_M` may be missed. Below the least height it may be
+        on a runway.
+
+        Args:
+            path: Record of dtype `ftc_autopilot.guidance.path.PATH`.
+        """
+        aloft = float(path["take_off"]), float(path["final"]) or math.inf
+        for leg in range(int(path["count"])):
+            s, end = (float(at) for at in path["start"][leg : leg + 2])
+            if math.isinf(end):
+                curvature = abs(float(path["curvature"][leg]))
+                end = s + (2.0 * math.pi / curvature if curvature else _FINAL_M)
+            while s < end:
+                point = point_at(path, s)
+                place = float(point.north), float(point.east), float(point.height)
+                watch = self if aloft[0] <= s < aloft[1] else self._replace(floor=False)
+                clear = watch.clearance(place)
+                if clear < 0.0:
+                    return int(path["item"][leg])
+                s += max(clear, _LOOK_M)
+        return None
 
 
 class RallyPoint(NamedTuple):
@@ -129,11 +261,12 @@ def decode_fence(items: Sequence[MissionItem], origin: Origin, home: Home | None
             text = f"command {item.command} is none of a fence"
             raise ItemError(item.seq, dialect.MAV_MISSION_UNSUPPORTED, text)
         at += 1
+    fence = Fence(tuple(areas), None if point is None else point[1])
     if home is not None:
-        _check_inside(areas, "home", (home.north_m, home.east_m))
+        _check_inside(fence, "home", (home.north_m, home.east_m))
     if point is not None:
-        _check_inside(areas, "the return point", point[1], point[0])
-    return Fence(tuple(areas), None if point is None else point[1])
+        _check_inside(fence, "the return point", point[1], point[0])
+    return fence
 
 
 def decode_rally(
@@ -160,60 +293,6 @@ def decode_rally(
         check_height(height, home, limits, item.seq)
         points.append(RallyPoint(*place, height, item.seq))
     return tuple(points)
-
-
-def clearances(
-    fence: Fence, parameters: np.void, kinds: int, home: Home, place: tuple[float, float, float]
-) -> Iterator[tuple[int, float, str]]:
-    """Yield all that is watched of a fence: FENCE_BREACH, how far inside a place is, what if < 0.
-
-    Args:
-        fence: The areas.
-        parameters: Record of `fence_parameters.FenceRecords`.
-        kinds: What is watched, as of `FenceParameters.type`.
-        home: What heights and the circle around home count from.
-        place: North, east and height above the origin [m].
-    """
-    north, east, height = place
-    above, p = height - home.height_m, parameters
-    if kinds & ALT_MIN:
-        low = float(p["alt_min_m"])
-        yield dialect.FENCE_BREACH_MINALT, above - low, f"below {low:g} m"
-    if kinds & ALT_MAX:
-        high = float(p["alt_max_m"])
-        yield dialect.FENCE_BREACH_MAXALT, high - above, f"above {high:g} m"
-    if kinds & AROUND_HOME:
-        radius = float(p["radius_m"])
-        inside = radius - math.hypot(north - home.north_m, east - home.east_m)
-        yield dialect.FENCE_BREACH_BOUNDARY, inside, f"more than {radius:g} m from home"
-    clear, area = fence.nearest((north, east))
-    if kinds & AREAS and area is not None:
-        where = "outside" if area.stay_in else "within"
-        yield dialect.FENCE_BREACH_BOUNDARY, clear, f"{where} the {area.text}"
-
-
-def leaves_at(path: np.void, clearance: Callable[[float, float, float], float]) -> int | None:
-    """Return the number of the item on the way to which a path leaves a fence; None: it does not.
-
-    A way as long as the clearance cannot lead outside, so the path is looked at where it might be;
-    what is outside for less than `_LOOK_M` may be missed.
-
-    Args:
-        path: Record of dtype `ftc_autopilot.guidance.path.PATH`.
-        clearance: Of north, east and height above the origin [m].
-    """
-    for leg in range(int(path["count"])):
-        s, end = (float(at) for at in path["start"][leg : leg + 2])
-        if math.isinf(end):
-            curvature = abs(float(path["curvature"][leg]))
-            end = s + (2.0 * math.pi / curvature if curvature else _FINAL_M)
-        while s < end:
-            point = point_at(path, s)
-            clear = clearance(float(point.north), float(point.east), float(point.height))
-            if clear < 0.0:
-                return int(path["item"][leg])
-            s += max(clear, _LOOK_M)
-    return None
 
 
 def _polygon(items: Sequence[MissionItem], at: int, origin: Origin) -> FenceArea:
@@ -262,31 +341,12 @@ def _check_frame(item: MissionItem) -> None:
         raise ItemError(item.seq, dialect.MAV_MISSION_UNSUPPORTED_FRAME, text)
 
 
-def _check_inside(
-    areas: Sequence[FenceArea], what: str, place: FencePlace, seq: int | None = None
-) -> None:
+def _check_inside(fence: Fence, what: str, place: FencePlace, seq: int | None = None) -> None:
     """Refuse a place that an area excludes: the item is `seq`, or the area's."""
-    for area in areas:
-        if (clear := area.clearance(place)) < 0.0:
-            by = f"{-clear:.0f} m"
-            text = f"{what} is {by} outside the {area.text}"
-            if not area.stay_in:
-                text = f"{what} is {by} within the {area.text}"
-            item = area.item if seq is None else seq
-            raise ItemError(item, dialect.MAV_MISSION_INVALID, text)
-
-
-def _inside_by(corners: np.ndarray, north: float, east: float) -> float:
-    """Return the distance from the edges of a polygon, positive inside by the even-odd rule [m]."""
-    begin = corners - np.array([north, east])
-    end = np.roll(begin, -1, axis=0)
-    along = end - begin
-    share = np.clip(-(begin * along).sum(axis=1) / np.square(along).sum(axis=1), 0.0, 1.0)
-    distance = float(np.hypot(*(begin + share[:, None] * along).T).min())
-    passes = (begin[:, 1] > 0.0) != (end[:, 1] > 0.0)  # the line to the north of the place
-    turns = begin[passes, 0] * along[passes, 1] - begin[passes, 1] * along[passes, 0]
-    is_inside = np.count_nonzero(turns * along[passes, 1] > 0.0) % 2
-    return distance if is_inside else -distance
+    clear, area = fence.nearest(place)
+    if area is not None and clear < 0.0:
+        text = f"{what} is {-clear:.0f} m {area.where} the {area.text}"
+        raise ItemError(area.item if seq is None else seq, dialect.MAV_MISSION_INVALID, text)
 
 
 def crossing_edges(corners: np.ndarray) -> tuple[int, int] | None:

@@ -31,11 +31,17 @@ _Offset = Annotated[float, quantity("m", "Distance.", ge=-1000.0, le=1000.0)]
 
 
 class Slot(Model):
-    """A place relative to the point of the path that the formation is at."""
+    """A place relative to the point of the path that the formation is at.
 
-    ahead_m: _Offset = Field(default=0.0, description="Ahead, along the path [m].")
-    right_m: _Offset = Field(default=0.0, description="To the right of the path [m].")
-    up_m: _Offset = Field(default=0.0, description="Above the path [m].")
+    Attributes:
+        ahead_m: Ahead, along the path [m].
+        right_m: To the right of the path [m].
+        up_m: Above the path [m].
+    """
+
+    ahead_m: _Offset = 0.0
+    right_m: _Offset = 0.0
+    up_m: _Offset = 0.0
 
     @property
     def offset(self) -> Vec3:
@@ -44,21 +50,30 @@ class Slot(Model):
 
 
 class FormationChange(Model):
-    """Other slots from a time on."""
+    """Other slots from a time on.
+
+    Attributes:
+        slots: New slots by UAV; the others keep theirs.
+    """
 
     at_s: float = quantity("s", "Time on the mission's clock.", gt=0.0)
-    slots: Annotated[dict[SystemId, Slot], AtMost(MAX_MEMBERS)] = Field(
-        min_length=1, description="New slots by UAV; the others keep theirs."
-    )
+    slots: Annotated[dict[SystemId, Slot], AtMost(MAX_MEMBERS)] = Field(min_length=1)
 
 
 class FormationParameters(Model):
-    """The numbers of a formation; they are parameters of the vehicle, too."""
+    """The numbers of a formation; they are parameters of the vehicle, too.
 
-    kind: Literal["virtual_structure", "leader_follower"] = Field(
-        default="virtual_structure",
-        description="Whether the UAVs with leader access wait for the others, too.",
-    )
+    Attributes:
+        kind: Whether the UAVs with leader access wait for the others, too.
+        on_lost: When an actuator of a member is lost.
+        on_degraded: When one does less than `degraded_below` of what is commanded.
+        on_silent: When a neighbour falls silent.
+        leave_ahead_m: Ahead of its slot, for a member that leaves by policy `leave` [m].
+        leave_right_m: To the right of it [m].
+        leave_up_m: Above it [m].
+    """
+
+    kind: Literal["virtual_structure", "leader_follower"] = "virtual_structure"
     ks: float = quantity(
         "1/s", "Speed per metre that the neighbours are ahead.", 0.3, gt=0.0, le=2.0
     )
@@ -81,11 +96,9 @@ class FormationParameters(Model):
         gt=0.0,
         le=2.0,
     )
-    on_lost: Policy = Field(default="stay", description="When an actuator of a member is lost.")
-    on_degraded: Policy = Field(
-        default="stay", description="When one does less than `degraded_below` of what is commanded."
-    )
-    on_silent: Policy = Field(default="stay", description="When a neighbour falls silent.")
+    on_lost: Policy = "stay"
+    on_degraded: Policy = "stay"
+    on_silent: Policy = "stay"
     degraded_below: float = quantity(
         "", "Effectiveness below which an actuator is degraded.", 0.6, gt=0.0, lt=1.0
     )
@@ -98,23 +111,21 @@ class FormationParameters(Model):
     widen_m: float = quantity(
         "m", "Further out by this distance, by policy `widen`.", 20.0, ge=0.0, le=500.0
     )
-    leave_ahead_m: _Offset = Field(
-        default=-100.0,
-        description="Ahead of its slot, for a member that leaves by policy `leave` [m].",
-    )
-    leave_right_m: _Offset = Field(default=0.0, description="To the right of it [m].")
-    leave_up_m: _Offset = Field(default=50.0, description="Above it [m].")
+    leave_ahead_m: _Offset = -100.0
+    leave_right_m: _Offset = 0.0
+    leave_up_m: _Offset = 50.0
 
 
 class Formation(FormationParameters):
-    """Slots of all members on the path, how they are held, and what becomes of degraded members."""
+    """Slots of all members on the path, how they are held, and what becomes of degraded members.
 
-    slots: Annotated[dict[SystemId, Slot], AtMost(MAX_MEMBERS)] = Field(
-        min_length=1, description="Slot of each member, by UAV."
-    )
-    changes: Annotated[tuple[FormationChange, ...], AtMost(MAX_CHANGES)] = Field(
-        default=(), description="Changes of the slots, in order of time."
-    )
+    Attributes:
+        slots: Slot of each member, by UAV.
+        changes: Changes of the slots, in order of time.
+    """
+
+    slots: Annotated[dict[SystemId, Slot], AtMost(MAX_MEMBERS)] = Field(min_length=1)
+    changes: Annotated[tuple[FormationChange, ...], AtMost(MAX_CHANGES)] = ()
 
     @property
     def members(self) -> tuple[int, ...]:

@@ -88,6 +88,24 @@ def tightest_turn(airspeed: float, limits: FlightLimits) -> float:
     return max(by_bank / (2.0 * acceleration), by_speed)
 
 
+def too_tight(radius: float, airspeed: float, limits: FlightLimits) -> str | None:
+    """Return what is wrong with the radius of a circle [m]; None if it can be flown, or may be any.
+
+    Args:
+        radius: Positive or not; 0: any.
+        airspeed: Around it [m/s].
+        limits: What the aircraft can fly.
+    """
+    least = tightest_turn(airspeed, limits)
+    if radius == 0.0 or abs(radius) >= least:
+        return None
+    text = f"radius {abs(radius):g} m, must be >= {math.ceil(least)} m at {airspeed:g} m/s"
+    airspeeds = airspeeds_for(abs(radius), limits)
+    return (
+        text if airspeeds is None else text + " (or the airspeed {} to {} m/s)".format(*airspeeds)
+    )
+
+
 def airspeeds_for(radius: float, limits: FlightLimits) -> tuple[int, int] | None:
     """Return the least and greatest whole airspeed within limits in a turn of a radius, if any.
 

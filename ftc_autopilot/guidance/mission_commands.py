@@ -2,14 +2,12 @@
 
 A vehicle keeps them, hands them out as they were sent, and announces each where it is passed:
 behind the place before it, or where a condition lets it act. Nothing is carried out, as there is no
-payload. Other items that are flown otherwise than their senders may think get a remark.
+payload.
 """
 
 import math
-from collections.abc import Iterator, Sequence
 
 from mavlink_defs import dialect
-from mavlink_defs.config.problems import counted
 from mavlink_defs.float32 import decimal_of_float32
 from mavlink_defs.services.mission import MissionItem
 
@@ -90,10 +88,6 @@ ANNOUNCED = PAYLOAD | MARKERS
 
 FLOWN_STRAIGHT = frozenset({dialect.MAV_CMD_NAV_SPLINE_WAYPOINT, dialect.MAV_CMD_NAV_ARC_WAYPOINT})
 """Waypoints that are to be reached on a curve, and are reached on a line."""
-_TERRAIN_FRAMES = {
-    dialect.MAV_FRAME_GLOBAL_TERRAIN_ALT,
-    dialect.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT,
-}
 
 
 def command_name(command: int) -> str:
@@ -112,14 +106,3 @@ def command_text(item: MissionItem) -> str:
     while values and (values[-1] == 0.0 or math.isnan(values[-1])):
         values.pop()
     return " ".join([command_name(item.command), *(f"{value:g}" for value in values)])
-
-
-def remarks_on(items: Sequence[MissionItem]) -> Iterator[str]:
-    """Yield what is flown otherwise than the items of a mission, home included, may be meant."""
-    flown = items[1:]
-    if number := sum(item.command in FLOWN_STRAIGHT for item in flown):
-        yield f"{counted(number, 'spline or arc')} flown as waypoint, on a line"
-    if number := sum(item.frame in _TERRAIN_FRAMES for item in flown):
-        yield f"{counted(number, 'altitude')} above terrain counted from home: the ground is flat"
-    if number := sum(item.command in PAYLOAD for item in flown):
-        yield f"{counted(number, 'payload command')} announced only"

@@ -5,20 +5,22 @@ of them. Positions are north and east of the origin and height above it [m].
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple, TypeAlias
 
 from ftc_autopilot.common.geography import Origin
 from ftc_autopilot.guidance.limits import FlightLimits
-from ftc_autopilot.guidance.mission_commands import ANNOUNCED, FLOWN_STRAIGHT, TAG
+from ftc_autopilot.guidance.mission_commands import ANNOUNCED, FLOWN_STRAIGHT, PAYLOAD, TAG
 from ftc_autopilot.guidance.mission_places import (
     ANYWHERE_M,
+    RELATIVE_FRAMES,
     Home,
     check_height,
     height_of,
     north_east_of,
 )
 from mavlink_defs import dialect
+from mavlink_defs.config.problems import counted
 from mavlink_defs.constants import INT32_MAX
 from mavlink_defs.float32 import decimal_of_float32
 from mavlink_defs.profile import ItemError
@@ -41,12 +43,19 @@ GROUND_DELAY = dialect.MAV_CMD_NAV_DELAY
 WAYPOINTS = {WAYPOINT} | FLOWN_STRAIGHT
 PLACES = WAYPOINTS | {LOITER, LOITER_TURNS, LOITER_TIME, LOITER_TO_ALT, RETURN, LAND}
 """Commands that lead to a place."""
+_ROUND = {WAYPOINT, LOITER, LOITER_TURNS, LOITER_TIME, LOITER_TO_ALT}
+"""Commands with a radius."""
 JUMPS = {JUMP, JUMP_TO_TAG}
 COMMANDS = PLACES | JUMPS | {TAKEOFF, GROUND_DELAY, SPEED, DELAY, DISTANCE, SET_HOME}
 """All that a path is made of."""
+_TAKEN = COMMANDS | ANNOUNCED
 UNCHANGED, DEFAULT = -1.0, -2.0
 """Speeds of DO_CHANGE_SPEED that are none."""
 
+_TERRAIN_FRAMES = {
+    dialect.MAV_FRAME_GLOBAL_TERRAIN_ALT,
+    dialect.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT,
+}
 _MAX_TURNS = 1000
 _MAX_S = 86_400
 
@@ -84,6 +93,32 @@ def refusal(command: int) -> str:
     """Return why a command cannot be part of a path."""
     reason = _REASONS.get(command)
     return f"command {command} is not supported" + (f": {reason}" if reason else "")
+
+
+def remarks_on(items: Sequence[MissionItem]) -> Iterator[str]:
+    """Yield what is flown otherwise than the items of a mission, home included, may be meant."""
+    flown = items[1:]
+    low = [one for one in flown if _height_over(items[0], one) <= 0.0]
+    if low:
+        yield f"{first_of(low)} not above home: that is on the ground, if it is flat"
+    if number := sum(item.command in FLOWN_STRAIGHT for item in flown):
+        yield f"{counted(number, 'spline or arc')} flown as waypoint, on a line"
+    if number := sum(item.frame in _TERRAIN_FRAMES for item in flown):
+        yield f"{counted(number, 'altitude')} above terrain counted from home: the ground is flat"
+    if number := sum(item.command in PAYLOAD for item in flown):
+        yield f"{counted(number, 'payload command')} announced only"
+
+
+def first_of(items: Sequence[MissionItem]) -> str:
+    """Return the first of some items, and how many more there are: "item 3 and 2 more"."""
+    return f"item {items[0].seq}" + (f" and {len(items) - 1} more" if len(items) > 1 else "")
+
+
+def _height_over(home: MissionItem, item: MissionItem) -> float:
+    """Return the height over home of a place in the air; infinite if none is given [m]."""
+    if item.command not in PLACES - {RETURN, LAND} or not has_place(item) or math.isnan(item.z):
+        return math.inf
+    return item.z if item.frame in RELATIVE_FRAMES else item.z - home.z
 
 
 class When(NamedTuple):
@@ -165,7 +200,7 @@ def decode_items(
         if item.seq != seq:
             text = f"it is at place {seq}, but has number {item.seq}"
             raise ItemError(seq, dialect.MAV_MISSION_INVALID_SEQUENCE, text)
-        if item.command not in COMMANDS | ANNOUNCED:
+        if item.command not in _TAKEN:
             raise ItemError(seq, dialect.MAV_MISSION_UNSUPPORTED, refusal(item.command))
         on_ground = item.command in {TAKEOFF, GROUND_DELAY}
         if on_ground and any(t.item.command in PLACES for t in targets):
@@ -175,7 +210,7 @@ def decode_items(
                     f"{refusal(item.command)}; a wait on the ground stands before the first place"
                 )
             raise ItemError(seq, dialect.MAV_MISSION_UNSUPPORTED, text)
-        _check_params(item, limits, len(items) - 1, tags)
+        _check_params(item, len(items) - 1, tags)
         target = _placed(item, origin, home, limits, height)
         if item.command in PLACES and item.command != RETURN:
             height = target.height
@@ -189,37 +224,43 @@ _Check: TypeAlias = tuple[int, str, bool, str]
 """Number and name of a param, whether it is good, and what is expected."""
 
 
-def _check_params(item: MissionItem, limits: FlightLimits, last: int, tags: set[float]) -> None:
+def _check_params(item: MissionItem, last: int, tags: set[float]) -> None:
     """Refuse params that cannot be flown; `last`: number of the last item; `tags`: that it has."""
-    low, high = limits.slowest_m_s, limits.fastest_m_s
-    p1, p2 = param(item, 1), param(item, 2)
-    within = (2, "acceptance radius", not p2 < 0.0, ">= 0 m")
-    radius = (3, "radius", abs(param(item, 3)) <= ANYWHERE_M, f"at most {ANYWHERE_M:g} m")
-    seconds = (0.0 <= p1 <= _MAX_S, f"0 to {_MAX_S} s")
-    jumps = (2, "jumps", p2 in range(-1, _MAX_TURNS + 1), f"-1 (always) to {_MAX_TURNS}")
-    known = ", ".join(f"{tag:g}" for tag in sorted(tags)) or "one of a JUMP_TAG (600)"
-    fast = (low <= p2 <= high or p2 in {UNCHANGED, DEFAULT}, f"{low:g} to {high:g} m/s")
-    checks: dict[int, list[_Check]] = {
-        WAYPOINT: [within, radius],
-        LOITER: [radius],
-        LOITER_TURNS: [(1, "turns", 0.0 < p1 <= _MAX_TURNS, f"1 to {_MAX_TURNS}"), radius],
-        LOITER_TIME: [(1, "time", *seconds), radius],
-        LOITER_TO_ALT: [(2, "radius", abs(p2) <= ANYWHERE_M, f"at most {ANYWHERE_M:g} m")],
-        # the aircraft holds airspeeds, whatever the type
-        SPEED: [
-            (1, "speed type", p1 in {0.0, 1.0}, "0 (airspeed) or 1 (ground speed)"),
-            (2, "speed", *fast),
-        ],
-        DELAY: [(1, "delay", *seconds)],
-        DISTANCE: [(1, "distance", 0.0 <= p1 <= ANYWHERE_M, f"0 to {ANYWHERE_M:g} m")],
-        JUMP: [(1, "jump to item", p1 in range(1, last + 1), f"1 to {last}"), jumps],
-        JUMP_TO_TAG: [(1, "jump to tag", p1 in tags, known), jumps],
-        SET_HOME: [(1, "use of the present place", p1 in {0.0, 1.0}, "0 or 1")],
-    }
-    for number, name, good, expected in checks.get(item.command, []):
+    for number, name, good, expected in _checks_of(item, last, tags):
         if not good:
             text = f"{name} {_param(item, number):g}, must be {expected}"
             raise ItemError(item.seq, dialect.MAV_MISSION_INVALID_PARAM1 + number - 1, text)
+
+
+def _checks_of(item: MissionItem, last: int, tags: set[float]) -> Iterator[_Check]:
+    command, p1, p2 = item.command, param(item, 1), param(item, 2)
+    if command == WAYPOINT:
+        yield 2, "acceptance radius", not p2 < 0.0, ">= 0 m"
+    elif command == LOITER_TURNS:
+        yield 1, "turns", 0.0 < p1 <= _MAX_TURNS, f"1 to {_MAX_TURNS}"
+    elif command in {LOITER_TIME, DELAY}:
+        name = "delay" if command == DELAY else "time"
+        yield 1, name, 0.0 <= p1 <= _MAX_S, f"0 to {_MAX_S} s"
+    elif command == SPEED:  # the aircraft holds airspeeds, whatever the type
+        yield 1, "speed type", p1 in {0.0, 1.0}, "0 (airspeed) or 1 (ground speed)"
+        good = p2 > 0.0 or p2 in {UNCHANGED, DEFAULT}
+        yield 2, "speed", good, "above 0 m/s, -1 (as it is) or -2 (cruise)"
+    elif command == DISTANCE:
+        yield 1, "distance", 0.0 <= p1 <= ANYWHERE_M, f"0 to {ANYWHERE_M:g} m"
+    elif command == SET_HOME:
+        yield 1, "use of the present place", p1 in {0.0, 1.0}, "0 or 1"
+    elif command == JUMP:
+        yield 1, "jump to item", p1 in range(1, last + 1), f"1 to {last}"
+    elif command == JUMP_TO_TAG and p1 not in tags:
+        known = ", ".join(f"{tag:g}" for tag in sorted(tags)) or "one of a JUMP_TAG (600)"
+        yield 1, "jump to tag", False, known
+    if command in JUMPS:
+        good = p2 in range(-1, _MAX_TURNS + 1)
+        yield 2, "jumps", good, f"-1 (always) to {_MAX_TURNS}"
+    elif command in _ROUND:
+        number = 2 if command == LOITER_TO_ALT else 3
+        good = abs(param(item, number)) <= ANYWHERE_M
+        yield number, "radius", good, f"at most {ANYWHERE_M:g} m"
 
 
 def _placed(
@@ -249,9 +290,10 @@ def _placed(
         height = height_of(item.frame, altitude, origin, home, item.seq)
     if not flown_to:
         return MissionTarget(item, place, height)
-    check_height(height, home, limits, item.seq)
     if command == LAND:
+        check_height(max(height, home.height_m + limits.lowest_m), home, limits, item.seq)
         return _landing(item, place, height, limits)
+    check_height(height, home, limits, item.seq)
     within = param(item, 2) if command == WAYPOINT else 0.0
     radius = 0.0 if command in FLOWN_STRAIGHT else param(item, 2 if command == LOITER_TO_ALT else 3)
     return MissionTarget(item, place, height, within, radius)

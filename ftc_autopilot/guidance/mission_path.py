@@ -14,12 +14,19 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from ftc_autopilot.guidance.legs import Circle, Leg, Pose, approach, distance, tangent_course
+from ftc_autopilot.guidance.corners import Corner, corner_at, rounded
+from ftc_autopilot.guidance.legs import Circle, Leg, Pose, approach, tangent_course
 from ftc_autopilot.guidance.limits import FlightLimits, tightest_turn, turn_radius
 from ftc_autopilot.guidance.mission_items import LAND, TAKEOFF, MissionTarget
 from ftc_autopilot.guidance.mission_places import Home
 from ftc_autopilot.guidance.path import MAX_COMMANDS, MAX_LEGS, NO_LOOP, PathCommand
-from ftc_autopilot.guidance.runway_legs import landing_legs, take_off_legs
+from ftc_autopilot.guidance.runway_legs import (
+    LEAST_CLIMB_M,
+    around_to,
+    landing_legs,
+    take_off_legs,
+    too_short,
+)
 from ftc_autopilot.guidance.runway_marks import NO_MARKS, RunwayMarks
 from ftc_autopilot.guidance.targets import Targets, order_of
 from mavlink_defs import dialect
@@ -45,12 +52,16 @@ class Start(NamedTuple):
 
 
 class MissionPath(NamedTuple):
-    """Legs, which of them follows the last one, what of them is runway, and what is passed."""
+    """Legs, which of them follows the last one, what of them is runway, and what is passed.
+
+    The remarks say what is flown otherwise than the items say.
+    """
 
     legs: tuple[Leg, ...]
     loop: int = NO_LOOP
     marks: RunwayMarks = NO_MARKS
     commands: tuple[PathCommand, ...] = ()
+    remarks: tuple[str, ...] = ()
 
 
 def mission_path(
@@ -77,21 +88,26 @@ def mission_path(
     if not order.visits:
         text = "no waypoint or circle follows"
         raise ItemError(first, dialect.MAV_MISSION_INVALID, text)
+    take_off = next((t for t in order.visits[0] if t.item.command == TAKEOFF), None)
     if start is not None:
         begin = (*start.pose[:2], start.height)
         targets = Targets(order, limits, home, begin, start.airspeed)
         builder = _Builder(targets, limits, start, levels=True)
-        take_off = next((t for t in order.visits[0] if t.item.command == TAKEOFF), None)
         if start.stands and take_off is not None:
             builder.take_off(take_off._replace(airspeed=start.airspeed))
         return builder.path()
     begin = (home.north_m, home.east_m, home.height_m)
     targets = Targets(order, limits, home, begin, limits.cruise_m_s)
-    return _Builder(targets, limits, _from_home(targets, begin, limits), levels=False).path()
+    start = _from_home(targets, begin, limits)
+    if take_off is not None and not math.isnan(take_off.height):
+        take_off = _high_enough(targets, take_off, home.height_m)
+        if order.visits[0][-1].item.command == LAND:
+            start = start._replace(height=take_off.height)
+    return _Builder(targets, limits, start, levels=False).path()
 
 
 def _from_home(targets: Targets, begin: tuple[float, ...], limits: FlightLimits) -> Start:
-    """Return the start at home, straight to the first place."""
+    """Return the start at home, straight to the first place and at its height."""
     first = targets(0)
     assert first is not None
     course = None
@@ -100,22 +116,14 @@ def _from_home(targets: Targets, begin: tuple[float, ...], limits: FlightLimits)
     return Start(Pose(begin[0], begin[1], course or 0.0), first.height, limits.cruise_m_s)
 
 
-class _Corner(NamedTuple):
-    """A turn at a waypoint from one line to the next."""
-
-    turn: float  # positive to the right [rad]
-    out: float  # length of the next line [m]
-    course: float  # of the next line [rad]
-
-    @property
-    def tangent(self) -> float:
-        """Distance of the ends of the turn from the waypoint, in radii."""
-        return math.tan(0.5 * abs(self.turn))
-
-    @property
-    def miss(self) -> float:
-        """Distance of the turn from the waypoint, in radii."""
-        return 1.0 / math.cos(0.5 * self.turn) - 1.0
+def _high_enough(targets: Targets, take_off: MissionTarget, ground: float) -> MissionTarget:
+    """Return a take-off that leads up at least as far as one does from a height [m]."""
+    rise = take_off.height - ground
+    if rise >= LEAST_CLIMB_M:
+        return take_off
+    text = f"it leads {rise:.1f} m above the runway, must be >= {LEAST_CLIMB_M:g} m"
+    targets.note("take-off", take_off.item, f"{text}, which is flown")
+    return take_off._replace(height=ground + LEAST_CLIMB_M)
 
 
 class _Builder:
@@ -142,7 +150,8 @@ class _Builder:
         self._marks = NO_MARKS
 
     def take_off(self, target: MissionTarget) -> None:
-        """Begin with a take-off."""
+        """Begin with a take-off, at least as high as one leads."""
+        target = _high_enough(self._target, target, self._height)
         self._legs = take_off_legs(self._pose, self._height, target, self._limits)
         self._pose, self._height, self._levels = self._legs[-1].end, target.height, False
         self._marks = RunwayMarks(climb=len(self._legs), climb_to=target.height)
@@ -156,8 +165,7 @@ class _Builder:
             self._add_way(k, target)
             same = self._target.index_of_same(k)
             if same is not None and self._alike(begins[same], begins[k]):
-                legs = tuple(self._legs[: begins[k]])
-                return MissionPath(legs, begins[same], self._marks, tuple(self._commands))
+                return self._made(begins[k], begins[same])
             self._note_commands(target, begins[k])
             self._add_circle(target)
             if len(self._legs) > MAX_LEGS:
@@ -165,8 +173,12 @@ class _Builder:
             if len(self._commands) > MAX_COMMANDS:
                 raise self._too_long(target, k, f"{MAX_COMMANDS} commands")
             k += 1
-        loop = self._marks.final if self._marks.landing else NO_LOOP
-        return MissionPath(tuple(self._legs), loop, self._marks, tuple(self._commands))
+        return self._made(len(self._legs), self._marks.final if self._marks.landing else NO_LOOP)
+
+    def _made(self, count: int, loop: int) -> MissionPath:
+        """Return the path of the first legs."""
+        legs, commands = tuple(self._legs[:count]), tuple(self._commands)
+        return MissionPath(legs, loop, self._marks, commands, tuple(self._target.remarks()))
 
     def _note_commands(self, target: MissionTarget, begin: int) -> None:
         """Note what is passed on the way to a target, which begins with a leg."""
@@ -219,11 +231,11 @@ class _Builder:
             self._pose = pieces[-1].end
         corner = None
         if target.radius == 0.0 and following is not None and pieces:
-            corner = _corner(target, pieces[-1].end.course, following)
+            corner = corner_at(target, pieces[-1].end.course, following)
         if corner is not None and abs(corner.turn) > _NO_TURN and pieces[-1].curvature_1_m == 0.0:
             radius = self._corner_radius(k, target, corner, pieces[-1].length_m)
             if radius is not None:
-                pieces[-1], arc = _rounded(pieces[-1], corner, radius)
+                pieces[-1], arc = rounded(pieces[-1], corner, radius)
                 first, second = arc.cut(0.5 * arc.length_m)
                 pieces.append(first)
                 self._begun, self._pose = [second], second.end
@@ -238,6 +250,13 @@ class _Builder:
             text = "no straight line leads to it; move the item before away"
             raise ItemError(target.item.seq, dialect.MAV_MISSION_INVALID, text)
         *way, line = pieces
+        short = too_short(line, self._height, target, self._limits)
+        if short is not None:
+            text, length = short
+            text += f"; flown over, and around to one of {length:.0f} m"
+            self._target.note("approach", target.item, text)
+            *around, line = around_to(line, length, turn_radius(target.fastest, self._limits))
+            way += around
         self._add(target, way, 0.0)
         final = len(self._legs)
         legs, marks = landing_legs(line, self._height, target, self._limits)
@@ -260,21 +279,23 @@ class _Builder:
             way = approach(self._pose, circle, abs(left.radius), side)
             if way is not None:
                 return way
-        wide, tight = (
-            radius_of(target.fastest, self._limits) for radius_of in (turn_radius, tightest_turn)
-        )
-        ways = [approach(self._pose, circle, radius) for radius in (wide, tight)]
+        wide = turn_radius(target.fastest, self._limits)
+
+        def loops(way: Sequence[Leg]) -> float:
+            return sum(leg.length_m for leg in way) // (math.pi * wide)
+
+        first = approach(self._pose, circle, wide)
+        if first is not None and loops(first) == 0.0:
+            return first
+        # a tighter turn may save a loop
+        ways = [first, approach(self._pose, circle, tightest_turn(target.fastest, self._limits))]
         if target.radius != 0.0:
             side = (math.copysign(1.0, target.radius),)
             ways.append(approach(self._pose, circle, abs(target.radius), side))
-        # the first one, unless it flies a loop that a tighter turn saves
-        return min(
-            (way for way in ways if way is not None),
-            key=lambda way: sum(leg.length_m for leg in way) // (math.pi * wide),
-        )
+        return min((way for way in ways if way is not None), key=loops)
 
     def _corner_radius(
-        self, k: int, target: MissionTarget, corner: _Corner, length: float
+        self, k: int, target: MissionTarget, corner: Corner, length: float
     ) -> float | None:
         """Return the radius of a turn; None if the path is to go over the waypoint.
 
@@ -291,7 +312,7 @@ class _Builder:
             return None
         ends, out = wide * corner.tangent, corner.out
         after = self._target(k + 2)
-        next_corner = after and _corner(following, corner.course, after)
+        next_corner = after and corner_at(following, corner.course, after)
         if after and next_corner and (radius := self._wide_radius(following, next_corner, after)):
             others = radius * next_corner.tangent
             out *= 1.0 if out >= ends + others else ends / (ends + others)
@@ -301,7 +322,7 @@ class _Builder:
         return radius if radius >= least else None
 
     def _wide_radius(
-        self, target: MissionTarget, corner: _Corner, following: MissionTarget
+        self, target: MissionTarget, corner: Corner, following: MissionTarget
     ) -> float | None:
         """Return the radius of a turn if lines are long; None if it must go over the waypoint."""
         if abs(corner.turn) > _MAX_TURN:
@@ -313,9 +334,10 @@ class _Builder:
         return radius if radius >= tightest_turn(airspeed, self._limits) else None
 
     def _add_climb(self, target: MissionTarget, pieces: list[Leg]) -> None:
-        """Add the way to a target, so that its height is reached there."""
+        """Add the way to a target, so that its height is reached there, as nearly as can be."""
         length = sum(piece.length_m for piece in pieces)
-        rise, steepest = target.height - self._height, self._limits.climb
+        reached = target.height
+        rise, steepest = reached - self._height, self._limits.climb
         if abs(rise) > steepest * length + _MIN_M:
             needed = abs(rise) / steepest
             if target.radius != 0.0:  # the rest in the circle
@@ -325,14 +347,21 @@ class _Builder:
                 rise = math.copysign(steepest * length, rise)
                 self._height = target.height - rise
             else:
-                text = (
-                    f"height changes by {rise:+.4g} m on a way of {length:.4g} m, which must be "
-                    f">= {math.ceil(needed)} m; a circle on the way would do"
-                )
-                raise ItemError(target.item.seq, dialect.MAV_MISSION_INVALID_PARAM7, text)
+                self._note_missed(target, rise, length, needed)
+                rise = math.copysign(steepest * length, rise)
+                reached = self._height + rise
         climb = rise / length if length > 0.0 else 0.0
         self._add(target, pieces, climb)
-        self._height = target.height
+        self._height = reached
+
+    def _note_missed(
+        self, target: MissionTarget, rise: float, length: float, needed: float
+    ) -> None:
+        """Note that a target is passed at another height, as its way is too short [m]."""
+        missed, side = abs(rise) - self._limits.climb * length, "low" if rise > 0.0 else "high"
+        text = f"height changes by {rise:+.4g} m on a way of {length:.4g} m, must be"
+        text += f" >= {math.ceil(needed)} m (a circle on the way would do)"
+        self._target.note("height", target.item, f"{text}; passed {missed:.4g} m too {side}")
 
     def _add_circle(self, target: MissionTarget) -> None:
         if target.radius == 0.0:
@@ -369,22 +398,3 @@ class _Builder:
                 self._legs.append(leg)
                 flown += leg.length_m
                 height += climb * leg.length_m if climb else 0.0
-
-
-def _corner(target: MissionTarget, course: float, following: MissionTarget) -> _Corner | None:
-    """Return the corner at a waypoint that is reached with a course; None if there is none."""
-    if target.radius != 0.0 or target.place is None or following.place is None:
-        return None
-    circle = Circle(*following.place, following.radius)
-    out = tangent_course(target.place, circle)
-    if out is None:
-        return None
-    length = math.sqrt(distance(target.place, circle) ** 2 - following.radius**2)
-    return _Corner(math.remainder(out - course, 2.0 * math.pi), length, out)
-
-
-def _rounded(line: Leg, corner: _Corner, radius: float) -> tuple[Leg, Leg]:
-    """Return a line without its end, and the turn that begins there."""
-    line = line._replace(length_m=max(line.length_m - radius * corner.tangent, 0.0))
-    curvature = math.copysign(1.0 / radius, corner.turn)
-    return line, Leg(*line.end, curvature, radius * abs(corner.turn))

@@ -5,6 +5,7 @@ Positions are north and east of the origin and height above it [m], courses are 
 east [rad], and a positive curvature turns right [1/m].
 """
 
+import functools
 import math
 import zlib
 from collections.abc import Sequence
@@ -107,8 +108,34 @@ def path_record(
         for name in ("final", "landing", "around"):
             record[name] = record["start"][getattr(marks, name)]
         record["around_at"], record["flare"] = marks.around_at, marks.flare
-    record["id"] = zlib.crc32(record.tobytes()) or 1
+    record["id"] = functools.reduce(_add_crc, _used(record).values(), 0) or 1
     return record
+
+
+def put_path(room: np.void, path: np.void) -> None:
+    """Put a path in the place of another; while that is written, there is none.
+
+    The rest of the room stays as it is: a file of it has no more than what was used.
+    """
+    room["count"] = 0
+    for name, used in _used(path).items():
+        if used.ndim:
+            room[name][: len(used)] = used
+        elif name != "count":
+            room[name] = used
+    room["count"] = path["count"]
+
+
+def _used(path: np.void) -> dict[str, np.ndarray]:
+    """Return each field of a path, as far as it is in use."""
+    count, commands = int(path["count"]), int(path["commands"])
+    rooms = {MAX_LEGS: count, MAX_LEGS + 1: count + 1, MAX_COMMANDS: commands}
+    fields = {name: np.asarray(path[name]) for name in PATH.names or ()}
+    return {name: one[: rooms[one.size]] if one.ndim else one for name, one in fields.items()}
+
+
+def _add_crc(crc: int, used: np.ndarray) -> int:
+    return zlib.crc32(used.tobytes(), crc)
 
 
 def commands_between(path: np.void, before: float, now: float) -> list[tuple[float, int]]:

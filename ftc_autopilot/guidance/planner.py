@@ -1,7 +1,8 @@
 """From the items of a mission to the path that one aircraft flies."""
 
 import math
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -10,15 +11,17 @@ from ftc_autopilot.guidance.aircraft_limits import limits_of
 from ftc_autopilot.guidance.formation import Formation
 from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.legs import Pose
-from ftc_autopilot.guidance.limits import FlightLimits, level_airspeed
+from ftc_autopilot.guidance.limits import FlightLimits, level_airspeed, too_tight
 from ftc_autopilot.guidance.mission_items import (
     LOITER,
     RETURN,
     TAKEOFF,
     MissionTarget,
     decode_items,
+    is_path,
+    remarks_on,
 )
-from ftc_autopilot.guidance.mission_path import Start, mission_path
+from ftc_autopilot.guidance.mission_path import MissionPath, Start, mission_path
 from ftc_autopilot.guidance.mission_places import Home
 from ftc_autopilot.guidance.path import path_record
 from ftc_autopilot.guidance.runway import STANDS, RunwayFigures
@@ -26,6 +29,7 @@ from mavlink_defs import dialect
 from mavlink_defs.mission_files import mission_item
 from mavlink_defs.profile import AirspeedLimits, ItemError
 from mavlink_defs.services.mission import MissionItem
+from mavlink_defs.services.mission_upload import content_of
 from sitl_plant.airframe.config import Aircraft
 from sitl_plant.airframe.rigid_body import R1
 from sitl_plant.vec3 import mul, norm, sub, vec3
@@ -36,6 +40,9 @@ _CLIMB_RESERVE_DEG = 5.0
 
 class Planner:
     """Makes the paths of one aircraft.
+
+    A mission that is changed in flight is checked, put in force and compared with the fence one
+    after the other, while nothing is controlled: the last two paths are kept for that.
 
     Attributes:
         airspeeds: Range of airspeeds on a path.
@@ -60,6 +67,9 @@ class Planner:
             runway: Its take-off and landing; None: neither is planned.
         """
         self._origin, self._in_formation = origin, formation is not None
+        self._made: deque[tuple[tuple[object, ...], tuple[np.void, tuple[str, ...]]]] = deque(
+            maxlen=2
+        )
         own = limits_of(guidance, aircraft)
         self.airspeeds = AirspeedLimits(own.airspeed_min_m_s, own.airspeed_max_m_s)
         climb_deg = max(own.climb_max_deg - _CLIMB_RESERVE_DEG, 0.5 * own.climb_max_deg)
@@ -89,6 +99,24 @@ class Planner:
             ItemError: It cannot be flown.
         """
         self.path(items, home=home)
+
+    def remarks(
+        self,
+        items: Sequence[MissionItem],
+        home: Home = Home(),  # noqa: B008 - frozen
+    ) -> Iterator[str]:
+        """Yield what is flown otherwise than the items of a mission may be meant.
+
+        Args:
+            items: The mission, home included.
+            home: What relative altitudes count from.
+
+        Raises:
+            ItemError: It cannot be flown.
+        """
+        yield from remarks_on(items)
+        if is_path(items):
+            yield from self._path(items, None, home, 1)[1]
 
     def first_path(self, items: Sequence[MissionItem], measured: np.void) -> np.void:
         """Return the path of a mission that begins with simulated time.
@@ -124,6 +152,16 @@ class Planner:
         Raises:
             ItemError: It cannot be flown.
         """
+        return self._path(items, start, home, first)[0]
+
+    def _path(
+        self, items: Sequence[MissionItem], start: Start | None, home: Home, first: int
+    ) -> tuple[np.void, tuple[str, ...]]:
+        """Return a path, and the remarks on it."""
+        asked = start, home, first, *map(content_of, items[1:])
+        for of, made in self._made:
+            if of == asked:
+                return made
         mission = decode_items(items, self._origin, home, self.limits)
         path = mission_path(mission, self.limits, home, start, first)
         if start is not None and start.stands and not path.marks.climb:
@@ -132,7 +170,9 @@ class Planner:
         if self._in_formation and path.marks.landing:
             text = "a formation does not land; leave the landing out, and land each by itself"
             raise ItemError(int(path.legs[-1].item), dialect.MAV_MISSION_UNSUPPORTED, text)
-        return path_record(*path)
+        made = _record(path), path.remarks
+        self._made.append((asked, made))
+        return made
 
     def circle(
         self, start: Start, centre: tuple[float, float] | None, height: float, radius_m: float = 0.0
@@ -148,8 +188,10 @@ class Planner:
         Raises:
             ItemError: The circle is too small.
         """
+        if (text := too_tight(radius_m, start.airspeed, self.limits)) is not None:
+            raise ItemError(0, dialect.MAV_MISSION_INVALID_PARAM3, text)
         circle = MissionTarget(mission_item(0, LOITER), centre, height, radius=radius_m)
-        return path_record(*mission_path((circle,), self.limits, Home(), start))
+        return _record(mission_path((circle,), self.limits, Home(), start))
 
     def take_off(self, start: Start, height: float) -> np.void:
         """Return the path of a take-off into a circle at its end.
@@ -165,13 +207,15 @@ class Planner:
             raise ItemError(0, dialect.MAV_MISSION_INVALID, "the aircraft is in the air")
         take_off = MissionTarget(mission_item(1, TAKEOFF), height=height)
         circle = MissionTarget(mission_item(2, LOITER), height=height)
-        return path_record(*mission_path((take_off, circle), self.limits, Home(), start))
+        path = mission_path((take_off, circle), self.limits, Home(), start)
+        if path.remarks:
+            raise ItemError(0, dialect.MAV_MISSION_INVALID_PARAM7, path.remarks[0])
+        return _record(path)
 
     def way_home(self, start: Start, home: Home) -> np.void:
         """Return the path from a start into the circle around home."""
-        return path_record(
-            *mission_path((MissionTarget(mission_item(0, RETURN)),), self.limits, home, start)
-        )
+        way = MissionTarget(mission_item(0, RETURN))
+        return _record(mission_path((way,), self.limits, home, start))
 
     def start_of(self, measured: np.void, airspeed: float) -> Start:
         """Return the start of a path at a measured state.
@@ -188,6 +232,10 @@ class Planner:
         if through_air < stall and norm(velocity) < STANDS * stall:
             return Start(Pose(north, east, attitude[2]), -down, airspeed, stands=True)
         return Start(Pose(north, east, math.atan2(v_east, v_north)), -down, airspeed)
+
+
+def _record(path: MissionPath) -> np.void:
+    return path_record(path.legs, path.loop, path.marks, path.commands)
 
 
 def _farthest_right(formation: Formation) -> float:

@@ -24,6 +24,7 @@ from mavlink_defs.runtime.jit import in_python
 from sitl_plant.airframe import aerodynamics, thrust
 from sitl_plant.airframe.aircraft import AircraftRecord, aircraft_record
 from sitl_plant.airframe.config import Aircraft
+from sitl_plant.airframe.gear import Gear
 
 _ROTATE, _APPROACH = 1.15, 1.3
 """Airspeeds, relative to V_s."""
@@ -197,8 +198,8 @@ RUNWAY_FIGURES = np.dtype([(name, "f8") for name in RunwayFigures._fields])
 
 def figures_of(
     runway: RunwayParameters, guidance: GuidanceParameters, aircraft: Aircraft, bandwidth: float
-) -> RunwayFigures:
-    """Return the figures of an aircraft.
+) -> RunwayFigures | None:
+    """Return the figures of an aircraft; None of one without gear.
 
     Args:
         runway: What is asked for.
@@ -206,6 +207,8 @@ def figures_of(
         aircraft: The nominal aircraft.
         bandwidth: Of the reference filter [rad/s].
     """
+    if aircraft.gear is None:
+        return None
     record, limits = aircraft_record(aircraft), limits_of(guidance, aircraft)
     weight = aircraft.mass_kg * aircraft.gravity_m_s2
     stall = _stall_airspeed(record, math.radians(limits.incidence_max_deg))
@@ -223,7 +226,7 @@ def figures_of(
     lag = 3.0 / bandwidth + aircraft.mass_kg * approach / (area * rise)
     slope = math.tan(usual)
     flare = max(_FLARE * lag, approach * slope / (_MOST_FLARE * aircraft.gravity_m_s2))
-    gear = _stance_of(aircraft)
+    gear = _stance_of(aircraft, aircraft.gear)
     acceleration = runway.acceleration_m_s2
     highest = min(gear.tail - _TAIL_RESERVE, math.radians(limits.incidence_max_deg))
     half = 0.5 * float(record["rho"]) * float(record["S"])
@@ -276,11 +279,9 @@ class _Stance(NamedTuple):
     tail: float = 0.5 * math.pi  # pitch at which the tail touches
 
 
-def _stance_of(aircraft: Aircraft) -> _Stance:
+def _stance_of(aircraft: Aircraft, gear: Gear) -> _Stance:
     """Return how an aircraft stands on its gear, and rolls."""
-    gear, span = aircraft.gear, aircraft.wing_span_m
-    if gear is None:
-        return _Stance(CANNOT_START, 0.0)
+    span = aircraft.wing_span_m
     main, third = gear.main(span), gear.third(span)
     pitch = math.remainder(math.atan2(main[2] - third[2], main[0] - third[0]), math.pi)
     height = math.cos(pitch) * main[2] - math.sin(pitch) * main[0] - gear.deflection(span)

@@ -17,7 +17,7 @@ from mavlink_defs.profile import ItemError
 _FLARE_LEGS = 8
 _SETTLING = 3.0
 """Time of level flight on the line of the runway before an approach descends, in lags."""
-_LEAST_CLIMB_M = 10.0
+LEAST_CLIMB_M = 10.0
 """Least height to which a take-off climbs above the runway [m]."""
 _BISECTIONS = 40
 
@@ -41,10 +41,6 @@ def take_off_legs(
         text = "the aircraft has neither wheels nor a launcher to take off from; add"
         text += " `gear: {kind: tricycle}`, or a `launcher` to its gear"
         raise ItemError(seq, dialect.MAV_MISSION_UNSUPPORTED, text)
-    rise = target.height - height
-    if not rise >= _LEAST_CLIMB_M:
-        text = f"it leads {rise:.1f} m above the runway, must be >= {_LEAST_CLIMB_M:g} m"
-        raise ItemError(seq, dialect.MAV_MISSION_INVALID_PARAM7, text)
     roll = figures.launch if figures.starts == FROM_LAUNCHER else figures.take_off_roll
     if math.isinf(roll):
         text = "the aircraft's thrust does not bring it to the airspeed at which it rotates,"
@@ -53,7 +49,7 @@ def take_off_legs(
     _check_length(figures, roll, seq, "a take-off")
     airspeed = target.airspeed
     rolling = Leg(*begin, 0.0, roll, height, 0.0, airspeed, seq)
-    climb = limits.climb
+    climb, rise = limits.climb, target.height - height
     return [rolling, Leg(*rolling.end, 0.0, rise / climb, height, climb, airspeed, seq)]
 
 
@@ -77,8 +73,7 @@ def landing_legs(
     figures, seq = _figures(limits), target.item.seq
     _check_length(figures, figures.landing_roll, seq, "a landing")
     approach, at = figures.approach, target.airspeed_there
-    level = figures.slowing_length(at, limits.gravity_m_s2)
-    level = max(level, _SETTLING * figures.lag * approach)
+    level = _level_length(target, limits)
     slope = _slope(line.length_m, level, height - target.height, figures, seq)
     flare_from, flare_length = figures.flare_height(slope), figures.flare_length(slope)
     descent = (height - target.height - flare_from) / slope
@@ -113,36 +108,80 @@ def landing_legs(
     return legs, marks
 
 
+def too_short(
+    line: Leg, height: float, target: MissionTarget, limits: FlightLimits
+) -> tuple[str, float] | None:
+    """Return that an approach's line is too short, and the length [m] of the usual slope's.
+
+    Args:
+        line: As of `landing_legs`, like all that follows.
+        height: At its beginning [m].
+        target: NAV_LAND.
+        limits: What the aircraft can fly.
+
+    Returns:
+        None: it is long enough.
+    """
+    figures, descent = _figures(limits), height - target.height
+    level = _level_length(target, limits)
+    least = _needed(figures.steepest, level, descent, figures)
+    if line.length_m >= least:
+        return None
+    text = f"an approach of {line.length_m:.0f} m is too short for {descent:.0f} m of height at"
+    text += f" {figures.approach:.1f} m/s, must be >= {least:.0f} m"
+    return text, _needed(figures.slope, level, descent, figures)
+
+
+def around_to(line: Leg, length: float, radius: float) -> tuple[Leg, ...]:
+    """Return the way over a line and around, by two half circles to the left, to a longer line.
+
+    Args:
+        line: Straight, to the place of touchdown.
+        length: Of the longer line, which is the last leg [m].
+        radius: Of the half circles [m].
+    """
+    half = math.pi * radius
+    turn = Leg(*line.end, -1.0 / radius, half)
+    back = Leg(*turn.end, 0.0, length)
+    last = Leg(*back.end, -1.0 / radius, half)
+    return line, turn, back, last, Leg(*last.end, 0.0, length)
+
+
+def _level_length(target: MissionTarget, limits: FlightLimits) -> float:
+    """Return how much of the line of an approach is flown level, at least [m]."""
+    figures = _figures(limits)
+    slowing = figures.slowing_length(target.airspeed_there, limits.gravity_m_s2)
+    return max(slowing, _SETTLING * figures.lag * figures.approach)
+
+
+def _needed(slope: float, level: float, descent: float, figures: RunwayFigures) -> float:
+    """Return the length of the line that an approach with a slope takes [m]."""
+    down = max(descent - figures.flare_height(slope), 0.0) / slope
+    return down + figures.flare_length(slope) + level
+
+
 def _slope(length: float, level: float, descent: float, figures: RunwayFigures, seq: int) -> float:
     """Return the slope of an approach: the usual one, or as steep as its line demands.
 
     Args:
-        length: Of the line [m].
+        length: Of the line, long enough for the steepest one [m].
         level: Of the part of it that is flown level, at least [m].
         descent: Height to lose [m].
         figures: Of the aircraft.
         seq: Number of the item.
     """
-
-    def needed(slope: float) -> float:
-        down = max(descent - figures.flare_height(slope), 0.0) / slope
-        return down + figures.flare_length(slope) + level
-
     least = figures.flare_height(figures.slope)
     if descent < least:
         text = f"the approach begins {descent:.1f} m above the runway, must be >= {least:.1f} m;"
         text += " raise the item before"
         raise ItemError(seq, dialect.MAV_MISSION_INVALID_PARAM7, text)
     low, high = figures.slope, figures.steepest
-    if needed(low) <= length:
+    if _needed(low, level, descent, figures) <= length:
         return low
-    if needed(high) > length:
-        text = f"an approach of {length:.0f} m is too short for {descent:.0f} m of height at"
-        text += f" {figures.approach:.1f} m/s, must be >= {needed(high):.0f} m; move the item"
-        raise ItemError(seq, dialect.MAV_MISSION_INVALID_PARAM7, f"{text} before away, or lower it")
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if needed(middle) > length else (low, middle)
+        fits = _needed(middle, level, descent, figures) <= length
+        low, high = (low, middle) if fits else (middle, high)
     return high
 
 

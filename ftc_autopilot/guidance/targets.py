@@ -1,10 +1,10 @@
 """The places of a mission in the order of flight, each with all that the ones before it decide."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple, TypeAlias
 
-from ftc_autopilot.guidance.limits import FlightLimits, airspeeds_for, tightest_turn, turn_radius
+from ftc_autopilot.guidance.limits import FlightLimits, tightest_turn, too_tight, turn_radius
 from ftc_autopilot.guidance.mission_commands import ANNOUNCED, TAG
 from ftc_autopilot.guidance.mission_items import (
     DEFAULT,
@@ -15,7 +15,6 @@ from ftc_autopilot.guidance.mission_items import (
     LAND,
     LOITER,
     LOITER_TIME,
-    LOITER_TO_ALT,
     LOITER_TURNS,
     PLACES,
     RETURN,
@@ -26,14 +25,18 @@ from ftc_autopilot.guidance.mission_items import (
     WAYPOINTS,
     MissionTarget,
     When,
+    first_of,
     param,
 )
 from ftc_autopilot.guidance.mission_places import Home
 from mavlink_defs import dialect
 from mavlink_defs.mission_files import mission_item
 from mavlink_defs.profile import ItemError
+from mavlink_defs.services.mission import MissionItem
 
 MAX_VISITS = 1000
+_LEVEL_M = 1.0
+"""Difference of the heights of home and a runway that is not remarked on [m]."""
 
 Visit: TypeAlias = tuple[MissionTarget, ...]
 """What is done on the way to a place, jumps included, and the place."""
@@ -114,8 +117,8 @@ def _destination(mission: Sequence[MissionTarget], jump: MissionTarget) -> int:
 class Targets:
     """The targets of a mission, by number from 0; after the last place comes a circle without end.
 
-    Raises:
-        ItemError: A circle is too small to be flown.
+    As ArduPlane does, an airspeed beyond the limits is flown as the nearest within them, a circle
+    that is too tight as tight as it can be, and a landing below the ground on it: see `remarks`.
     """
 
     def __init__(
@@ -136,6 +139,7 @@ class Targets:
             airspeed: Airspeed there [m/s].
         """
         self._order, self._limits = order, limits
+        self._notes: dict[str, dict[int, tuple[MissionItem, str]]] = {}
         start = MissionTarget(mission_item(0, WAYPOINT), begin[:2], begin[2])
         self._found = [start._replace(airspeed=airspeed, home=home)]
 
@@ -164,6 +168,16 @@ class Targets:
             return None
         return next(item.seq for item in reversed(flown) if item.command in JUMPS)
 
+    def note(self, kind: str, item: MissionItem, text: str) -> None:
+        """Note what is flown otherwise than an item says; of each kind the first is a remark."""
+        self._notes.setdefault(kind, {}).setdefault(item.seq, (item, text))
+
+    def remarks(self) -> Iterator[str]:
+        """Yield what is flown otherwise than the items say, up to the last target asked for."""
+        for noted in self._notes.values():
+            items, texts = zip(*noted.values(), strict=True)
+            yield f"{first_of(items)}: {texts[0]}"
+
     def _next(self, before: MissionTarget) -> MissionTarget:
         visits, again = self._order.visits, self._order.again
         n = len(self._found) - 1
@@ -186,7 +200,7 @@ class Targets:
         for target in visit:
             item, first = target.item, param(target.item, 1)
             if item.command == SPEED and (speed := param(item, 2)) != UNCHANGED:
-                airspeed = self._limits.cruise_m_s if speed == DEFAULT else speed
+                airspeed = self._airspeed(item, speed)
                 changes.append((when, airspeed))
             elif item.command == DELAY:
                 way = first * airspeed
@@ -210,7 +224,9 @@ class Targets:
             airspeed=before.airspeed_there, changes=changes, commands=commands, home=home
         )
         command, airspeed = to.item.command, to.airspeed_there
-        if command == LAND or (command in WAYPOINTS and to.radius == 0.0):
+        if command == LAND:
+            return self._on_ground(to)
+        if command in WAYPOINTS and to.radius == 0.0:
             return to if to.place else to._replace(place=before.place)
         radius = self._radius(to, airspeed)
         if command == RETURN:
@@ -222,13 +238,34 @@ class Targets:
         return to._replace(radius=radius, length=length)
 
     def _radius(self, target: MissionTarget, airspeed: float) -> float:
-        """Return the radius of a circle; of a turn if it is 0."""
-        radius, least = target.radius, tightest_turn(airspeed, self._limits)
-        if radius != 0.0 and abs(radius) < least:
-            airspeeds = airspeeds_for(abs(radius), self._limits)
-            text = f"radius {abs(radius):g} m, must be >= {math.ceil(least)} m at {airspeed:g} m/s"
-            if airspeeds is not None:
-                text += " (or the airspeed {} to {} m/s)".format(*airspeeds)
-            number = 2 if target.item.command == LOITER_TO_ALT else 3
-            raise ItemError(target.item.seq, dialect.MAV_MISSION_INVALID_PARAM1 + number - 1, text)
-        return radius or turn_radius(airspeed, self._limits)
+        """Return the radius of a circle, as near to its own as can be; of a turn if it is 0."""
+        if (text := too_tight(target.radius, airspeed, self._limits)) is not None:
+            self.note("circle", target.item, f"{text}; flown as tight as that")
+        radius = target.radius or turn_radius(airspeed, self._limits)
+        return math.copysign(max(abs(radius), tightest_turn(airspeed, self._limits)), radius)
+
+    def _airspeed(self, item: MissionItem, asked: float) -> float:
+        """Return the airspeed that a DO_CHANGE_SPEED leads to [m/s]."""
+        low, high = self._limits.slowest_m_s, self._limits.fastest_m_s
+        if asked == DEFAULT:
+            return self._limits.cruise_m_s
+        airspeed = min(max(asked, low), high)
+        if airspeed != asked:
+            text = f"airspeed {asked:g}, must be {low:g} to {high:g} m/s; {airspeed:g} m/s is flown"
+            self.note("airspeed", item, text)
+        return airspeed
+
+    def _on_ground(self, landing: MissionTarget) -> MissionTarget:
+        """Return a landing that does not lead into the ground, which is flat; note one above it."""
+        runway = self._limits.runway
+        assert runway is not None
+        ground = landing.home.height_m + self._limits.lowest_m + runway.height
+        if landing.height >= ground:
+            above = landing.height - runway.height - landing.home.height_m
+            if above >= _LEVEL_M:
+                text = f"touchdown {above:.4g} m above home: that is in the air, if it is flat"
+                self.note("landing", landing.item, text)
+            return landing
+        text = f"touchdown {ground - landing.height:.4g} m below the ground; flown on it"
+        self.note("landing", landing.item, text)
+        return landing._replace(height=ground)

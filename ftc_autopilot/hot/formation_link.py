@@ -17,12 +17,7 @@ from ftc_autopilot.control.stepping import hear
 from ftc_autopilot.hot.drops import FORMATION
 from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE, MAV_COMP_ID_AUTOPILOT1
 from mavlink_defs.endpoint import parse_address
-from mavlink_defs.framing.codec import (
-    MessageId,
-    pack_bytes,
-    system_of,
-    unpack,
-)
+from mavlink_defs.framing.codec import MessageId, pack_bytes, system_of, unpack
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.hot_link import DROPPED, take
 from mavlink_defs.framing.hot_signing import LinkSigner, sign_frame

@@ -76,6 +76,11 @@ class HotState:
         return int(self._time_us[0])
 
     @property
+    def time_ms(self) -> int:
+        """Simulation time of the last state, as in a `time_boot_ms` [ms]."""
+        return self.time_us // 1000 % 2**32
+
+    @property
     def oldest_state_us(self) -> int:
         """Longest time for which it acted on one state, of the last second or two [µs, simulated].
 

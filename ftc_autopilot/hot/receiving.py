@@ -12,12 +12,7 @@ from ftc_autopilot.hot.navigation import (
     note_sensor,
 )
 from mavlink_defs.dialect import FTC_SIM_FLAGS_ENDED, FTC_SIM_FLAGS_LOCKSTEP
-from mavlink_defs.framing.codec import (
-    MessageId,
-    copy_step,
-    system_of,
-    unpack,
-)
+from mavlink_defs.framing.codec import MessageId, copy_step, system_of, unpack
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.hot_link import DROPPED, NOT_HOT, ReturnReason, take
 from mavlink_defs.framing.hot_signing import LinkSigner

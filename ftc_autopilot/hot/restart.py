@@ -48,7 +48,7 @@ def with_checkpoint(
     join_neighbours(edges, config.neighbours)  # nothing was heard yet
     paths = map_array(path.with_suffix(".path"), PATH, 1)  # large, and seldom changed
     if not resumes:
-        paths[:] = np.zeros((), PATH)
+        paths["count"] = 0
     record = map_array(path.with_suffix(".record"), RECORD, autopilot.record.size)
     estimates = map_array(path.with_suffix(".estimates"), np.dtype("f8"), autopilot.estimates.size)
     estimated = own[0]["navigation"]["count"] > 0

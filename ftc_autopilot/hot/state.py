@@ -136,18 +136,16 @@ def new_autopilots(
     navigations = [new_navigation(config) for config in configs]
     signers = [load_link_signer(key_file, link) for link in (PLANT_LINK, FORMATION_LINK)]
     newest = np.zeros((n, 2, len(signers[0].newest)), np.int64)
-    for row, config, navigation in zip(own, configs, navigations, strict=True):
+    for row, row_edges, config, navigation in zip(own, edges, configs, navigations, strict=True):
         row["system"], row["degree"] = config.id, len(config.neighbours)
         row["navigation"] = navigation.state[0]
-        for k, signer in enumerate(signers):
-            row["signers"][k] = signer.state
+        row["signers"] = [signer.state for signer in signers]
         link, formation, step_us = row["link"], row["formation"], config.step_us
         link["run"], link["step_us"] = NONE, step_us
         formation["timeout_steps"] = round(config.neighbour_timeout_s * 1e6 / step_us)
         formation["fade_steps"] = max(round(_EDGE_FADE_S * 1e6 / step_us), 1)
         formation["most_steps_per_s"] = MAX_SPEED * 1e6 / step_us
-    for i, config in enumerate(configs):
-        join_neighbours(edges[i, : len(config.neighbours)], config.neighbours)
+        join_neighbours(row_edges[: len(config.neighbours)], config.neighbours)
     estimated = any(own["navigation"]["count"] > 0)
     autopilots = Autopilots(
         own=own,

@@ -16,14 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ftc_autopilot.plugins.loading import (
-    file_of,
-    label,
-    library_of,
-    line_about,
-    line_of,
-    plugin_of,
-)
+from ftc_autopilot.plugins.loading import file_of, label, library_of, line_about, line_of, plugin_of
 from ftc_autopilot.plugins.memory import c_function
 from mavlink_defs.config.models import Model
 from mavlink_defs.runtime.foreign import ForeignCode, PluginError, is_ctrl_c

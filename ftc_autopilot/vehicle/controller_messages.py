@@ -48,7 +48,7 @@ class ControllerMessages:
         """Return FTC_TRACKING."""
         signals = self._controllers.uavs[0]["signals"]
         return dialect.MAVLink_ftc_tracking_message(
-            self._time_ms,
+            self._hot.time_ms,
             _degrees(signals["reference"]),
             _degrees(signals["error"]),
             _degrees(signals["sync_error"]),
@@ -62,7 +62,7 @@ class ControllerMessages:
             min(int(steps) * self._hot.step_us, NO_INTERVAL) for steps in controller["min_interval"]
         ]
         return dialect.MAVLink_ftc_events_message(
-            time_boot_ms=self._time_ms,
+            time_boot_ms=self._hot.time_ms,
             steps=int(controller["steps"]),
             events=list(map(int, controller["events"])),
             min_interval_us=intervals,
@@ -81,17 +81,13 @@ class ControllerMessages:
         known = state.dtype.names or ()
         names = ("Phi_v", "g_v", "beta_v", "Phi_omega", "beta_omega")
         estimates = (state[name] if name in known else math.nan for name in names)
-        return dialect.MAVLink_ftc_adaptation_message(self._time_ms, *float32s(estimates))
+        return dialect.MAVLink_ftc_adaptation_message(self._hot.time_ms, *float32s(estimates))
 
     @message(dialect.MAVLink_ftc_drops_message)
     def drops(self) -> MAVLink_message:
         """Return FTC_DROPS."""
         links = map(drop_counts, self._hot.drops)  # in the order of the fields
-        return dialect.MAVLink_ftc_drops_message(self._time_ms, *links)
-
-    @property
-    def _time_ms(self) -> int:
-        return self._hot.time_us // 1000 % 2**32
+        return dialect.MAVLink_ftc_drops_message(self._hot.time_ms, *links)
 
 
 def _degrees(values: np.ndarray) -> list[float]:

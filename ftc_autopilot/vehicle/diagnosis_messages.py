@@ -44,12 +44,12 @@ class DiagnosisMessages:
         if self._diagnosis is None:
             unknown = [math.nan] * n
             return dialect.MAVLink_ftc_diagnosis_message(
-                self._time_ms, unknown, unknown, unknown, [dialect.FTC_PHASE_UNKNOWN] * n
+                self._hot.time_ms, unknown, unknown, unknown, [dialect.FTC_PHASE_UNKNOWN] * n
             )
         signals = self._controllers.uavs[0]["signals"]
         offsets = [self._amount(c, float(signals["offset"][c])) for c in range(n)]
         return dialect.MAVLink_ftc_diagnosis_message(
-            self._time_ms,
+            self._hot.time_ms,
             float32s(signals["effectiveness"]),
             float32s(offsets),
             float32s(signals["confidence"]),
@@ -92,7 +92,3 @@ class DiagnosisMessages:
     def _amount(channel: int, value: float) -> float:
         """Return an angle in degrees, a thrust unchanged [N]."""
         return value if channel == THROTTLE else math.degrees(value)
-
-    @property
-    def _time_ms(self) -> int:
-        return self._hot.time_us // 1000 % 2**32

@@ -21,9 +21,8 @@ from mavlink_defs.constants import BAROMETER, GNSS, MAGNETOMETER, PITOT
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.float32 import float32s
 
-_SHARED = (
-    0b11_1111_1111  # ESTIMATOR_STATUS_FLAGS and EKF_STATUS_FLAGS have the same values up to here
-)
+_SHARED = 0b11_1111_1111
+"""ESTIMATOR_STATUS_FLAGS and EKF_STATUS_FLAGS have the same values up to here."""
 _ALL_KNOWN = _SHARED & ~dialect.ESTIMATOR_CONST_POS_MODE
 _EKF_UNINITIALIZED, _EKF_GPS_GLITCHING = 1024, 32768  # of ardupilotmega.xml
 _MOVING = (

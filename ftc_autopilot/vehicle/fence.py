@@ -13,15 +13,15 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from ftc_autopilot.common.geography import Origin
-from ftc_autopilot.guidance.fence import Fence, clearances, decode_fence
+from ftc_autopilot.guidance.fence import Fence, FenceWatch, decode_fence
 from ftc_autopilot.guidance.fence_parameters import (
     ALT_MAX,
     ALT_MIN,
-    AREAS,
     REPORT,
     TO_GUIDED,
     TO_LOITER,
 )
+from ftc_autopilot.guidance.runway_phases import FLYING
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.vehicle.changes import Change
 from ftc_autopilot.vehicle.clock import VehicleClock
@@ -45,7 +45,9 @@ _LOW, _HIGH, _BOUNDARY = (
     dialect.FENCE_BREACH_MAXALT,
     dialect.FENCE_BREACH_BOUNDARY,
 )
-_STATE = struct.Struct("<3B2I")  # breaches as bits, last type, floor off, count, time [ms]
+_STATE = struct.Struct(
+    "<4B2I"
+)  # breaches as bits, last type, floor off, flies own, count, time [ms]
 
 
 class VehicleFence:
@@ -118,26 +120,10 @@ class VehicleFence:
         return self._next_step if self.enabled else _NEVER
 
     @property
-    def watches(self) -> bool:
-        """Whether there is anything to watch, if it is enabled."""
-        kinds = self._kinds
-        return bool(kinds & ~AREAS or (kinds & AREAS and self.fence.areas))
-
-    def clearance(self, north: float, east: float, height: float) -> float:
-        """Return how far inside a place is, by all that is watched if it is enabled [m].
-
-        Args:
-            north: [m].
-            east: [m].
-            height: Above the origin [m].
-        """
-        clearances = self._clearances(north, east, height)
-        return min((clear for _, clear, _ in clearances), default=math.inf)
-
-    def room(self, north: float, east: float) -> float:
-        """Return the distance from a place to what is watched beside heights [m]."""
-        found = self._clearances(north, east, 0.0)
-        return min((clear for kind, clear, _ in found if kind == _BOUNDARY), default=math.inf)
+    def watch(self) -> FenceWatch:
+        """What is watched, if it is enabled."""
+        home, floor = self._path.home.at, not self._without_floor
+        return FenceWatch(self.fence, self._record[0], home, floor)
 
     def held_height(self, height: float) -> float:
         """Return the height nearest to one that is within the heights watched, by the margin [m].
@@ -147,7 +133,7 @@ class VehicleFence:
         """
         if not self.enabled:
             return height
-        home, kinds = self._path.home.at.height_m, self._kinds
+        home, kinds = self._path.home.at.height_m, self.watch.kinds
         if kinds & ALT_MIN:
             height = max(height, home + self._number("alt_min_m") + self._number("margin_m"))
         if kinds & ALT_MAX:
@@ -158,10 +144,10 @@ class VehicleFence:
         """Return why the vehicle must not be armed; None if it may."""
         if not self.enabled:
             return None
-        if not self.watches:
+        if self.watch.is_empty:
             return "FENCE_ENABLE is 1, and there is no fence: upload one, or set it to 0"
-        outside = [why for _, clear, why in self._clearances(*self._path.here()) if clear < 0.0]
-        return f"outside the fence: {outside[0]}" if outside else None
+        start = self._path.planner.start_of(self._hot.measured, self._path.airspeed)
+        return self.watch.objection(self._path.here(), stands=start.stands)
 
     @message(
         dialect.MAVLink_fence_status_message,
@@ -205,7 +191,7 @@ class VehicleFence:
             return self._refuse(f"param 1 is {what:g}, must be 0 (off), 1 (on) or 2 (no floor)")
         if types != 0.0 and not math.isnan(types):
             return self._refuse(f"param 2 is {types:g}, must be 0; FENCE_TYPE says what is watched")
-        if what == 1.0 and not self.watches:
+        if what == 1.0 and self.watch.is_empty:
             self._refuse("there is no fence")
             return dialect.MAV_RESULT_FAILED
         self._without_floor = what == 2.0
@@ -243,8 +229,9 @@ class VehicleFence:
     def state(self) -> bytes:
         """Return parameters and breaches, for a checkpoint."""
         breaches = sum(1 << kind for kind in self._breaches)
-        own = (breaches, self._type, self._without_floor, self._count, self._time_ms)
-        return self._record.tobytes() + _STATE.pack(*own)
+        flags = self._without_floor, self._own_path == self._path.number
+        own = _STATE.pack(breaches, self._type, *flags, self._count, self._time_ms)
+        return self._record.tobytes() + own
 
     def resume(self, items: Sequence[MissionItem], state: bytes) -> None:
         """Restore what a checkpoint has: items, and the bytes of `state`."""
@@ -252,10 +239,11 @@ class VehicleFence:
         self.fence = decode_fence(items, self._origin)
         if len(state) == self._record.nbytes + _STATE.size:
             self._record[:] = np.frombuffer(state[: -_STATE.size], self._record.dtype)
-            bits, self._type, floor, self._count, self._time_ms = _STATE.unpack(
+            bits, self._type, floor, flies_own, self._count, self._time_ms = _STATE.unpack(
                 state[-_STATE.size :]
             )
             self._without_floor = bool(floor)
+            self._own_path = self._path.number if flies_own else -1
             self._breaches = {kind for kind in (_LOW, _HIGH, _BOUNDARY) if bits >> kind & 1}
 
     # inside
@@ -263,25 +251,16 @@ class VehicleFence:
     def _number(self, name: str) -> float:
         return float(self._record[name][0])
 
-    @property
-    def _kinds(self) -> int:
-        """What is watched, as of FENCE_TYPE."""
-        return int(self._record["type"][0]) & ~(ALT_MIN if self._without_floor else 0)
-
     def _decoded(self, items: Sequence[MissionItem]) -> Fence:
         return decode_fence(items, self._origin, self._path.home.at)
 
-    def _clearances(
-        self, north: float, east: float, height: float
-    ) -> Iterator[tuple[int, float, str]]:
-        """Yield what is watched, as `ftc_autopilot.guidance.fence.clearances` does."""
-        place, home = (north, east, height), self._path.home.at
-        return clearances(self.fence, self._record[0], self._kinds, home, place)
-
     def _new_breaches(self) -> Iterator[tuple[int, float, str]]:
-        """Yield the breaches that begin, as of `_clearances`; end those that are over."""
+        """Yield the breaches that begin, as of `FenceWatch.at`; end those that are over."""
         least: dict[int, tuple[float, str]] = {}
-        for kind, clear, why in self._clearances(*self._path.here()):
+        watch = self.watch
+        if self._path.phase != FLYING:  # takes off or lands
+            watch = watch._replace(floor=False)
+        for kind, clear, why in watch.at(self._path.here()):
             least[kind] = min(least.get(kind, (math.inf, "")), (clear, why))
         was_breached, margin = self.is_breached, self._number("margin_m")
         for kind in (_LOW, _HIGH, _BOUNDARY):

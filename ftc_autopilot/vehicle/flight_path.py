@@ -16,7 +16,14 @@ from ftc_autopilot.control.controllers import Controllers, ReferenceSource, begi
 from ftc_autopilot.guidance.limits import tightest_turn
 from ftc_autopilot.guidance.mission_path import Start
 from ftc_autopilot.guidance.mission_places import Home, home_item
-from ftc_autopilot.guidance.path import NO_LOOP, PathPoint, commands_between, locate, point_at
+from ftc_autopilot.guidance.path import (
+    NO_LOOP,
+    PathPoint,
+    commands_between,
+    locate,
+    point_at,
+    put_path,
+)
 from ftc_autopilot.guidance.planner import Planner
 from ftc_autopilot.guidance.runway import figures_of
 from ftc_autopilot.guidance.runway_phases import STANDING, STOPPED
@@ -275,11 +282,7 @@ class FlightPath:
         """Put a path in force; one whose writing a death cuts short has no legs."""
         self.number, self.begun_at = self.number + 1, way.near
         self.airspeed = way.airspeed or self.airspeed
-        whole = way.path.copy()
-        whole["count"] = 0
-        self._paths[0]["count"] = 0
-        self._paths[0] = whole
-        self._paths[0]["count"] = way.path["count"]
+        put_path(self.record, way.path)
         begin_path(self._guidance, way.near, in_slot=way.in_slot)
 
     def go_around(self) -> None:

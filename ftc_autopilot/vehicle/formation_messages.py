@@ -40,7 +40,7 @@ class FormationMessages:
         own = int(state["table"][self._members.index(self._own)]) if path_id else 0
         position, rate, distance = float32s((state["xi"], state["xi_rate"], state["distance"]))
         return dialect.MAVLink_ftc_formation_message(
-            self._hot.time_us // 1000 % 2**32,
+            self._hot.time_ms,
             path_id,
             position,
             rate,

@@ -13,11 +13,7 @@ from mavlink_defs.constants import AUTO, MAX_MISSION_ITEMS
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.mission import MissionItem
-from mavlink_defs.services.mission_server import (
-    MissionAccepted,
-    MissionRefused,
-    MissionServer,
-)
+from mavlink_defs.services.mission_server import MissionAccepted, MissionRefused, MissionServer
 
 _IN_MISSION_MODE, _SUSPENDED = 1, 2
 """MISSION_CURRENT.mission_mode."""

@@ -12,7 +12,6 @@ from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controller import restart_law
 from ftc_autopilot.control.controllers import NOT_STARTED, Controllers, ReferenceSource
 from ftc_autopilot.control.reference import profile_record
-from ftc_autopilot.guidance.mission_commands import remarks_on
 from ftc_autopilot.guidance.mission_items import is_path, refusal
 from ftc_autopilot.guidance.mission_places import Home
 from ftc_autopilot.hot.hot_state import HotState
@@ -158,7 +157,7 @@ class Modes:
                 if self.is_over():
                     text += "; to fly it from its start, start the mission again"
         self._say(dialect.MAV_SEVERITY_INFO, text)
-        for remark in remarks_on(items):
+        for remark in self.path.planner.remarks(items, self.path.home.at):
             self._say(dialect.MAV_SEVERITY_INFO, f"mission: {remark}")
         if self.mode == AUTO and self.started:
             self._enter(AUTO)

@@ -43,12 +43,7 @@ from ftc_autopilot.plugins.models import PLUGIN, owned
 from mavlink_defs import dialect
 from mavlink_defs.config.quantity import Quantity, describe
 from mavlink_defs.services.param import MAX_NAME
-from mavlink_defs.services.param_server import (
-    INT32,
-    REAL32,
-    Parameter,
-    ParamValueError,
-)
+from mavlink_defs.services.param_server import INT32, REAL32, Parameter, ParamValueError
 
 SPAN = 10.0
 """Largest value of a parameter whose field declares no upper bound, relative to its default."""
@@ -157,6 +152,24 @@ def _tunables_of(config: AutopilotConfig, controllers: Controllers) -> list[Tuna
     return found
 
 
+def _clock_s(hot: HotState, controllers: Controllers) -> float:
+    """Return the time since the start of the profile or mission [s]; 0 before."""
+    start = int(controllers.uavs[0]["guidance"]["start_step"])
+    return 0.0 if start == NOT_STARTED else max(hot.step - start, 0) * hot.step_us / 1e6
+
+
+def _put_at_the_start(controllers: Controllers, tunable: Tunable, value: float) -> None:
+    if controllers.uavs[0]["controller"]["steps"] > 0:
+        raise ParamValueError("acts at the start only", dialect.MAV_PARAM_ERROR_READ_ONLY)
+    tunable.put(value)
+
+
+def _put_action(tunable: Tunable, value: float) -> None:
+    if 0.0 <= value <= max(ACTION_NUMBERS) and value not in ACTION_NUMBERS:
+        raise ParamValueError(f"is {value:g}, must be {tunable.quantity.doc}")
+    tunable.put(value)
+
+
 def parameters_of(
     config: AutopilotConfig,
     hot: HotState,
@@ -173,22 +186,6 @@ def parameters_of(
     """
     kind = config.controller.kind
     fence = fence or fence_records(config.fence, config.rally)
-
-    def clock_s() -> float:
-        start = int(controllers.uavs[0]["guidance"]["start_step"])
-        if start == NOT_STARTED:
-            return 0.0
-        return max(hot.step - start, 0) * hot.step_us / 1e6
-
-    def put_at_the_start(tunable: Tunable, value: float) -> None:
-        if controllers.uavs[0]["controller"]["steps"] > 0:
-            raise ParamValueError("acts at the start only", dialect.MAV_PARAM_ERROR_READ_ONLY)
-        tunable.put(value)
-
-    def put_action(tunable: Tunable, value: float) -> None:
-        if 0.0 <= value <= max(ACTION_NUMBERS) and value not in ACTION_NUMBERS:
-            raise ParamValueError(f"is {value:g}, must be {tunable.quantity.doc}")
-        tunable.put(value)
 
     def put_mode(tunable: Tunable, value: float) -> None:
         mode = (*MODES, config.trigger.mode)[int(value)] if 0 <= value <= PLUGIN_MODE else ""
@@ -215,10 +212,10 @@ def parameters_of(
         if tunable.name == "TRIG_MODE":
             put = partial(put_mode, tunable)
         elif tunable.name == "FENCE_ACTION":
-            put = partial(put_action, tunable)
+            put = partial(_put_action, tunable)
         elif tunable.field in _AT_THE_START:
-            put = partial(put_at_the_start, tunable)
-        get = partial(lambda tunable: tunable.at(clock_s()), tunable)
+            put = partial(_put_at_the_start, controllers, tunable)
+        get = partial(lambda tunable: tunable.at(_clock_s(hot, controllers)), tunable)
         is_fixed = tunable.field in _BEFORE
         parameters.append(Parameter(tunable.name, tunable.type, get, None if is_fixed else put))
     return parameters
@@ -268,10 +265,7 @@ def trigger_tunables(records: np.ndarray, mode: str | None = None) -> Iterator[T
 
 
 def tunables(
-    model: type[BaseModel],
-    records: np.ndarray,
-    prefix: str = "",
-    base: type[BaseModel] = BaseModel,
+    model: type[BaseModel], records: np.ndarray, prefix: str = "", base: type[BaseModel] = BaseModel
 ) -> Iterator[Tunable]:
     """Find the numbers that a model has beyond a base class.
 

@@ -35,11 +35,7 @@ class PathMessages:
     """Makes the messages about where a path leads, and how far the vehicle is from it."""
 
     def __init__(
-        self,
-        shown: ShownState,
-        controllers: Controllers,
-        path: FlightPath,
-        clock: VehicleClock,
+        self, shown: ShownState, controllers: Controllers, path: FlightPath, clock: VehicleClock
     ) -> None:
         self._shown, self._controllers = shown, controllers
         self._path, self._clock = path, clock

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 
 from ftc_autopilot.config import AutopilotConfig
-from ftc_autopilot.guidance.fence import leaves_at
 from ftc_autopilot.guidance.fence_parameters import FenceRecords
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.vehicle.clock import VehicleClock
@@ -93,7 +92,7 @@ class VehiclePlan:
         """Follow a home that was moved."""
         self.mission.server.refresh_home()
         home = self._home.at
-        if self.fence.clearance(home.north_m, home.east_m, home.height_m) < 0.0:
+        if self.fence.watch.room((home.north_m, home.east_m, home.height_m)) < 0.0:
             self._say(dialect.MAV_SEVERITY_WARNING, "home is outside the fence")
 
     def restart(self) -> None:
@@ -140,9 +139,11 @@ class VehiclePlan:
         mission, fence, rally = (
             part.handle_events() for part in (self.mission, self.fence, self.rally)
         )
-        if (fence or rally) and self.fence.watches:
+        if self.fence.watch.is_empty:
+            return
+        if fence or rally:
             self.rally.tell_if_outside()
-        if (mission or fence) and self.fence.watches and self._path.items:
+        if (mission or fence) and self._path.items:
             self._tell_if_left(self._path.items)
 
     def _tell_if_left(self, items: Sequence[MissionItem]) -> None:
@@ -151,6 +152,6 @@ class VehiclePlan:
             path = self._path.planner.path(items, home=self._home.at)
         except ItemError:  # of another home
             return
-        if (item := leaves_at(path, self.fence.clearance)) is not None:
+        if (item := self.fence.watch.left_by(path)) is not None:
             text = f"the mission leaves the fence on the way to item {item}"
             self._say(dialect.MAV_SEVERITY_WARNING, text)

@@ -76,13 +76,14 @@ class VehicleRally:
         """Warn of points outside the fence, and of those, and a home, whose circles leave it."""
         limits, home = self._path.planner.limits, self._path.home.at
         radius = turn_radius(limits.cruise_m_s, limits)
-        if self._fence.room(home.north_m, home.east_m) < radius:
+        watch = self._fence.watch
+        if watch.room((home.north_m, home.east_m, home.height_m)) < radius:
             self._warn(f"the circle around home, {radius:.0f} m, leaves the fence")
         for point in self._points(home):
             name = f"rally point {point.item}"
-            if self._fence.clearance(*point[:3]) < 0.0:
+            if watch.clearance(point[:3]) < 0.0:
                 self._warn(f"{name} is outside the fence, not used while that is enabled")
-            elif self._fence.room(point.north_m, point.east_m) < radius:
+            elif watch.room(point[:3]) < radius:
                 self._warn(f"the circle around {name}, {radius:.0f} m, leaves the fence")
 
     def refuge(self, home: Home) -> tuple[float, float, float] | None:
@@ -124,7 +125,7 @@ class VehicleRally:
         self._say(dialect.MAV_SEVERITY_WARNING, text)
 
     def _is_inside(self, point: RallyPoint) -> bool:
-        return not self._fence.enabled or self._fence.clearance(*point[:3]) >= 0.0
+        return not self._fence.enabled or self._fence.watch.clearance(point[:3]) >= 0.0
 
     def _points(self, home: Home) -> tuple[RallyPoint, ...]:
         """Return the points that can be flown to, with altitudes above the home of now."""

@@ -28,11 +28,7 @@ class StateMessages:
     """Makes messages of position, attitude, motion and actuators; times are on its clock."""
 
     def __init__(
-        self,
-        shown: ShownState,
-        controllers: Controllers,
-        home: VehicleHome,
-        clock: VehicleClock,
+        self, shown: ShownState, controllers: Controllers, home: VehicleHome, clock: VehicleClock
     ) -> None:
         self._shown, self._home, self._clock = shown, home, clock
         self._signals = controllers.uavs[0]["signals"]

@@ -51,36 +51,22 @@ from mavlink_defs.framing.frames import text_chunks
 from mavlink_defs.profile import segments_to_items
 from mavlink_defs.services.command import CommandMessage
 from mavlink_defs.services.machine import SystemId, is_for
-from mavlink_defs.services.param_server import (
-    ParamChanged,
-    ParamRefused,
-    ParamRenamed,
-    ParamServer,
-)
+from mavlink_defs.services.param_server import ParamChanged, ParamRefused, ParamRenamed, ParamServer
 from mavlink_defs.services.responder import Responder
 from mavlink_defs.system_ids import bits_of
 
 _HEARTBEAT_S = 1.0
 _REGISTER_S = 0.1  # between HEARTBEATs to the plant until it answers
-_MODES = {  # commands that are modes
-    dialect.MAV_CMD_NAV_LOITER_UNLIM: LOITER,
-    dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH: RTL,
-}
-_IMPOSSIBLE = (  # commands refused with the reason
-    dialect.MAV_CMD_NAV_VTOL_TAKEOFF,
-    dialect.MAV_CMD_NAV_VTOL_LAND,
-)
+# commands that are modes; commands refused with the reason
+_MODES = {dialect.MAV_CMD_NAV_LOITER_UNLIM: LOITER, dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH: RTL}
+_IMPOSSIBLE = (dialect.MAV_CMD_NAV_VTOL_TAKEOFF, dialect.MAV_CMD_NAV_VTOL_LAND)
 
 
 class VehicleServices:
     """The services of one autopilot, between the steps of its control loop."""
 
     def __init__(
-        self,
-        config: AutopilotConfig,
-        hot: HotState,
-        controllers: Controllers,
-        unix_s: float = 0.0,
+        self, config: AutopilotConfig, hot: HotState, controllers: Controllers, unix_s: float = 0.0
     ) -> None:
         """Boot.
 

@@ -23,9 +23,13 @@ def _ordered(low: float, high: float) -> None:
 
 
 class Uniform(Model):
-    """Every value between two ends is as likely."""
+    """Every value between two ends is as likely.
 
-    kind: Literal["uniform"] = Field(description="Every value between two ends is as likely.")
+    Attributes:
+        kind: Every value between two ends is as likely.
+    """
+
+    kind: Literal["uniform"]
     low: float = quantity("", "Lower end.")
     high: float = quantity("", "Upper end.")
 
@@ -36,9 +40,13 @@ class Uniform(Model):
 
 
 class LogUniform(Model):
-    """The logarithm is uniform: every order of magnitude is as likely."""
+    """The logarithm is uniform: every order of magnitude is as likely.
 
-    kind: Literal["log_uniform"] = Field(description="Every order of magnitude is as likely.")
+    Attributes:
+        kind: Every order of magnitude is as likely.
+    """
+
+    kind: Literal["log_uniform"]
     low: float = quantity("", "Lower end.", gt=0.0)
     high: float = quantity("", "Upper end.", gt=0.0)
 
@@ -49,19 +57,25 @@ class LogUniform(Model):
 
 
 class Normal(Model):
-    """The normal distribution; it has no ends."""
+    """The normal distribution; it has no ends.
 
-    kind: Literal["normal"] = Field(description="Without ends.")
+    Attributes:
+        kind: Without ends.
+    """
+
+    kind: Literal["normal"]
     mean: float = quantity("", "Mean.")
     deviation: float = quantity("", "Standard deviation.", gt=0.0)
 
 
 class TruncatedNormal(Model):
-    """The normal distribution given that the value lies between two ends."""
+    """The normal distribution given that the value lies between two ends.
 
-    kind: Literal["truncated_normal"] = Field(
-        description="Normal, given that the value lies between two ends."
-    )
+    Attributes:
+        kind: Normal, given that the value lies between two ends.
+    """
+
+    kind: Literal["truncated_normal"]
     mean: float = quantity("", "Mean before it is truncated.")
     deviation: float = quantity("", "Standard deviation before it is truncated.", gt=0.0)
     low: float = quantity("", "Lower end.")
@@ -74,12 +88,15 @@ class TruncatedNormal(Model):
 
 
 class Choice(Model):
-    """Every value of a list is as likely: numbers, texts, lists or mappings."""
+    """Every value of a list is as likely: numbers, texts, lists or mappings.
 
-    kind: Literal["choice"] = Field(description="Every value of a list is as likely.")
-    values: Annotated[tuple[Value, ...], AtMost(10_000)] = Field(
-        min_length=1, description="The values, anything that the key can have."
-    )
+    Attributes:
+        kind: Every value of a list is as likely.
+        values: The values, anything that the key can have.
+    """
+
+    kind: Literal["choice"]
+    values: Annotated[tuple[Value, ...], AtMost(10_000)] = Field(min_length=1)
 
     @model_validator(mode="after")
     def _each_once(self) -> "Choice":

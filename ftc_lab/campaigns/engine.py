@@ -16,14 +16,7 @@ import numpy as np
 from ftc_lab.campaigns.flights import Flights, Row, ended
 from ftc_lab.campaigns.plan import Plan, rows_of
 from ftc_lab.campaigns.store import alone_in, append_results, read_results
-from ftc_lab.campaigns.workers import (
-    Batch,
-    Flown,
-    Workers,
-    cluster,
-    compile_core,
-    local_workers,
-)
+from ftc_lab.campaigns.workers import Batch, Flown, Workers, cluster, compile_core, local_workers
 
 if TYPE_CHECKING:
     import pyarrow as pa

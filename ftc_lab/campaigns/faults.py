@@ -106,14 +106,15 @@ class DrawnFault(_Drawn, _DrawnActuatorKeys):
 
     A severity is signed, in shares: of a loss, what the command loses (sign without meaning); of
     a bias or a stuck position, the value by the actuator's limit (a stuck throttle: its size).
+
+    Attributes:
+        frequency_hz: Frequency of the value, or of on and off [Hz]; none: constant.
     """
 
     PARTS: ClassVar[tuple[str, ...]] = ("actuators",)
     VALUE: ClassVar[str] = "severity"
 
-    frequency_hz: Distribution | None = Field(
-        default=None, description="Frequency of the value, or of on and off [Hz]; none: constant."
-    )
+    frequency_hz: Distribution | None = None
 
     def _found(self) -> Iterator[tuple[Loc, str]]:
         yield from super()._found()

@@ -6,6 +6,7 @@ from typing import TypeAlias
 
 from pydantic import Field
 
+from ftc_lab.campaigns import statistics
 from ftc_lab.campaigns.conditions import (
     EVENTS,
     Condition,
@@ -15,15 +16,6 @@ from ftc_lab.campaigns.conditions import (
     parsed,
 )
 from ftc_lab.campaigns.samples import Sample, higher_is_better, same_draws
-from ftc_lab.campaigns.statistics import (
-    Estimate,
-    compare_costs,
-    compare_paired_costs,
-    compare_paired_successes,
-    compare_successes,
-    proportion,
-    quantile,
-)
 from gcs.console.errors import BadInput
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import quantity
@@ -147,7 +139,8 @@ def gate(
 
 def _absolute(rule: Condition, new: Sample) -> Check:
     count, flights = int(happened(rule.event, new.outcome).sum()), len(new)
-    found = proportion(count, flights, 1.0 - 2.0 * rule.error)  # both tails: one-sided limits
+    both_tails = 1.0 - 2.0 * rule.error  # for one-sided limits
+    found = statistics.proportion(count, flights, both_tails)
     shown = found.high < rule.probability if rule.relation == "<" else found.low > rule.probability
     limit = f"at most {found.high:.4f}" if rule.relation == "<" else f"at least {found.low:.4f}"
     return Check(
@@ -181,7 +174,7 @@ def _relative(rule: Worse, old: Sample, new: Sample, variants: int) -> Check:
     )
 
 
-def _counts(worse: int, better: int, share: Estimate, level: float) -> str:
+def _counts(worse: int, better: int, share: statistics.Estimate, level: float) -> str:
     """Return in how many draws the new flights are worse, with limits that belong to the test."""
     text = f"worse in {worse} draws, better in {better}"
     if worse + better == 0:
@@ -198,14 +191,14 @@ def _event(rule: Worse, old: Sample, new: Sample, paired: bool, level: float) ->
     event = rule.event or ""
     before, after = happened(event, old.outcome), happened(event, new.outcome)
     good = (before, after) if event == "success" else (~before, ~after)
-    compare = compare_paired_successes if paired else compare_successes
+    compare = statistics.compare_paired_successes if paired else statistics.compare_successes
     found = compare(*good, "worse", level)
     counts = (
         f"{counted(event)} in {after.sum()} of {len(after)} flights, "
         f"was {before.sum()} of {len(before)}"
     )
     if found.only_old is not None and found.only_new is not None:
-        worse = proportion(found.only_old, found.only_old + found.only_new, level)
+        worse = statistics.proportion(found.only_old, found.only_old + found.only_new, level)
         counts += f"; {_counts(found.only_old, found.only_new, worse, level)}"
     change = found.difference
     return found.p_value, (
@@ -218,16 +211,16 @@ def _event(rule: Worse, old: Sample, new: Sample, paired: bool, level: float) ->
 def _cost(rule: Worse, old: Sample, new: Sample, paired: bool, level: float) -> tuple[float, str]:
     before, after = old.cost(rule.figure), new.cost(rule.figure)
     found = (
-        compare_paired_costs(before, after, "worse", level)
+        statistics.compare_paired_costs(before, after, "worse", level)
         if paired
-        else compare_costs(before, after, "worse")
+        else statistics.compare_costs(before, after, "worse")
     )
     if found.worse is not None and found.better is not None:
         counts = _counts(found.worse, found.better, found.share, level)
     else:
         counts = f"worse with a probability of {100.0 * found.share.value:.1f} %, equal ones half"
     sign = -1.0 if higher_is_better(rule.figure) else 1.0
-    medians = (sign * quantile(costs, 0.5).value for costs in (after, before))
+    medians = (sign * statistics.quantile(costs, 0.5).value for costs in (after, before))
     what = "draws" if paired else "flights"
     return found.p_value, (
         "median {:.4g}, was {:.4g}; ".format(*medians)

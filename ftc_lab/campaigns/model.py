@@ -7,12 +7,7 @@ Errors of a file are found as in a scenario, all at once; what needs the scenari
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import (
-    AfterValidator,
-    Field,
-    StringConstraints,
-    model_validator,
-)
+from pydantic import AfterValidator, Field, StringConstraints, model_validator
 
 from ftc_lab.campaigns.distributions import Choice, Distribution
 from ftc_lab.campaigns.faults import AnyDrawnFault
@@ -39,24 +34,28 @@ VariantName = Annotated[
 
 
 class Factor(Model):
-    """One drawn value, laid over one key of the scenario."""
+    """One drawn value, laid over one key of the scenario.
 
-    key: str | None = Field(
-        default=None, description="Key of the scenario, as in trigger.b2_deg; the name by default."
-    )
-    draw: Distribution = Field(description="Distribution of the value.")
-    relative: bool = Field(
-        default=False, strict=True, description="Multiply the scenario's value by the drawn one."
-    )
+    Attributes:
+        key: Key of the scenario, as in trigger.b2_deg; the name by default.
+        draw: Distribution of the value.
+        relative: Multiply the scenario's value by the drawn one.
+    """
+
+    key: str | None = None
+    draw: Distribution
+    relative: bool = Field(default=False, strict=True)
 
 
 class Kept(Model):
-    """Flights whose trajectories are kept, in ``flights/ROW``."""
+    """Flights whose trajectories are kept, in ``flights/ROW``.
+
+    Attributes:
+        figures: Columns of the results, as in uav3.iae_roll; the largest is worst.
+    """
 
     worst: int = whole("", "How many of the worst flights per figure.", 0, ge=0)
-    figures: Annotated[tuple[str, ...], AtMost(1000)] = Field(
-        default=(), description="Columns of the results, as in uav3.iae_roll; the largest is worst."
-    )
+    figures: Annotated[tuple[str, ...], AtMost(1000)] = ()
     failures: int = whole("", "How many flights of each failed outcome.", 0, ge=0)
     share: float = quantity("", "Random share of all flights.", 0.0, ge=0.0, le=1.0)
 
@@ -68,13 +67,22 @@ class Kept(Model):
 
 
 class Campaign(Model):
-    """Many flights of one scenario, with values drawn from distributions."""
+    """Many flights of one scenario, with values drawn from distributions.
 
-    name: Title = Field(min_length=1, description="Name of the campaign.")
-    description: Prose = Field(default="", description="Purpose, in a line or more.")
-    scenario: str = Field(
-        min_length=1, description="The base: a file beside this one, or a bundled scenario."
-    )
+    Attributes:
+        name: Name of the campaign.
+        description: Purpose, in a line or more.
+        scenario: The base: a file beside this one, or a bundled scenario.
+        design: How values are drawn together; a grid takes every combination of choices.
+        factors: Drawn values, by name.
+        faults: Drawn faults, by name; one with `sensors` is of a sensor.
+        variants: Changes of the scenario that fly the same draws, by name, as after `extends`.
+        keep: Flights whose trajectories are kept.
+    """
+
+    name: Title = Field(min_length=1)
+    description: Prose = ""
+    scenario: str = Field(min_length=1)
     seed: int = whole("", "Seed of every draw.", 1, ge=0, le=2**32 - 1)
     draws: int | None = whole(
         "",
@@ -83,22 +91,13 @@ class Campaign(Model):
         ge=1,
         le=100_000_000,
     )
-    design: Design = Field(
-        default="random",
-        description="How values are drawn together; a grid takes every combination of choices.",
-    )
-    factors: Annotated[dict[Name, Factor], AtMost(1000)] = Field(
-        default={}, description="Drawn values, by name."
-    )
-    faults: Annotated[dict[Name, AnyDrawnFault], AtMost(1000)] = Field(
-        default={}, description="Drawn faults, by name; one with `sensors` is of a sensor."
-    )
+    design: Design = "random"
+    factors: Annotated[dict[Name, Factor], AtMost(1000)] = Field(default={})
+    faults: Annotated[dict[Name, AnyDrawnFault], AtMost(1000)] = Field(default={})
     variants: Annotated[dict[VariantName, dict[str, Any]], AtMost(1000)] = Field(
-        default={"base": {}},
-        min_length=1,
-        description="Changes of the scenario that fly the same draws, by name, as after `extends`.",
+        default={"base": {}}, min_length=1
     )
-    keep: Kept = Field(default=Kept(), description="Flights whose trajectories are kept.")
+    keep: Kept = Kept()
 
     @property
     def drawn(self) -> dict[tuple[str, ...], Distribution]:

@@ -21,19 +21,6 @@ if TYPE_CHECKING:
     from sitl_plant.airframe.level_flight import LevelFlight
     from sitl_plant.airframe.modes import Mode
 
-EPILOG = """
-Examples:
-
-- gcs aircraft
-- gcs aircraft aerosonde
-- gcs aircraft my.yaml --airspeed 18 --json
-- gcs aircraft aerosonde --out polar && xdg-open polar/polar.png
-
-A scenario names one by `aircraft: aerosonde`, or `--set aircraft=aerosonde`.
-
-Exit status: 0 listed or shown, 2 bad input.
-"""
-
 
 @dataclass(frozen=True)
 class _ShownAircraft:
@@ -49,34 +36,11 @@ class _ShownAircraft:
 
 
 def aircraft(
-    name: Annotated[
-        str | None,
-        typer.Argument(
-            help="A bundled aircraft or a file; without it all bundled ones are listed.",
-            metavar="AIRCRAFT",
-            show_default=False,
-        ),
-    ] = None,
-    airspeed: Annotated[
-        float | None,
-        typer.Option(
-            help="Airspeed of level flight [m/s]; by default cruise, or the middle of the range.",
-            metavar="M/S",
-            show_default=False,
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder, new or empty, for a picture of the polar: polar.png and polar.svg.",
-            metavar="FOLDER",
-            show_default=False,
-        ),
-    ] = None,
+    name: Annotated[str | None, typer.Argument(metavar="AIRCRAFT", show_default=False)] = None,
+    airspeed: Annotated[float | None, typer.Option(metavar="M/S", show_default=False)] = None,
+    out: Annotated[Path | None, typer.Option(metavar="FOLDER", show_default=False)] = None,
     quiet: QuietOption = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print an object instead of tables.")
-    ] = False,
+    as_json: Annotated[bool, typer.Option("--json")] = False,
 ) -> None:
     """List the bundled aircraft, or show one: limits, trim, modes.
 
@@ -84,6 +48,22 @@ def aircraft(
     and rudder that do different work, sideslip that dies out while the rudder holds the heading. If
     that does not, or there is no rudder, the laws `surviving` and `tube` hold the heading by bank.
     Where aileron and rudder do each other's work, `tube` plans both together.
+
+    Args:
+        name: A bundled aircraft or a file; without it all bundled ones are listed.
+        airspeed: Airspeed of level flight [m/s]; by default cruise, or the middle of the range.
+        out: Folder, new or empty, for a picture of the polar: polar.png and polar.svg.
+        as_json: Print an object instead of tables.
+
+    Examples:
+        - gcs aircraft
+        - gcs aircraft aerosonde
+        - gcs aircraft my.yaml --airspeed 18 --json
+        - gcs aircraft aerosonde --out polar && xdg-open polar/polar.png
+
+    A scenario names one by `aircraft: aerosonde`, or `--set aircraft=aerosonde`.
+
+    Exit status: 0 listed or shown, 2 bad input.
     """
     from gcs.scenario.aircraft_file import load_aircraft
 

@@ -13,14 +13,7 @@ import typer
 from rich import box
 
 from ftc_lab.commands.flights import JobsOption
-from gcs.commands.common import (
-    QuietOption,
-    ScenarioArgument,
-    SetOption,
-    WithOption,
-    changed_scenario,
-    tell,
-)
+from gcs.commands import common
 from gcs.commands.options import options_of, with_options
 from gcs.console.errors import BadInput, FlightLost, Interrupted
 from gcs.console.lines import print_json
@@ -34,102 +27,59 @@ if TYPE_CHECKING:
 
 _MAX_PERIOD_US = 1_000_000
 
-EPILOG = """
-Examples:
-
-- gcs baseline paper/scenario1
-- gcs baseline paper/scenario1 --set controller.kind=pid --no-per-channel
-- gcs baseline paper/scenario1 --against controller.kind=pid
-- gcs baseline paper/scenario1 --aircraft 40 --json | jq .saved
-
-Exit status: 0 done (that no periodic sender is as good is a result, too), 1 the triggered flight
-was lost or a file cannot be written, 2 bad input, 130 Ctrl-C.
-"""
-
 
 @dataclass(frozen=True)
 class BaselineOptions:
-    """Options of ``gcs baseline``."""
+    """Options of ``gcs baseline``.
 
-    additions: WithOption = None
-    settings: SetOption = None
-    against: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="A key of the scenario and its value for the periodic senders, such as their law.",
-            metavar="KEY=VALUE",
-        ),
-    ] = None
-    tolerance: Annotated[
-        float,
-        typer.Option(
-            help="By how much an IAE against the filtered reference may exceed the triggered "
-            "flight's [%].",
-            min=0.0,
-            metavar="%",
-        ),
-    ] = 1.0
-    longest: Annotated[
-        float | None,
-        typer.Option(
-            help="Longest period that is flown [ms], 1000 by default; at most the whole flight.",
-            metavar="MS",
-        ),
-    ] = None
-    no_per_channel: Annotated[
-        bool,
-        typer.Option("--no-per-channel", help="Do not search for a period for each channel."),
-    ] = False
-    aircraft: Annotated[
-        int,
-        typer.Option(min=0, metavar="NUMBER", help="Number of uncertain aircraft to fly as well."),
-    ] = 0
-    campaign: Annotated[
-        Path | None,
-        typer.Option(
-            help="Campaign that draws those aircraft: a file, or a bundled one; "
-            "campaigns/uncertainty by default.",
-            metavar="CAMPAIGN",
-        ),
-    ] = None
-    keep: Annotated[
-        float,
-        typer.Option(
-            help="Share of those aircraft that must be kept [%].",
-            min=0.0,
-            max=100.0,
-            metavar="%",
-        ),
-    ] = 95.0
-    within: Annotated[
-        float,
-        typer.Option(
-            help="An aircraft is kept if no IAE against the filtered reference is larger than this "
-            "multiple of the IAE in the nominal aircraft's triggered flight.",
-            min=1.0,
-            metavar="FACTOR",
-        ),
-    ] = 2.0
+    Attributes:
+        against: A key of the scenario and its value for the periodic senders, such as their law.
+        tolerance: By how much an IAE against the filtered reference may exceed the triggered
+            flight's [%].
+        longest: Longest period that is flown [ms], 1000 by default; at most the whole flight.
+        no_per_channel: Do not search for a period for each channel.
+        aircraft: Number of uncertain aircraft to fly as well.
+        campaign: Campaign that draws those aircraft: a file, or a bundled one;
+            campaigns/uncertainty by default.
+        keep: Share of those aircraft that must be kept [%].
+        within: An aircraft is kept if no IAE against the filtered reference is larger than this
+            multiple of the IAE in the nominal aircraft's triggered flight.
+        out: Folder, new or empty; runs/baseline-NAME-DATE-TIME by default.
+        as_json: Print baseline.json on standard output instead.
+    """
+
+    additions: common.WithOption = None
+    settings: common.SetOption = None
+    against: Annotated[list[str] | None, typer.Option(metavar="KEY=VALUE")] = None
+    tolerance: Annotated[float, typer.Option(min=0.0, metavar="%")] = 1.0
+    longest: Annotated[float | None, typer.Option(metavar="MS")] = None
+    no_per_channel: Annotated[bool, typer.Option("--no-per-channel")] = False
+    aircraft: Annotated[int, typer.Option(min=0, metavar="NUMBER")] = 0
+    campaign: Annotated[Path | None, typer.Option(metavar="CAMPAIGN")] = None
+    keep: Annotated[float, typer.Option(min=0.0, max=100.0, metavar="%")] = 95.0
+    within: Annotated[float, typer.Option(min=1.0, metavar="FACTOR")] = 2.0
     jobs: JobsOption = None
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder, new or empty; runs/baseline-NAME-DATE-TIME by default.", metavar="FOLDER"
-        ),
-    ] = None
-    quiet: QuietOption = False
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print baseline.json on standard output instead.")
-    ] = False
+    out: Annotated[Path | None, typer.Option(metavar="FOLDER")] = None
+    quiet: common.QuietOption = False
+    as_json: Annotated[bool, typer.Option("--json")] = False
 
 
 @with_options("options", options_of(BaselineOptions), BaselineOptions)
-def baseline(scenario: ScenarioArgument, *, options: BaselineOptions) -> None:
+def baseline(scenario: common.ScenarioArgument, *, options: BaselineOptions) -> None:
     """Find the slowest periodic senders that match a triggered flight.
 
     Flies the scenario with its trigger, then the same law sending by the clock: with one period
     for all channels, with one for each, and, with --aircraft, on aircraft that differ from the
     nominal one. All in process. The folder gets baseline.json and baseline.md.
+
+    Examples:
+        - gcs baseline paper/scenario1
+        - gcs baseline paper/scenario1 --set controller.kind=pid --no-per-channel
+        - gcs baseline paper/scenario1 --against controller.kind=pid
+        - gcs baseline paper/scenario1 --aircraft 40 --json | jq .saved
+
+    Exit status: 0 done (that no periodic sender is as good is a result, too), 1 the triggered
+    flight was lost or a file cannot be written, 2 bad input, 130 Ctrl-C.
     """
     from ftc_lab.baselines.baseline import Search, find_baseline, find_robust
     from ftc_lab.baselines.senders import periodic_base
@@ -139,13 +89,13 @@ def baseline(scenario: ScenarioArgument, *, options: BaselineOptions) -> None:
     from gcs.scenario.settings import values_of
 
     console = console_of(quiet=options.quiet)
-    triggered = changed_scenario(scenario, options.additions, options.settings)
+    triggered = common.changed_scenario(scenario, options.additions, options.settings)
     base = periodic_base(triggered, scenario, values_of(options.against or (), "--against"))
     longest = _longest(triggered, options.longest)
     uncertain = _uncertain(options)
     remarks = checked(triggered)
     folder = make_run_folder(options.out, f"baseline-{triggered.name}")
-    tell(remarks, console)
+    common.tell(remarks, console)
     warm_up(None, console)
     pool = ThreadPoolExecutor(options.jobs or os.cpu_count() or 1)
     try:

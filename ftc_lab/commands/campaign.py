@@ -16,59 +16,40 @@ from gcs.console.terminal import Terminal, console_of, numbers, table_of, texts
 if TYPE_CHECKING:
     from ftc_lab.campaigns.plan import Plan
 
-EPILOG = """
-Examples:
-
-- gcs campaign campaigns/uncertainty
-- gcs campaign my.yaml --draws 59 --out runs/robust
-- gcs campaign my.yaml --scheduler tcp://cluster:8786
-- gcs campaign my.yaml --until 'p(attitude_lost) < 0.05 at 95 %'
-- gcs fly --campaign runs/robust --row 17
-
-Exit status: 0 every draw is flown (lost flights are results, too), 1 a flight could not be
-computed, the scheduler was lost or results cannot be written, 2 bad input, 70 a defect of
-ftc-sitl, 130 Ctrl-C; the same command continues.
-"""
-
 
 def campaign(
-    file: Annotated[
-        Path, typer.Argument(help="Campaign: a file, or a bundled one.", metavar="CAMPAIGN")
-    ],
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder of the campaign, new or to continue; runs/campaign-NAME-DIGEST by "
-            "default, the same for the same campaign and code.",
-            metavar="FOLDER",
-        ),
-    ] = None,
-    draws: Annotated[
-        int | None,
-        typer.Option(min=1, metavar="NUMBER", help="Draws per variant instead of the file's."),
-    ] = None,
+    file: Annotated[Path, typer.Argument(metavar="CAMPAIGN")],
+    out: Annotated[Path | None, typer.Option(metavar="FOLDER")] = None,
+    draws: Annotated[int | None, typer.Option(min=1, metavar="NUMBER")] = None,
     jobs: JobsOption = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            help="Dask scheduler whose workers fly, instead of this machine.",
-            metavar="tcp://HOST:PORT",
-        ),
-    ] = None,
-    until: Annotated[
-        str | None,
-        typer.Option(
-            help="Stop as soon as this is shown or refuted for every variant, as in "
-            "'p(attitude_lost) < 0.05 at 95 %'.",
-            metavar="CONDITION",
-        ),
-    ] = None,
+    scheduler: Annotated[str | None, typer.Option(metavar="tcp://HOST:PORT")] = None,
+    until: Annotated[str | None, typer.Option(metavar="CONDITION")] = None,
     quiet: QuietOption = False,
 ) -> None:
     """Fly every draw of a campaign, on all cores or a cluster.
 
     All draws are checked before the first flight. The folder gets a table in Parquet, one row per
     flight, stored every few seconds: after any interruption, the same command continues there.
+
+    Args:
+        file: Campaign: a file, or a bundled one.
+        out: Folder of the campaign, new or to continue; runs/campaign-NAME-DIGEST by default, the
+            same for the same campaign and code.
+        draws: Draws per variant instead of the file's.
+        scheduler: Dask scheduler whose workers fly, instead of this machine.
+        until: Stop as soon as this is shown or refuted for every variant, as in 'p(attitude_lost) <
+            0.05 at 95 %'.
+
+    Examples:
+        - gcs campaign campaigns/uncertainty
+        - gcs campaign my.yaml --draws 59 --out runs/robust
+        - gcs campaign my.yaml --scheduler tcp://cluster:8786
+        - gcs campaign my.yaml --until 'p(attitude_lost) < 0.05 at 95 %'
+        - gcs fly --campaign runs/robust --row 17
+
+    Exit status: 0 every draw is flown (lost flights are results, too), 1 a flight could not be
+    computed, the scheduler was lost or results cannot be written, 2 bad input, 70 a defect of
+    ftc-sitl, 130 Ctrl-C; the same command continues.
     """
     from ftc_lab.campaigns.folder import default_folder
     from ftc_lab.campaigns.until import begin_campaign, stopping_condition, verdict_lines

@@ -16,59 +16,33 @@ from mavlink_defs.visible import visible_lines
 if TYPE_CHECKING:
     from ftc_lab.campaigns.findings import Findings
 
-EPILOG = """
-Examples:
-
-- gcs compare runs/yesterday runs/today
-- gcs compare old new --fail-if 'worse p(success) at 99 %' --fail-if 'worse iae_roll at 99 %'
-- gcs compare old new --fail-if 'p(attitude_lost) > 0.02 at 95 %' --junit gate.xml
-- gcs compare runs/first runs/second    (two flights)
-- gcs compare runs/first runs/second --json | jq '.uavs[].figures.messages.change'
-
-Exit status: 0 no check failed, 1 one failed or a file cannot be written, 2 bad input.
-"""
-
 
 @dataclass(frozen=True)
 class CompareOptions:
-    """Options of ``gcs compare``."""
+    """Options of ``gcs compare``.
 
-    fail_if: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Condition under which NEW fails; may be repeated. 'worse p(success) at 95 %' by "
-            "default; also 'worse FIGURE at 99 %', 'p(attitude_lost) > 0.05 at 95 %'.",
-            metavar="CONDITION",
-            show_default=False,
-        ),
-    ] = None
-    junit: Annotated[
-        Path | None, typer.Option(help="Write a JUnit file, a case for each check.", metavar="FILE")
-    ] = None
-    markdown: Annotated[
-        Path | None, typer.Option(help="Write a summary for the page of a CI job.", metavar="FILE")
-    ] = None
-    everything: Annotated[
-        bool,
-        typer.Option("--all", help="Two flights: also list keys of one law only, at defaults."),
-    ] = False
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Two flights: print JSON, nothing else.")
-    ] = False
+    Attributes:
+        fail_if: Condition under which NEW fails; may be repeated. 'worse p(success) at 95 %' by
+            default; also 'worse FIGURE at 99 %', 'p(attitude_lost) > 0.05 at 95 %'.
+        junit: Write a JUnit file, a case for each check.
+        markdown: Write a summary for the page of a CI job.
+        everything: Two flights: also list keys of one law only, at defaults.
+        as_json: Two flights: print JSON, nothing else.
+    """
+
+    fail_if: Annotated[list[str] | None, typer.Option(metavar="CONDITION", show_default=False)] = (
+        None
+    )
+    junit: Annotated[Path | None, typer.Option(metavar="FILE")] = None
+    markdown: Annotated[Path | None, typer.Option(metavar="FILE")] = None
+    everything: Annotated[bool, typer.Option("--all")] = False
+    as_json: Annotated[bool, typer.Option("--json")] = False
 
 
 @with_options("options", options_of(CompareOptions), CompareOptions)
 def compare(
-    old: Annotated[
-        Path,
-        typer.Argument(
-            help="Folder of the campaign, or the flight, to compare with.", metavar="OLD"
-        ),
-    ],
-    new: Annotated[
-        Path,
-        typer.Argument(help="Folder of the campaign, or the flight, in question.", metavar="NEW"),
-    ],
+    old: Annotated[Path, typer.Argument(metavar="OLD")],
+    new: Annotated[Path, typer.Argument(metavar="NEW")],
     *,
     options: CompareOptions,
 ) -> None:
@@ -81,6 +55,20 @@ def compare(
 
     Of two flights: what was set, figures of every UAV, decisions of the diagnosis, and the keys in
     which their scenarios differ. Nothing is tested, so of the options only --json and --all apply.
+
+    Args:
+        old: Folder of the campaign, or the flight, to compare with.
+        new: Folder of the campaign, or the flight, in question.
+
+    Examples:
+        - gcs compare runs/yesterday runs/today
+        - gcs compare old new --fail-if 'worse p(success) at 99 %'
+          --fail-if 'worse iae_roll at 99 %'
+        - gcs compare old new --fail-if 'p(attitude_lost) > 0.02 at 95 %' --junit gate.xml
+        - gcs compare runs/first runs/second    (two flights)
+        - gcs compare runs/first runs/second --json | jq '.uavs[].figures.messages.change'
+
+    Exit status: 0 no check failed, 1 one failed or a file cannot be written, 2 bad input.
     """
     from gcs.results.runs.difference import is_flight
 

@@ -23,78 +23,41 @@ if TYPE_CHECKING:
     from gcs.results.figures import FlightSummary
     from gcs.scenario.model import Scenario
 
-EPILOG = """
-Examples:
-
-- gcs design aerosonde --law tube
-- gcs design my.yaml --law surviving --servo-lag 0.02 --servo-rate 400 --gyro-noise 0.3 -o mine.yaml
-- gcs design aerosonde --law tube --airspeed 28 --fly
-
-Exit status: 0 written or flown, 1 the flight was lost, 2 bad input, or no law can fly the aircraft.
-"""
-
 _MARK = "# Written by: gcs design "
 DEFAULT_LAW = "surviving"
 
 
 @dataclass(frozen=True)
 class DesignOptions:
-    """Options of ``gcs design``."""
+    """Options of ``gcs design``.
+
+    Attributes:
+        airspeed: Cruising speed [m/s]; by default the aircraft's, or the middle of its range.
+        servo_lag: Lag of the surfaces' servos [s].
+        servo_rate: Rate limit of these servos [deg/s]; without it, none.
+        engine_lag: Lag of the thrust [s].
+        gyro_noise: White noise of a gyro's sample [deg/s].
+        gyro_delay: Age of a gyro's sample [s].
+        uavs: Number of UAVs, which fly in formation.
+        plant: Section `plant` of the scenario, as in '{kind: jsbsim, aircraft: c172p}': what flies,
+            if it is not these coefficients.
+        out: Scenario file; without it the text is printed.
+        fly: Fly it, in process, and print what came out.
+    """
 
     law: Annotated[str, typer.Option(help=f"Control law: {', '.join(KINDS)}.", metavar="NAME")] = (
         DEFAULT_LAW
     )
-    airspeed: Annotated[
-        float | None,
-        typer.Option(
-            help="Cruising speed [m/s]; by default the aircraft's, or the middle of its range.",
-            metavar="M/S",
-        ),
-    ] = None
-    servo_lag: Annotated[
-        float, typer.Option(help="Lag of the surfaces' servos [s].", min=0.0, max=1.0, metavar="S")
-    ] = 0.0
-    servo_rate: Annotated[
-        float | None,
-        typer.Option(
-            help="Rate limit of these servos [deg/s]; without it, none.", min=1.0, metavar="DEG/S"
-        ),
-    ] = None
-    engine_lag: Annotated[
-        float, typer.Option(help="Lag of the thrust [s].", min=0.0, max=10.0, metavar="S")
-    ] = 0.0
-    gyro_noise: Annotated[
-        float,
-        typer.Option(
-            help="White noise of a gyro's sample [deg/s].", min=0.0, max=100.0, metavar="DEG/S"
-        ),
-    ] = 0.0
-    gyro_delay: Annotated[
-        float, typer.Option(help="Age of a gyro's sample [s].", min=0.0, max=0.1, metavar="S")
-    ] = 0.0
-    uavs: Annotated[
-        int,
-        typer.Option(
-            help="Number of UAVs, which fly in formation.", min=1, max=30, metavar="NUMBER"
-        ),
-    ] = 1
-    plant: Annotated[
-        str | None,
-        typer.Option(
-            help="Section `plant` of the scenario, as in '{kind: jsbsim, aircraft: c172p}': what "
-            "flies, if it is not these coefficients.",
-            metavar="YAML",
-        ),
-    ] = None
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", "-o", help="Scenario file; without it the text is printed.", metavar="FILE"
-        ),
-    ] = None
-    fly: Annotated[
-        bool, typer.Option("--fly", help="Fly it, in process, and print what came out.")
-    ] = False
+    airspeed: Annotated[float | None, typer.Option(metavar="M/S")] = None
+    servo_lag: Annotated[float, typer.Option(min=0.0, max=1.0, metavar="S")] = 0.0
+    servo_rate: Annotated[float | None, typer.Option(min=1.0, metavar="DEG/S")] = None
+    engine_lag: Annotated[float, typer.Option(min=0.0, max=10.0, metavar="S")] = 0.0
+    gyro_noise: Annotated[float, typer.Option(min=0.0, max=100.0, metavar="DEG/S")] = 0.0
+    gyro_delay: Annotated[float, typer.Option(min=0.0, max=0.1, metavar="S")] = 0.0
+    uavs: Annotated[int, typer.Option(min=1, max=30, metavar="NUMBER")] = 1
+    plant: Annotated[str | None, typer.Option(metavar="YAML")] = None
+    out: Annotated[Path | None, typer.Option("--out", "-o", metavar="FILE")] = None
+    fly: Annotated[bool, typer.Option("--fly")] = False
     quiet: QuietOption = False
 
     def command(self, aircraft: str) -> str:
@@ -115,11 +78,7 @@ class DesignOptions:
 
 @with_options("options", options_of(DesignOptions), DesignOptions)
 def design(
-    aircraft: Annotated[
-        str, typer.Argument(help="A bundled aircraft or a file.", metavar="AIRCRAFT")
-    ],
-    *,
-    options: DesignOptions,
+    aircraft: Annotated[str, typer.Argument(metavar="AIRCRAFT")], *, options: DesignOptions
 ) -> None:
     """Write a scenario for an aircraft, parameters derived from it.
 
@@ -130,6 +89,18 @@ def design(
 
     An aircraft that no law can fly in this way is refused, with the reason: a check of `gcs
     aircraft` that it does not meet.
+
+    Args:
+        aircraft: A bundled aircraft or a file.
+
+    Examples:
+        - gcs design aerosonde --law tube
+        - gcs design my.yaml --law surviving --servo-lag 0.02 --servo-rate 400
+          --gyro-noise 0.3 -o mine.yaml
+        - gcs design aerosonde --law tube --airspeed 28 --fly
+
+    Exit status: 0 written or flown, 1 the flight was lost, 2 bad input, or no law can fly the
+    aircraft.
     """
     from ftc_lab.design.scenario import plain, text_of, tree_of
     from gcs.fleet.preparation import check_simulators

@@ -1,75 +1,36 @@
 """``gcs diagnose``: what failed in a recorded flight, when, and how sure that is."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gcs.commands.common import QuietOption
-from gcs.commands.options import JsonOption
+from gcs.commands.options import JsonOption, LogColumnsOption, LogUavOption
 from gcs.console.errors import BadInput
 from gcs.console.lines import print_json
 from gcs.console.outputs import check_file, make_folder
 from gcs.console.progress import working
 from gcs.console.terminal import console_of, numbers, table_of, texts
+from mavlink_defs.config.output_files import complete_file
 
 if TYPE_CHECKING:
-    from ftc_lab.flight_diagnosis.decisions import Diagnosis, Watched
+    from ftc_lab.flight_diagnosis.decisions import Diagnosis, Learnt, Watched
     from ftc_lab.flight_diagnosis.relations import Relations, Surface
     from gcs.console.terminal import Terminal
+    from gcs.results.logs.table import FlightTable
 
-EPILOG = """
-Examples:
-
-- gcs diagnose flight.bin
-- gcs diagnose flight.csv --columns mine.yaml --out evidence.png
-- gcs diagnose flight.ulg --json | jq .finding
-
-Exit status: 0 nothing was found, 1 something failed, 2 bad input, or nothing that can be judged.
-"""
+_PICTURES = (".png", ".svg", ".pdf")
 
 
 def diagnose(
-    flight: Annotated[
-        Path,
-        typer.Argument(
-            help="Log of a flight: .tlog, .bin, .ulg, .csv, .parquet, .mat, or a run folder.",
-            metavar="FLIGHT",
-            show_default=False,
-        ),
-    ],
-    uav: Annotated[
-        int | None,
-        typer.Option(help="Which UAV, if the log has several.", metavar="ID", show_default=False),
-    ] = None,
-    columns: Annotated[
-        Path | None,
-        typer.Option(
-            help="Column map of a table; by default one that fits.",
-            metavar="FILE",
-            show_default=False,
-        ),
-    ] = None,
-    aircraft: Annotated[
-        str | None,
-        typer.Option(
-            help="Judge by a model of the aircraft, a bundled one or a file: needs commands to the "
-            "actuators and the wind, and takes seconds in place of half a minute. Of a run folder, "
-            "by default the one that its laws knew.",
-            metavar="AIRCRAFT",
-            show_default=False,
-        ),
-    ] = None,
+    flight: Annotated[Path, typer.Argument(metavar="FLIGHT", show_default=False)],
+    uav: LogUavOption = None,
+    columns: LogColumnsOption = None,
+    aircraft: Annotated[str | None, typer.Option(metavar="AIRCRAFT", show_default=False)] = None,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            help="Picture of the evidence to write (.png, .svg, .pdf); by default none.",
-            metavar="FILE",
-            show_default=False,
-        ),
+        Path | None, typer.Option("--out", "-o", metavar="FILE", show_default=False)
     ] = None,
     quiet: QuietOption = False,
     as_json: JsonOption = False,
@@ -81,34 +42,52 @@ def diagnose(
     Nothing of the aircraft has to be known. What the log does not show is said, not guessed; left
     and right look the same. How large evidence is in healthy flights, and how probable a fault is
     then, was learnt from flights of one aircraft.
+
+    Args:
+        flight: Log of a flight: .tlog, .bin, .ulg, .csv, .parquet, .mat, or a run folder.
+        aircraft: Judge by a model of the aircraft, a bundled one or a file: needs commands to the
+            actuators and the wind, and takes seconds in place of half a minute. Of a run folder, by
+            default the one that its laws knew.
+        out: Picture of the evidence to write (.png, .svg, .pdf); by default none.
+
+    Examples:
+        - gcs diagnose flight.bin
+        - gcs diagnose flight.csv --columns mine.yaml --out evidence.png
+        - gcs diagnose flight.ulg --json | jq .finding
+
+    Exit status: 0 nothing was found, 1 something failed, 2 bad input, or nothing that can be
+    judged.
     """
     from ftc_lab.flight_diagnosis.decisions import diagnose_flight, learnt, watch
 
     if out is not None:
-        check_file(out, "--out")
+        _check_picture(out)
     console = console_of(quiet=quiet)
     with working(console, "reading the flight"):
-        relations = _relations(flight, uav, columns, aircraft)
+        log, relations = _read(flight, uav, columns, aircraft)
     with working(console, "diagnosing"):
         watched = watch(relations)
-        diagnosis = diagnose_flight(relations, watched, learnt(relations))
-    if not diagnosis.judged_s:
+    if not watched:
         text = f"{flight} is too short: all of it is needed to learn what is healthy"
         raise BadInput(text, "by a model (--aircraft) some 5 s are, else some 25 s of flight")
+    known = learnt(relations)
+    diagnosis = diagnose_flight(relations, watched, known)
     if out is not None:
         _draw(out, watched, diagnosis)
     if as_json:
-        print_json(_json(watched, diagnosis), indent=2)
+        print_json(_json(watched, diagnosis, log.remarks), indent=2)
     else:
-        _print(console_of(stderr=False, quiet=quiet), watched, diagnosis)
+        _print(console_of(stderr=False, quiet=quiet), watched, diagnosis, known)
+        for remark in log.remarks:
+            console.print(f"remark: {remark}", soft_wrap=True)
     if diagnosis.finding is not None:
         raise typer.Exit(1)
 
 
-def _relations(
+def _read(
     flight: Path, uav: int | None, columns: Path | None, aircraft: str | None
-) -> "Relations":
-    """Return the relations by a model if there is one, else those that the log itself shows."""
+) -> "tuple[FlightTable, Relations]":
+    """Return a log, and its relations by a model if there is one, else those that it shows."""
     from ftc_lab.flight_diagnosis.by_model import flown_run, relations_by_model
     from ftc_lab.flight_diagnosis.relations import relations_of
     from gcs.results.logs.read import read_flight
@@ -116,26 +95,36 @@ def _relations(
     from gcs.scenario.aircraft_file import load_aircraft
     from gcs.scenario.model import read_scenario
 
+    nominal = None if aircraft is None else load_aircraft(aircraft)
+    log = read_flight(flight, uav, columns)
     if (flight / SCENARIO).exists():
         flown = read_scenario(flight / SCENARIO)
-        nominal = flown.aircraft_of(uav or flown.uavs[0].id)
-        if aircraft is not None:
-            nominal = load_aircraft(aircraft)
-        return relations_by_model(flown_run(flight, uav), nominal)
-    table = read_flight(flight, uav, columns)
-    if aircraft is not None:
-        return relations_by_model(table, load_aircraft(aircraft))
-    return relations_of(table)
+        log = flown_run(flight, log, uav)
+        nominal = nominal or flown.aircraft_of(uav or flown.uavs[0].id)
+    return log, relations_of(log) if nominal is None else relations_by_model(log, nominal)
+
+
+def _check_picture(output: Path) -> None:
+    check_file(output, "--out")
+    if output.suffix not in _PICTURES:
+        raise BadInput(f"--out is {output}, expected a name that ends in {' or '.join(_PICTURES)}")
 
 
 def _draw(output: Path, watched: "Mapping[Surface, Watched]", diagnosis: "Diagnosis") -> None:
     from ftc_lab.figures.diagnosis import draw_diagnosis
 
     make_folder(output.parent, "--out")
-    draw_diagnosis(watched, diagnosis).savefig(output)
+    try:
+        with complete_file(output) as file:
+            draw_diagnosis(watched, diagnosis).savefig(file, format=output.suffix[1:])
+    except OSError as problem:  # whose status would be as of a fault that is found
+        text = f"cannot write {output}: {problem.strerror}"
+        raise BadInput(text, "choose another with --out") from None
 
 
-def _json(watched: "Mapping[Surface, Watched]", diagnosis: "Diagnosis") -> dict[str, object]:
+def _json(
+    watched: "Mapping[Surface, Watched]", diagnosis: "Diagnosis", remarks: Sequence[str]
+) -> dict[str, object]:
     found = diagnosis.finding
     return {
         "failed": found is not None,
@@ -147,7 +136,7 @@ def _json(watched: "Mapping[Surface, Watched]", diagnosis: "Diagnosis") -> dict[
             "onset_s": round(found.onset_s, 2),
             "onset_between_s": [round(one, 2) for one in found.between_s],
             "alarm_s": round(found.alarm_s, 2),
-            "evidence": round(found.ratio, 2),
+            "evidence": round(found.ratios[found.surface], 2),
             "probabilities": {name: round(p, 3) for name, p in found.probabilities.items()},
         },
         "surfaces": {
@@ -160,11 +149,15 @@ def _json(watched: "Mapping[Surface, Watched]", diagnosis: "Diagnosis") -> dict[
             for surface, one in watched.items()
         },
         "not_judged": list(diagnosis.cannot),
+        "remarks": list(remarks),
     }
 
 
 def _print(
-    output: "Terminal", watched: "Mapping[Surface, Watched]", diagnosis: "Diagnosis"
+    output: "Terminal",
+    watched: "Mapping[Surface, Watched]",
+    diagnosis: "Diagnosis",
+    known: "Learnt",
 ) -> None:
     table = table_of(
         texts("surface"),
@@ -176,29 +169,29 @@ def _print(
     for surface, one in watched.items():
         ratios = diagnosis.ratios[surface]
         at = diagnosis.time_s[ratios.argmax()]
-        shown = (f"{ratios.max():.2f}", f"{at:.1f}") if one.judged_s else ("", "")
-        table.add_row(surface, one.relation.text, f"{one.judged_s:.0f}", *shown)
+        length = f"{one.judged_s:.0f}"
+        table.add_row(surface, one.relation.text, length, f"{ratios.max():.2f}", f"{at:.1f}")
     output.print(table)
-    for line in (*diagnosis.cannot, *_verdict(diagnosis)):
+    for line in (*diagnosis.cannot, *_verdict(diagnosis, known)):
         output.print(line, soft_wrap=True)
 
 
-def _verdict(diagnosis: "Diagnosis") -> list[str]:
-    """Return the verdict, in lines."""
+def _verdict(diagnosis: "Diagnosis", known: "Learnt") -> Iterator[str]:
+    """Yield the verdict, in lines."""
     found = diagnosis.finding
-    sure = f"A fault is {min(diagnosis.probability, 0.99):.0%} probable"
     if found is None:
-        return [f"Nothing failed that this log would show. {sure}."]
-    unknown = ""
-    if diagnosis.cannot:
-        unknown = " What is not judged can show as one of these."
-    others = [
-        f"{name} {share:.0%}"
-        for name, share in sorted(found.probabilities.items(), key=lambda item: -item[1])
-    ]
-    return [
-        f"The {found.surface} failed at {found.onset_s:.1f} s ({found.between_s[0]:.1f} to "
-        f"{found.between_s[1]:.1f} s); alarm at {found.alarm_s:.1f} s, then {found.ratio:.1f} "
-        "times the threshold.",
-        f"{sure}; if there is one, it is of the {', '.join(others)}.{unknown}",
-    ]
+        yield "Nothing failed that this log would show."
+    else:
+        also = ", or what is not judged," if diagnosis.cannot else ""
+        yield (
+            f"The {found.surface}{also} failed at {found.onset_s:.1f} s ({found.between_s[0]:.1f} "
+            f"to {found.between_s[1]:.1f} s); alarm at {found.alarm_s:.1f} s, then "
+            f"{found.ratios[found.surface]:.1f} times the threshold."
+        )
+    yield (
+        f"A fault is {diagnosis.probability:.0%} probable if every second flight has one and this "
+        f"is as the {known.flights} flights that it was learnt from."
+    )
+    if found is not None and len(found.probabilities) > 1:
+        chances = sorted(found.probabilities.items(), key=lambda item: -item[1])
+        yield f"If so, it is of the {', '.join(f'{name} {share:.0%}' for name, share in chances)}."

@@ -19,100 +19,40 @@ from gcs.console.terminal import Terminal, console_of, numbers, table_of, texts
 if TYPE_CHECKING:
     from ftc_lab.identification.identified import Identified
 
-EPILOG = """
-Examples:
-
-- gcs identify jsbsim:c172p --cruise 55 -o c172p.yaml
-- gcs identify own:aerosonde --cruise 24 -o mine.yaml
-- gcs identify --from runs/mine --aircraft aerosonde
-
-Exit status: 0 identified, 2 bad input, or nothing that can be identified.
-"""
-
 _MARK = "# Written by: gcs identify "
 
 
 @dataclass(frozen=True)
 class IdentifyOptions:
-    """Options of ``gcs identify``."""
+    """Options of ``gcs identify``.
 
-    cruise: Annotated[
-        float | None,
-        typer.Option(
-            help="Airspeed about which PLANT is identified [m/s].",
-            min=0.1,
-            max=300.0,
-            metavar="M/S",
-        ),
-    ] = None
-    altitude: Annotated[
-        float,
-        typer.Option(
-            help="Altitude at which it is identified [m].", min=0.0, max=20_000.0, metavar="M"
-        ),
-    ] = 1000.0
-    thrust_limit: Annotated[
-        float | None,
-        typer.Option(
-            help="Largest thrust at every airspeed [N], which the experiment does not show; by "
-            "default 0.4 of the weight.",
-            min=0.1,
-            metavar="N",
-        ),
-    ] = None
-    airspeed_min: Annotated[
-        float | None,
-        typer.Option(
-            help="Lowest airspeed accepted [m/s]; by default 1.2 times the stall speed, if there "
-            "is one, else 0.65 times the cruise.",
-            min=0.1,
-            metavar="M/S",
-        ),
-    ] = None
-    airspeed_max: Annotated[
-        float | None,
-        typer.Option(
-            help="Highest airspeed accepted [m/s]; by default 1.3 times the cruise.",
-            min=0.1,
-            metavar="M/S",
-        ),
-    ] = None
-    wing_area: Annotated[
-        float | None,
-        typer.Option(
-            help="Reference area in place of the simulator's [m²], if that is wrong.",
-            min=1e-3,
-            metavar="M2",
-        ),
-    ] = None
-    seed: Annotated[
-        int, typer.Option(help="Seed of the experiment's random controls.", min=0, metavar="NUMBER")
-    ] = 1
-    source: Annotated[
-        Path | None,
-        typer.Option(
-            "--from",
-            help="Identify from a flight: its run folder, recorded with --record full.",
-            metavar="FOLDER",
-        ),
-    ] = None
-    aircraft: Annotated[
-        str | None,
-        typer.Option(
-            help="With --from: the aircraft as it is known so far, a bundled one or a file.",
-            metavar="AIRCRAFT",
-        ),
-    ] = None
-    uav: Annotated[
-        int | None,
-        typer.Option(help="With --from: which UAV; by default the first.", metavar="ID"),
-    ] = None
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", "-o", help="Aircraft file to write; by default none.", metavar="FILE"
-        ),
-    ] = None
+    Attributes:
+        cruise: Airspeed about which PLANT is identified [m/s].
+        altitude: Altitude at which it is identified [m].
+        thrust_limit: Largest thrust at every airspeed [N], which the experiment does not show; by
+            default 0.4 of the weight.
+        airspeed_min: Lowest airspeed accepted [m/s]; by default 1.2 times the stall speed, if there
+            is one, else 0.65 times the cruise.
+        airspeed_max: Highest airspeed accepted [m/s]; by default 1.3 times the cruise.
+        wing_area: Reference area in place of the simulator's [m²], if that is wrong.
+        seed: Seed of the experiment's random controls.
+        source: Identify from a flight: its run folder, recorded with --record full.
+        aircraft: With --from: the aircraft as it is known so far, a bundled one or a file.
+        uav: With --from: which UAV; by default the first.
+        out: Aircraft file to write; by default none.
+    """
+
+    cruise: Annotated[float | None, typer.Option(min=0.1, max=300.0, metavar="M/S")] = None
+    altitude: Annotated[float, typer.Option(min=0.0, max=20_000.0, metavar="M")] = 1000.0
+    thrust_limit: Annotated[float | None, typer.Option(min=0.1, metavar="N")] = None
+    airspeed_min: Annotated[float | None, typer.Option(min=0.1, metavar="M/S")] = None
+    airspeed_max: Annotated[float | None, typer.Option(min=0.1, metavar="M/S")] = None
+    wing_area: Annotated[float | None, typer.Option(min=1e-3, metavar="M2")] = None
+    seed: Annotated[int, typer.Option(min=0, metavar="NUMBER")] = 1
+    source: Annotated[Path | None, typer.Option("--from", metavar="FOLDER")] = None
+    aircraft: Annotated[str | None, typer.Option(metavar="AIRCRAFT")] = None
+    uav: Annotated[int | None, typer.Option(metavar="ID")] = None
+    out: Annotated[Path | None, typer.Option("--out", "-o", metavar="FILE")] = None
     quiet: QuietOption = False
     as_json: JsonOption = False
 
@@ -136,15 +76,7 @@ class IdentifyOptions:
 
 @with_options("options", options_of(IdentifyOptions), IdentifyOptions)
 def identify(
-    plant: Annotated[
-        str | None,
-        typer.Argument(
-            help="What flies: jsbsim:AIRCRAFT, one of JSBSim or a file of it; own:AIRCRAFT, a file "
-            "flown by our own equations.",
-            metavar="PLANT",
-            show_default=False,
-        ),
-    ] = None,
+    plant: Annotated[str | None, typer.Argument(metavar="PLANT", show_default=False)] = None,
     *,
     options: IdentifyOptions,
 ) -> None:
@@ -161,6 +93,17 @@ def identify(
 
     From a flight, only what it excites can be seen: other coefficients, and the propulsion, stay as
     --aircraft has them.
+
+    Args:
+        plant: What flies: jsbsim:AIRCRAFT, one of JSBSim or a file of it; own:AIRCRAFT, a file
+            flown by our own equations.
+
+    Examples:
+        - gcs identify jsbsim:c172p --cruise 55 -o c172p.yaml
+        - gcs identify own:aerosonde --cruise 24 -o mine.yaml
+        - gcs identify --from runs/mine --aircraft aerosonde
+
+    Exit status: 0 identified, 2 bad input, or nothing that can be identified.
     """
     if (plant is None) == (options.source is None):
         raise BadInput(

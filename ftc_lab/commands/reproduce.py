@@ -22,48 +22,24 @@ if TYPE_CHECKING:
     from gcs.results.recording import Recording
     from gcs.scenario.model import Scenario
 
-EPILOG = """
-Examples:
-
-- gcs reproduce
-- gcs reproduce --out results && xdg-open results/report.html
-- gcs reproduce --over-wire
-- gcs reproduce --faults
-
-Exit status: 0 everything flown to its end, 1 a flight was lost (the report says which) or a file
-cannot be written, 2 bad input, 130 Ctrl-C.
-"""
-
 
 @dataclass(frozen=True)
 class ReproduceOptions:
-    """Options of ``gcs reproduce``."""
+    """Options of ``gcs reproduce``.
 
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder, new or empty; runs/reproduce-DATE-TIME by default.", metavar="FOLDER"
-        ),
-    ] = None
-    over_wire: Annotated[
-        bool,
-        typer.Option("--over-wire", help="Fly with processes over MAVLink, one after the other."),
-    ] = False
-    faults: Annotated[
-        bool,
-        typer.Option(
-            "--faults",
-            help="Also fly every bundled fault file with every law and trigger: takes minutes.",
-        ),
-    ] = False
-    scenarios: Annotated[
-        Path,
-        typer.Option(
-            help="Folder with the paper's scenario files; the bundled ones by default.",
-            show_default=False,
-            metavar="FOLDER",
-        ),
-    ] = SCENARIOS / "paper"
+    Attributes:
+        out: Folder, new or empty; runs/reproduce-DATE-TIME by default.
+        over_wire: Fly with processes over MAVLink, one after the other.
+        faults: Also fly every bundled fault file with every law and trigger: takes minutes.
+        scenarios: Folder with the paper's scenario files; the bundled ones by default.
+    """
+
+    out: Annotated[Path | None, typer.Option(metavar="FOLDER")] = None
+    over_wire: Annotated[bool, typer.Option("--over-wire")] = False
+    faults: Annotated[bool, typer.Option("--faults")] = False
+    scenarios: Annotated[Path, typer.Option(show_default=False, metavar="FOLDER")] = (
+        SCENARIOS / "paper"
+    )
     quiet: QuietOption = False
 
 
@@ -75,6 +51,15 @@ def reproduce(*, options: ReproduceOptions) -> None:
     realistic aircraft, always in process. Writes one folder: report.html (self-contained) and
     report.md, figures/ (Fig. 5 to 11 and combinations, as PNG and SVG), data/ (each of the paper's
     flights as .npz and .csv, its summary, theory.json, combinations.csv).
+
+    Examples:
+        - gcs reproduce
+        - gcs reproduce --out results && xdg-open results/report.html
+        - gcs reproduce --over-wire
+        - gcs reproduce --faults
+
+    Exit status: 0 everything flown to its end, 1 a flight was lost (the report says which) or a
+    file cannot be written, 2 bad input, 130 Ctrl-C.
     """
     from ftc_lab import reproduce as work
     from gcs.results.run_folder import make_run_folder

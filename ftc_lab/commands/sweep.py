@@ -16,49 +16,13 @@ from gcs.scenario.settings import parse_axes
 if TYPE_CHECKING:
     from ftc_lab.campaigns.points import Point
 
-EPILOG = """
-Examples:
-
-- gcs sweep paper/scenario1 --set trigger.b2_deg=0.25,0.5,1,2
-- gcs sweep paper/scenario1 --set trigger.mode=per_channel,joint
-  --set uncertainty.coefficients=0.8,1,1.2 --out runs/robust
-- gcs sweep scenarios/paper/scenario2_*.yaml --set 'faults[0].effectiveness=0.9,0.5,0.1' --uav 3
-- gcs sweep my.yaml --set 'controller.K1=[40, 40, 40], [50, 50, 50]' --jobs 2
-
-Exit status: 0 the sweep is complete (lost flights and single impossible values are results too),
-1 a flight could not be computed or written, 2 bad input, such as a key none of whose values is
-valid, 70 a defect of ftc-sitl, 130 Ctrl-C; the same command continues.
-"""
-
 
 def sweep(
-    scenarios: Annotated[
-        list[Path], typer.Argument(help="Scenarios: files, or bundled ones.", metavar="SCENARIO")
-    ],
-    settings: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            help="A key of the scenario and its values, in YAML. With several, "
-            "every combination is flown.",
-            metavar="KEY=VALUE,VALUE,...",
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder of the sweep, new or to continue; runs/sweep-NAME-DIGEST by default, "
-            "the same for the same scenarios, values and code.",
-            metavar="FOLDER",
-        ),
-    ] = None,
+    scenarios: Annotated[list[Path], typer.Argument(metavar="SCENARIO")],
+    axes: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE,VALUE,...")] = None,
+    out: Annotated[Path | None, typer.Option(metavar="FOLDER")] = None,
     jobs: JobsOption = None,
-    uav: Annotated[
-        int | None,
-        typer.Option(
-            help="UAV in table.md and plot; by default one with a fault, or the last.", metavar="ID"
-        ),
-    ] = None,
+    uav: Annotated[int | None, typer.Option(metavar="ID")] = None,
     quiet: QuietOption = False,
 ) -> None:
     """Fly every combination of values, in process, on all cores.
@@ -67,6 +31,26 @@ def sweep(
     few seconds, and after an interruption, the same command continues there. Lost flights and
     impossible values are recorded with their reasons. The folder gets table.csv (every UAV),
     table.md, and sweep.png and sweep.svg: saving against IAE.
+
+    Args:
+        scenarios: Scenarios: files, or bundled ones.
+        axes: A key of the scenario and its values, in YAML. With several, every combination is
+            flown.
+        out: Folder of the sweep, new or to continue; runs/sweep-NAME-DIGEST by default, the same
+            for the same scenarios, values and code.
+        uav: UAV in table.md and plot; by default one with a fault, or the last.
+
+    Examples:
+        - gcs sweep paper/scenario1 --set trigger.b2_deg=0.25,0.5,1,2
+        - gcs sweep paper/scenario1 --set trigger.mode=per_channel,joint
+          --set uncertainty.coefficients=0.8,1,1.2 --out runs/robust
+        - gcs sweep scenarios/paper/scenario2_*.yaml --set 'faults[0].effectiveness=0.9,0.5,0.1'
+          --uav 3
+        - gcs sweep my.yaml --set 'controller.K1=[40, 40, 40], [50, 50, 50]' --jobs 2
+
+    Exit status: 0 the sweep is complete (lost flights and single impossible values are results
+    too), 1 a flight could not be computed or written, 2 bad input, such as a key none of whose
+    values is valid, 70 a defect of ftc-sitl, 130 Ctrl-C; the same command continues.
     """
     from ftc_lab.campaigns.folder import default_folder, open_folder
     from ftc_lab.campaigns.grid import plan_grid
@@ -74,7 +58,7 @@ def sweep(
     from gcs.fleet.preparation import checked
 
     console = console_of(quiet=quiet)
-    grid = plan_grid(scenarios, parse_axes(settings or []))
+    grid = plan_grid(scenarios, parse_axes(axes or []))
     uav_id = choose_uav(grid.scenarios, uav)
     folder = out or default_folder(grid.plan.mark, "sweep")
     if grid.plan.example is not None:

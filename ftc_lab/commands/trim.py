@@ -26,17 +26,6 @@ if TYPE_CHECKING:
     from sitl_plant.airframe.config import Aircraft
     from sitl_plant.airframe.stuck_trim import Trim
 
-EPILOG = """
-Examples:
-
-- gcs trim paper/scenario1
-- gcs trim my.yaml --airspeed 30 --airspeed 50 --roll 20
-- gcs trim airframes/mixed --uav 2
-- gcs trim paper/scenario1 --json | jq '.[] | select(.stuck == "elevator")'
-
-Exit status: 0 computed, 2 bad input.
-"""
-
 _KEPT: tuple[Actuator, ...] = ("aileron", "rudder")
 _GIVEN_UP: tuple[Actuator, ...] = ("elevator", "throttle")
 _STEPS = {"elevator": 5.0, "throttle": 500.0}  # of positions shown
@@ -56,42 +45,36 @@ _HEADINGS = (
 
 def trim(
     scenario: ScenarioArgument,
-    airspeed: Annotated[
-        list[float] | None,
-        typer.Option(
-            help="Airspeed [m/s]; may be repeated. By default the airspeeds of profile or mission.",
-            metavar="M/S",
-        ),
-    ] = None,
-    uav: Annotated[
-        int | None,
-        typer.Option(help="UAV whose aircraft it is; by default the first.", metavar="ID"),
-    ] = None,
-    roll: Annotated[
-        float, typer.Option(help="Roll angle [deg].", min=-80.0, max=80.0, metavar="DEG")
-    ] = 0.0,
-    sideslip: Annotated[
-        float,
-        typer.Option(
-            help="Largest sideslip at an end of a range [deg]: linear coefficients hold for small "
-            "angles only.",
-            min=1.0,
-            max=90.0,
-            metavar="DEG",
-        ),
-    ] = 15.0,
+    airspeed: Annotated[list[float] | None, typer.Option(metavar="M/S")] = None,
+    uav: Annotated[int | None, typer.Option(metavar="ID")] = None,
+    roll: Annotated[float, typer.Option(min=-80.0, max=80.0, metavar="DEG")] = 0.0,
+    sideslip: Annotated[float, typer.Option(min=1.0, max=90.0, metavar="DEG")] = 15.0,
     additions: WithOption = None,
     settings: SetOption = None,
     quiet: QuietOption = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print a list of steady flights instead of tables.")
-    ] = False,
+    as_json: Annotated[bool, typer.Option("--json")] = False,
 ) -> None:
     """Compute where an actuator may be stuck in level flight.
 
     For aileron and rudder at each airspeed: both ends of the range of deflections, and zero; the
     other surfaces balance the aircraft, which turns. For elevator and throttle: the airspeed at
     which it flies straight. No controller can hold what is not in these ranges.
+
+    Args:
+        airspeed: Airspeed [m/s]; may be repeated. By default the airspeeds of profile or mission.
+        uav: UAV whose aircraft it is; by default the first.
+        roll: Roll angle [deg].
+        sideslip: Largest sideslip at an end of a range [deg]: linear coefficients hold for small
+            angles only.
+        as_json: Print a list of steady flights instead of tables.
+
+    Examples:
+        - gcs trim paper/scenario1
+        - gcs trim my.yaml --airspeed 30 --airspeed 50 --roll 20
+        - gcs trim airframes/mixed --uav 2
+        - gcs trim paper/scenario1 --json | jq '.[] | select(.stuck == "elevator")'
+
+    Exit status: 0 computed, 2 bad input.
     """
     from sitl_plant.airframe.config import true_aircraft
 
@@ -99,28 +82,25 @@ def trim(
         loaded = changed_scenario(scenario, additions, settings)
     aircraft = true_aircraft(_aircraft_of(loaded, uav), loaded.uncertainty)
     airspeeds = sorted({*(airspeed or _airspeeds(loaded))})
-    low, high = aircraft.airspeed_min_m_s, aircraft.airspeed_max_m_s
-    for speed in airspeeds:
-        if not low <= speed <= high:
-            text = (
-                f"--airspeed is {speed:g}, expected [{low:g}, {high:g}] m/s, the aircraft's limits"
-            )
-            raise BadInput(text)
-    console = console_of(quiet=quiet)
-    with working(console, "solving for steady flights"):
-        limits = roll, sideslip
-        names = [name for name in _KEPT if aircraft.has(name)]
+    _check(airspeeds, aircraft.airspeed_min_m_s, aircraft.airspeed_max_m_s)
+    with working(console_of(quiet=quiet), "solving for steady flights"):
+        limits, least, names = (roll, sideslip), airspeeds[0], filter(aircraft.has, _KEPT)
         kept = [t for name in names for at in airspeeds for t in _kept(aircraft, name, at, *limits)]
-        given_up = [
-            t for name in _GIVEN_UP for t in _given_up(aircraft, name, airspeeds[0], *limits)
-        ]
+        given_up = [t for name in _GIVEN_UP for t in _given_up(aircraft, name, least, *limits)]
     if as_json:
-        found = [{"position": t.position} | asdict(t) for t in (*kept, *given_up)]
-        print_json(found, indent=2)
+        print_json([{"position": t.position} | asdict(t) for t in (*kept, *given_up)], indent=2)
         return
     tables = console_of(stderr=False, quiet=quiet)
     _print(tables, "Aileron or rudder stuck: level flight that turns", kept)
     _print(tables, "Elevator or throttle stuck: straight, level flight", given_up)
+
+
+def _check(airspeeds: list[float], low: float, high: float) -> None:
+    for speed in airspeeds:
+        if not low <= speed <= high:
+            raise BadInput(
+                f"--airspeed is {speed:g}, expected [{low:g}, {high:g}] m/s, the aircraft's limits"
+            )
 
 
 def _aircraft_of(scenario: "Scenario", uav: int | None) -> "Aircraft":

@@ -8,18 +8,8 @@ import numpy as np
 
 from ftc_lab.campaigns.findings import FIGURES, Findings
 from ftc_lab.campaigns.importance import Importance, SobolIndex
+from gcs.reports.figures import style
 from gcs.reports.figures.flown import literal
-from gcs.reports.figures.style import (
-    GREY,
-    SINGLE,
-    SMALL,
-    draw_legend,
-    logarithmic_if_wide,
-    new_figure,
-    note,
-    style,
-    tidy,
-)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,7 +26,7 @@ def distributions(findings: Findings) -> "Figure":
 
     A failure has no figure and lies beyond every value: curves end at the share that succeeded.
     """
-    figure = new_figure(6.0)
+    figure = style.new_figure(6.0)
     panels = figure.subplots(2, 3, sharey=True).flat
     for panel, (name, title) in zip(panels, FIGURES.items(), strict=False):
         costs = {variant: own.cost(name) for variant, own in findings.counted.items()}
@@ -44,19 +34,19 @@ def distributions(findings: Findings) -> "Figure":
         panel.set_xlabel(title)
         panel.set_ylabel("share of all flights")
     panels[-1].set_visible(False)
-    draw_legend(figure)
+    style.draw_legend(figure)
     return figure
 
 
 def _draw_distributions(panel: "Axes", costs: Mapping[str, np.ndarray]) -> None:
     known = np.concatenate([own[np.isfinite(own)] for own in costs.values()])
     if not len(known):
-        note(panel, "no flight succeeded")
-    logarithmic_if_wide(panel, known)
+        style.note(panel, "no flight succeeded")
+    style.logarithmic_if_wide(panel, known)
     for i, (variant, own) in enumerate(costs.items()):
         values = np.sort(own[np.isfinite(own)])
         if not len(values):
-            panel.plot([], [], label=literal(f"{variant} (none succeeded)"), **style(i).line)
+            panel.plot([], [], label=literal(f"{variant} (none succeeded)"), **style.style(i).line)
             continue
         shares = np.arange(1, len(values) + 1) / len(own)
         if len(values) > _MAX_STEPS:
@@ -68,10 +58,10 @@ def _draw_distributions(panel: "Axes", costs: Mapping[str, np.ndarray]) -> None:
             np.insert(y, 0, 0.0),
             where="post",
             label=literal(variant),
-            **style(i).line,
+            **style.style(i).line,
         )
     panel.set_ylim(0.0, 1.03)
-    tidy(panel)
+    style.tidy(panel)
 
 
 def importance(findings: Findings) -> "Figure":
@@ -79,13 +69,13 @@ def importance(findings: Findings) -> "Figure":
     found = {variant: findings.importances(variant) for variant in findings.counted}
     names = _strongest([each for own in found.values() for each in own.values()])
     bars = len(names) * len(found)
-    figure = new_figure(max(2.6, 1.2 + 0.11 * bars + 0.12 * len(names)))
+    figure = style.new_figure(max(2.6, 1.2 + 0.11 * bars + 0.12 * len(names)))
     panels = figure.subplots(1, 2, sharey=True)
     for panel, what in zip(panels, ("failure", "tracking error"), strict=True):
         _draw_bars(panel, names, {variant: own[what] for variant, own in found.items()})
         panel.set_xlabel(f"strength of the association with {what}")
     _name_factors(panels, [findings.title(name) for name in names])
-    draw_legend(figure)
+    style.draw_legend(figure)
     return figure
 
 
@@ -113,7 +103,7 @@ def _draw_bars(
     for i, (variant, own) in enumerate(found.items()):
         by_name = {each.factor: each for each in own}
         level = 0.05 / max(len(own), 1)
-        colour = style(i).colour
+        colour = style.style(i).colour
         panel.plot([], [], color=colour, lw=6.0, label=literal(variant))
         for k, name in enumerate(names):
             if (each := by_name.get(name)) is None:
@@ -125,11 +115,13 @@ def _draw_bars(
             panel.barh(at, each.strength, 0.85 * height, **fill)
             if each.correlation is not None and each.strength >= 0.005:  # a bar that can be seen
                 sign = "+" if each.correlation > 0.0 else "−"
-                panel.text(each.strength + 0.01, at, sign, va="center", size=SMALL, color=GREY)
+                panel.text(
+                    each.strength + 0.01, at, sign, va="center", size=style.SMALL, color=style.GREY
+                )
     if not any(found.values()):
-        note(panel, "all flights alike")
+        style.note(panel, "all flights alike")
     panel.set_xlim(0.0, 1.0)
-    tidy(panel)
+    style.tidy(panel)
     panel.grid(visible=False, axis="y")
 
 
@@ -147,13 +139,13 @@ def sobol_indices(findings: Findings) -> "Figure | None":
     for each in (each for own in found.values() for listed in own.values() for each in listed):
         totals[each.factor] = max(totals.get(each.factor, 0.0), each.total)
     names = sorted(totals, key=lambda name: -totals[name])[:_MAX_FACTORS]
-    figure = new_figure(max(2.6, 1.2 + 0.2 * len(names) * len(found)))
+    figure = style.new_figure(max(2.6, 1.2 + 0.2 * len(names) * len(found)))
     panels = figure.subplots(1, len(costs), sharey=True, squeeze=False)[0]
     for panel, cost in zip(panels, costs, strict=True):
         _draw_indices(panel, names, {variant: own.get(cost, []) for variant, own in found.items()})
         panel.set_xlabel(f"share of the variance of {cost}")
     _name_factors(panels, [findings.title(name) for name in names])
-    draw_legend(figure)
+    style.draw_legend(figure)
     return figure
 
 
@@ -163,17 +155,17 @@ def _draw_indices(
     """Draw the indices of all variants: a bar for the total, a dot for the first order."""
     height = 0.8 / max(len(found), 1)
     for i, (variant, own) in enumerate(found.items()):
-        colour = style(i).colour
+        colour = style.style(i).colour
         panel.plot([], [], color=colour, lw=6.0, label=literal(variant))
         for each in (each for each in own if each.factor in names):
             at = names.index(each.factor) - 0.4 + (i + 0.5) * height
             panel.barh(at, each.total, 0.85 * height, color=colour, alpha=0.5)
-            error: dict[str, Any] = {"color": GREY, "lw": 0.8, "capsize": 2.0}
+            error: dict[str, Any] = {"color": style.GREY, "lw": 0.8, "capsize": 2.0}
             panel.errorbar(each.total, at + 0.2 * height, xerr=each.total_half_width, **error)
-            dot = {**error, "fmt": "o", "ms": 3.5, "mfc": colour, "mec": GREY}
+            dot = {**error, "fmt": "o", "ms": 3.5, "mfc": colour, "mec": style.GREY}
             panel.errorbar(each.first, at - 0.2 * height, xerr=each.first_half_width, **dot)
     panel.set_xlim(min(0.0, panel.get_xlim()[0]), max(1.0, panel.get_xlim()[1]))
-    tidy(panel)
+    style.tidy(panel)
     panel.grid(visible=False, axis="y")
 
 
@@ -189,7 +181,7 @@ def two_factors(findings: Findings) -> "Figure | None":
     variants = findings.counted
     columns = min(len(variants), 3)
     rows = math.ceil(len(variants) / columns)
-    figure = new_figure(0.6 + 3.1 * rows)
+    figure = style.new_figure(0.6 + 3.1 * rows)
     panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     for panel in panels.flat[len(variants) :]:
         panel.set_visible(False)
@@ -197,16 +189,16 @@ def two_factors(findings: Findings) -> "Figure | None":
         x, y = (flights.factor(name) for name in names)
         known, failed = np.isfinite(x) & np.isfinite(y), ~flights.success
         shown = _sample(np.flatnonzero(known & ~failed)), _sample(np.flatnonzero(known & failed))
-        good: dict[str, Any] = {"s": 9.0, "color": SINGLE, "alpha": 0.6, "lw": 0.0}
+        good: dict[str, Any] = {"s": 9.0, "color": style.SINGLE, "alpha": 0.6, "lw": 0.0}
         panel.scatter(x[shown[0]], y[shown[0]], label="succeeded", **good)
         panel.scatter(x[shown[1]], y[shown[1]], label="failed", **_FAILED)
-        panel.set_title(literal(flights.variant), loc="left", size=SMALL + 1.0)
+        panel.set_title(literal(flights.variant), loc="left", size=style.SMALL + 1.0)
         counts = f"{failed[known].sum()} of {known.sum()} failed"
-        note(panel, f"{counts}{_left_out(shown, known.sum())}")
-        tidy(panel)
+        style.note(panel, f"{counts}{_left_out(shown, known.sum())}")
+        style.tidy(panel)
         panel.set_xlabel(literal(findings.title(names[0])))
         panel.set_ylabel(literal(findings.title(names[1])))
-    draw_legend(figure)
+    style.draw_legend(figure)
     return figure
 
 

@@ -5,21 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gcs.reports.figures import style
 from gcs.reports.figures.flown import PlottedFlight
-from gcs.reports.figures.style import (
-    GREY,
-    SINGLE,
-    SMALL,
-    STYLES,
-    draw_legend,
-    letter,
-    logarithmic_intervals,
-    mark_loss,
-    new_figure,
-    note,
-    shade_faults,
-    tidy,
-)
 from gcs.results.quantities import PAPER_ORDER
 
 if TYPE_CHECKING:
@@ -33,7 +20,7 @@ _TICKS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 def fig7(flight: PlottedFlight) -> "Figure":
     """Draw the time between two events of a channel: channels in rows, UAVs in columns."""
     names, ids = flight.names, flight.recording.uav_ids
-    figure = new_figure(8.6)
+    figure = style.new_figure(8.6)
     axes = figure.subplots(len(PAPER_ORDER), len(names), sharex=True, sharey=True, squeeze=False)
     for k, axis in enumerate(axes.flat):
         row, i = divmod(k, len(names))
@@ -41,28 +28,21 @@ def fig7(flight: PlottedFlight) -> "Figure":
         intervals = 1e3 * np.diff(times)
         # thousands of dots: as an image in an SVG
         axis.plot(
-            times[1:],
-            intervals,
-            ".",
-            ms=2.8,
-            mew=0,
-            color=SINGLE,
-            alpha=0.6,
-            rasterized=True,
+            times[1:], intervals, ".", ms=2.8, mew=0, color=style.SINGLE, alpha=0.6, rasterized=True
         )
-        logarithmic_intervals(axis)
+        style.logarithmic_intervals(axis)
         median = f", median {np.median(intervals):.3g} ms" if len(intervals) else ""
-        note(axis, f"{len(times)} events{median}")
-        letter(axis, k)
-        shade_faults(axis, [flight], ids[i])
-        mark_loss(axis, flight)
-        tidy(axis, flight.scenario.duration_s)
+        style.note(axis, f"{len(times)} events{median}")
+        style.letter(axis, k)
+        style.shade_faults(axis, [flight], ids[i])
+        style.mark_loss(axis, flight)
+        style.tidy(axis, flight.scenario.duration_s)
     for axis, name in zip(axes[0], names, strict=True):
         axis.annotate(name, (0.5, 1.0), (0.0, 20.0), "axes fraction", "offset points", ha="center")
     for row, channel in zip(axes, PAPER_ORDER, strict=True):
         for axis in row:
             axis.set_ylabel(f"{channel}\ninterval [ms]")
-    draw_legend(figure)
+    style.draw_legend(figure)
     return figure
 
 
@@ -72,7 +52,7 @@ def fig8(flight: PlottedFlight) -> "Figure":
 
     names, ids = flight.names, flight.recording.uav_ids
     duration_s = flight.scenario.duration_s
-    figure = new_figure(0.7 + 1.7 * len(names))
+    figure = style.new_figure(0.7 + 1.7 * len(names))
     axes = figure.subplots(len(names), sharex=True, squeeze=False)[:, 0]
     rows = range(len(PAPER_ORDER))
     bin_s = max(duration_s / _BINS, flight.step_s)
@@ -94,21 +74,21 @@ def fig8(flight: PlottedFlight) -> "Figure":
         axis.set_ylim(len(PAPER_ORDER) - 0.4, -0.6)
         axis.set_yticks(rows, PAPER_ORDER)
         axis.set_ylabel(names[i])
-        letter(axis, i)
-        shade_faults(axis, [flight], ids[i])
-        mark_loss(axis, flight)
-        tidy(axis, duration_s)
+        style.letter(axis, i)
+        style.shade_faults(axis, [flight], ids[i])
+        style.mark_loss(axis, flight)
+        style.tidy(axis, duration_s)
         axis.grid(visible=False, axis="y")
         totals = axis.secondary_yaxis("right")
         totals.set_yticks(rows, map(str, flight.event_counts(i)))
-        totals.tick_params(length=0, labelsize=SMALL, labelcolor=GREY)
+        totals.tick_params(length=0, labelsize=style.SMALL, labelcolor=style.GREY)
         totals.spines["right"].set_visible(False)
     bar = figure.colorbar(image, ax=axes, aspect=40, pad=0.01)
-    bar.set_label(f"events in {1e3 * bin_s:.3g} ms", size=SMALL + 1.0)
+    bar.set_label(f"events in {1e3 * bin_s:.3g} ms", size=style.SMALL + 1.0)
     bar.ax.minorticks_off()
     ticks = [k for k in _TICKS if k <= most]
-    bar.set_ticks(ticks, labels=list(map(str, ticks)), size=SMALL)
-    draw_legend(figure)
+    bar.set_ticks(ticks, labels=list(map(str, ticks)), size=style.SMALL)
+    style.draw_legend(figure)
     return figure
 
 
@@ -119,14 +99,14 @@ def fig9(flight: PlottedFlight, printed: Mapping[int, Mapping[str, int]]) -> "Fi
         flight: The flight.
         printed: The paper's event counts by UAV id and channel; some may be missing.
     """
-    figure = new_figure(3.8)
+    figure = style.new_figure(3.8)
     axes = figure.subplots(1, len(flight.names), sharey=True, squeeze=False)[0]
     places = np.arange(len(PAPER_ORDER))
     for i, (axis, name) in enumerate(zip(axes, flight.names, strict=True)):
         ours = flight.event_counts(i)
         paper = printed.get(flight.recording.uav_ids[i], {})
-        bars = axis.bar(places - 0.21, ours, 0.4, color=SINGLE, label=flight.title)
-        axis.bar_label(bars, size=SMALL, padding=1.0)
+        bars = axis.bar(places - 0.21, ours, 0.4, color=style.SINGLE, label=flight.title)
+        axis.bar_label(bars, size=style.SMALL, padding=1.0)
         known = [k for k, channel in enumerate(PAPER_ORDER) if channel in paper]
         if known:
             bars = axis.bar(
@@ -134,17 +114,17 @@ def fig9(flight: PlottedFlight, printed: Mapping[int, Mapping[str, int]]) -> "Fi
                 [paper[PAPER_ORDER[k]] for k in known],
                 0.4,
                 color="white",
-                edgecolor=STYLES[1].colour,
+                edgecolor=style.STYLES[1].colour,
                 hatch="////",
                 label="printed in the paper",
             )
-            axis.bar_label(bars, size=SMALL, padding=1.0)
-        tidy(axis)
+            axis.bar_label(bars, size=style.SMALL, padding=1.0)
+        style.tidy(axis)
         axis.margins(y=0.1)
         axis.grid(visible=False, axis="x")
         axis.set_xticks(places, PAPER_ORDER)
         axis.tick_params(axis="x", length=0)
         axis.set_xlabel(name)
         axis.set_ylabel(f"events in {flight.scenario.duration_s:g} s")
-    draw_legend(figure)
+    style.draw_legend(figure)
     return figure

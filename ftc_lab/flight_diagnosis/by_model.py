@@ -20,9 +20,10 @@ from ftc_lab.flight_diagnosis.relations import (
     Relations,
     Signals,
     Surface,
+    before,
+    only_while,
 )
 from gcs.console.errors import BadInput
-from gcs.results.logs.read import read_flight
 from gcs.results.logs.table import FlightTable, channel
 from gcs.results.store import EVENTS
 from gcs.results.ulog_export import sent_in
@@ -52,25 +53,21 @@ SURFACE_OF: dict[str, Surface] = {
 }
 
 
-def flown_run(run: Path, uav: int | None) -> FlightTable:
-    """Return a flight of our own, with every command that was sent, between recorded steps, too.
+def flown_run(run: Path, flight: FlightTable, uav: int | None) -> FlightTable:
+    """Return a flight of our own with every command that was sent, between recorded steps, too.
 
-    Raises:
-        BadInput: There is no recording, or no such UAV in it.
+    Args:
+        run: The run folder.
+        flight: What was read of it.
+        uav: System id; None: the first one.
     """
-    flight = read_flight(run, uav)
-    if not (run / EVENTS).exists():
-        return flight
-    sent = sent_in(run)
-    own = uav if uav is not None else min(sent, default=0)
-    if own not in sent:
-        return flight
-    time_s, channel_of, value = sent[own]
-    held = {
-        name: channel(f"held_{name}", time_s[channel_of == j], value[channel_of == j], EVENTS)
+    sent = sent_in(run) if (run / EVENTS).exists() else {}
+    time_s, channel_of, value = sent.get(uav or min(sent, default=0), (np.empty(0),) * 3)
+    held = (
+        channel(f"held_{name}", time_s[channel_of == j], value[channel_of == j], EVENTS)
         for j, name in enumerate(ACTUATORS)
-    }
-    found = {f"held_{name}": one for name, one in held.items() if one is not None}
+    )
+    found = {one.name: one for one in held if one is not None}
     return replace(flight, channels={**flight.channels, **found})
 
 
@@ -108,7 +105,7 @@ def relations_by_model(flight: FlightTable, aircraft: Aircraft) -> Relations:
         for j, name in enumerate(ACTUATORS)
         if name != "rudder" or aircraft.has("rudder")
     ]
-    return Relations(signals.time_s, tuple(made), ())
+    return Relations(signals.time_s, only_while(signals.flying(), made), ())
 
 
 def _motion(signals: Signals) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -166,7 +163,7 @@ def _done(
     N, F, C = (_stacked(air, name) for name in ("N", "F", "C"))
     V = np.linalg.norm(v, axis=1)
     steps = BY_MODEL.steps(_SPAN_S)
-    turning = (omega - _before(omega, steps)) / _SPAN_S @ J.T
+    turning = (omega - before(omega, steps)) / _SPAN_S @ J.T
     inner = _over_span(np.cross(omega, omega @ J.T) - N)
     inner -= commanded[:, THROTTLE:] * np.array(record["thrust_arms"])
     C = _over_span(C.reshape(-1, 9)).reshape(-1, 3, 3)
@@ -177,7 +174,7 @@ def _done(
     surfaces[good, :n] = np.linalg.solve(C[good][:, :n, :n], moment)[:, :, 0]
     gravity = _to_ned(attitude)[:, 2, :] * aircraft.gravity_m_s2
     along = (v * (F + mass * gravity)).sum(axis=1) / V
-    thrust = mass * (V - _before(V, steps)) / _SPAN_S - _over_span(along)
+    thrust = mass * (V - before(V, steps)) / _SPAN_S - _over_span(along)
     return np.column_stack([surfaces, thrust * _over_span(V / v[:, 0])])
 
 
@@ -187,14 +184,9 @@ def _stacked(air: list[Aerodynamics | None], name: str) -> np.ndarray:
     return np.array([unknown if one is None else getattr(one, name) for one in air])
 
 
-def _before(values: np.ndarray, steps: int) -> np.ndarray:
-    """Return values as they were some steps ago; NaN at first."""
-    return np.concatenate([np.full((steps, *values.shape[1:]), np.nan), values[:-steps]])
-
-
 def _over_span(values: np.ndarray) -> np.ndarray:
     """Return means over the last span, by trapezoids; NaN at first."""
     steps = BY_MODEL.steps(_SPAN_S)
-    halves = 0.5 * (values + _before(values, 1))
-    total = sum(_before(halves, k) if k else halves for k in range(steps))
+    halves = 0.5 * (values + before(values, 1))
+    total = sum(before(halves, k) for k in range(steps))
     return np.asarray(total) / steps

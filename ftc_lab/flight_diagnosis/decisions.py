@@ -45,12 +45,16 @@ class Learnt(BaseModel, frozen=True, extra="forbid"):
         fault: Logistic regression of whether there is a fault on the logarithm of the largest
             ratio of evidence to threshold: intercept and slope.
         naming: By what ratios are multiplied to be logarithms of the surfaces' odds.
+        flights: How many were looked at: so few show no probability of 99 %.
+        faults: How many of them were found to fail, and named.
     """
 
     healthy: Mapping[Surface, Gumbel]
     judged_s: float
     fault: tuple[float, float]
     naming: float
+    flights: int
+    faults: int
 
     def threshold(self, surface: Surface, judged_s: float) -> float:
         """Return the evidence that is an alarm in a flight that is judged for so long."""
@@ -60,7 +64,20 @@ class Learnt(BaseModel, frozen=True, extra="forbid"):
     def probability(self, ratio: float) -> float:
         """Return how probable a fault is, given the largest ratio of evidence to threshold."""
         intercept, slope = self.fault
-        return float(1.0 / (1.0 + np.exp(-(intercept + slope * np.log(max(ratio, 1e-3))))))
+        fitted = float(1.0 / (1.0 + np.exp(-(intercept + slope * np.log(max(ratio, 1e-3))))))
+        return _shown(fitted, self.flights, 2)
+
+    def chances(self, ratios: Mapping[Surface, float]) -> dict[Surface, float]:
+        """Return how probable each surface is, given that one has failed."""
+        most = max(ratios.values())
+        weights = {s: float(np.exp(self.naming * (one - most))) for s, one in ratios.items()}
+        total = sum(weights.values())
+        return {one: _shown(w / total, self.faults, len(ratios)) for one, w in weights.items()}
+
+
+def _shown(probability: float, cases: int, outcomes: int) -> float:
+    """Return a probability as so many cases can show it: Laplace's rule of succession."""
+    return (cases * probability + 1.0) / (cases + outcomes)
 
 
 def learnt(relations: Relations) -> Learnt:
@@ -77,15 +94,15 @@ class Finding(NamedTuple):
         alarm_s: Until when the log has to be read to find it [s].
         onset_s: Since when, most likely [s].
         between_s: From when to when that may be, by 95 % of the likelihood [s].
-        ratio: Its largest evidence within 2 s, relative to its threshold.
-        probabilities: Of each surface, given that one has failed.
+        ratios: The largest evidence of each within 2 s, relative to its threshold.
+        probabilities: Of each surface, given that one of these has failed.
     """
 
     surface: Surface
     alarm_s: float
     onset_s: float
     between_s: tuple[float, float]
-    ratio: float
+    ratios: dict[Surface, float]
     probabilities: dict[Surface, float]
 
 
@@ -98,7 +115,6 @@ class Diagnosis:
         ratios: Evidence relative to the threshold by surface, each of shape (n,); 1 is an alarm.
         finding: None if nothing was found.
         probability: That there is a fault.
-        judged_s: How long anything was judged [s]: not while relations were learnt.
         cannot: What could not be judged, and why.
     """
 
@@ -106,7 +122,6 @@ class Diagnosis:
     ratios: Mapping[Surface, np.ndarray]
     finding: Finding | None
     probability: float
-    judged_s: float
     cannot: tuple[str, ...]
 
 
@@ -124,15 +139,19 @@ class Watched(NamedTuple):
 
 
 def watch(relations: Relations) -> dict[Surface, Watched]:
-    """Learn the relations of a flight along it, and test them."""
+    """Learn the relations of a flight along it, and test each of which enough is learnt."""
     found = {one.surface: (one, residuals_of(one)) for one in relations.relations}
-    return {surface: Watched(*both, evidence_of(*both)) for surface, both in found.items()}
+    return {
+        surface: Watched(*both, evidence_of(*both))
+        for surface, both in found.items()
+        if both[1].weight.any()
+    }
 
 
 def diagnose_flight(
     relations: Relations, watched: Mapping[Surface, Watched], known: Learnt
 ) -> Diagnosis:
-    """Judge a flight by what others have shown."""
+    """Judge a flight, of which something is watched, by what others have shown."""
     ratios = {
         surface: one.evidence / known.threshold(surface, one.judged_s)
         for surface, one in watched.items()
@@ -142,15 +161,10 @@ def diagnose_flight(
     if first is not None:
         finding = _finding(relations.time_s, watched, ratios, first, pace, known)
     most = max(float(one.max()) for one in ratios.values())
-    judged_s = max(one.judged_s for one in watched.values())
-    return Diagnosis(
-        relations.time_s,
-        ratios,
-        finding,
-        known.probability(most),
-        judged_s,
-        relations.cannot,
-    )
+    unseen = (one.surface for one in relations.relations if one.surface not in watched)
+    short = (f"{surface} not judged: too little to learn what is healthy" for surface in unseen)
+    cannot = (*relations.cannot, *short)
+    return Diagnosis(relations.time_s, ratios, finding, known.probability(most), cannot)
 
 
 def _finding(
@@ -166,10 +180,13 @@ def _finding(
     end = min(first + pace.steps(pace.named_s / 2.0), len(time_s) - 1)
     onset = onset_of(*watched[surface][:2], max(first - pace.steps(_LONGEST_S), 0), end)
     since = np.maximum(time_s[list(onset)] - pace.lag_s, time_s[0]).tolist()
-    weights = {one: float(np.exp(known.naming * ratio)) for one, ratio in largest.items()}
-    chances = {one: weight / sum(weights.values()) for one, weight in weights.items()}
     return Finding(
-        surface, float(time_s[first]), since[0], (since[1], since[2]), largest[surface], chances
+        surface,
+        float(time_s[first]),
+        since[0],
+        (since[1], since[2]),
+        largest,
+        known.chances(largest),
     )
 
 

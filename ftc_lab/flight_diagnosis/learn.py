@@ -11,6 +11,7 @@ lists, and from no others. The second line flies so many flights of our own, for
 a model of the aircraft.
 """
 
+import json
 import sys
 from pathlib import Path
 from typing import NamedTuple
@@ -40,7 +41,14 @@ def learnt_from(examples: list[Example]) -> Learnt:
     """Fit what is to be known of healthy flights and of faults."""
     healthy = {surface: _gumbel(examples, surface) for surface in SURFACES}
     judged_s = float(np.median([next(iter(one.watched.values())).judged_s for one in examples]))
-    known = Learnt(healthy=healthy, judged_s=judged_s, fault=(0.0, 1.0), naming=1.0)
+    known = Learnt(
+        healthy=healthy,
+        judged_s=judged_s,
+        fault=(0.0, 1.0),
+        naming=1.0,
+        flights=len(examples),
+        faults=0,
+    )
     ratios, faulty, names = [], [], []
     for one in examples:
         for before in (True, False) if one.truth else (True,):
@@ -48,10 +56,10 @@ def learnt_from(examples: list[Example]) -> Learnt:
             faulty.append(not before)
         found = diagnose_flight(one.relations, one.watched, known).finding
         if found is not None and found.alarm_s >= one.onset_s:
-            at = {s: float(np.log(found.probabilities[s])) for s in SURFACES}
-            names.append((one.truth, at))
+            names.append((one.truth, found.ratios))
     intercept, slope = _logistic(np.log(np.maximum(ratios, 1e-3)), np.array(faulty))
-    return known.model_copy(update={"fault": (intercept, slope), "naming": _sharpness(names)})
+    fitted = {"fault": (intercept, slope), "naming": _sharpness(names), "faults": len(names)}
+    return known.model_copy(update=fitted)
 
 
 def _gumbel(examples: list[Example], surface: Surface) -> Gumbel:
@@ -82,8 +90,8 @@ def _sharpness(names: list[tuple[Surface | None, dict[Surface, float]]]) -> floa
     likely = -0.5 * (factors / _PRIOR) ** 2
     for truth, at in names:
         if truth is not None:
-            values = factors[:, None] * np.array(list(at.values()))
-            likely += factors * at[truth] - np.log(np.exp(values).sum(axis=1))
+            more = np.array(list(at.values())) - at[truth]
+            likely -= np.logaddexp.reduce(factors[:, None] * more, axis=1)
     return float(factors[np.argmax(likely)])
 
 
@@ -133,18 +141,11 @@ def main() -> None:
             )
     path = Path(__file__).with_name(LEARNT)
     content = yaml.safe_load(path.read_text(encoding="utf-8")) if path.exists() else {}
-    shown = _rounded(learnt_from(examples).model_dump())
+    exact = learnt_from(examples).model_dump_json()
+    shown = json.loads(exact, parse_float=lambda number: float(f"{float(number):.4g}"))
     content[examples[0].relations.pace.kind] = {"learnt": shown, "flights": flights}
     text = _HEADER + yaml.safe_dump(content, sort_keys=True)
     path.write_text(text, encoding="utf-8")
-
-
-def _rounded(value: object) -> object:
-    if isinstance(value, dict):
-        return {key: _rounded(one) for key, one in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_rounded(one) for one in value]
-    return float(f"{value:.4g}")
 
 
 if __name__ == "__main__":

@@ -7,12 +7,12 @@ Signals are means over 0.8 s on a grid of 10 Hz, since telemetry is often renewe
 After Keipour, Mousaei and Scherer, "Automatic Real-time Anomaly Detection for Autonomous Aerial
 Vehicles" (ICRA 2019, arXiv 1907.00511), who regress one signal on a related one: an attitude loop
 turns an error into a rate, at a gain that a surface which is stuck or has lost a part does not
-make.
+make. Some loops feed the rate of the command forward; a log with errors only does not show it.
 
 | surface | measured | by |
 | --- | --- | --- |
-| aileron | p | error of roll, now and 0.4 s ago |
-| elevator | q | error of pitch, now and 0.4 s ago; r², as q = r tan(roll) in a turn |
+| aileron | p | error of roll, now and 0.4 s ago; how fast the commanded roll changes |
+| elevator | q | the same of pitch; r², as q = r tan(roll) in a turn |
 | rudder | specific force along y | p, r |
 | engine | thrust less drag, by mass | errors of airspeed and height; specific force along z |
 
@@ -21,18 +21,20 @@ of the energy, g ḣ/V + V̇, which the angle of attack does not enter.
 """
 
 import contextlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from gcs.console.errors import BadInput
-from gcs.results.logs.table import FlightTable, LogChannel
+from gcs.results.logs.names import AIRSPEEDS
+from gcs.results.logs.table import FlightTable, LogChannel, wrapped
 
 Surface = Literal["engine", "aileron", "elevator", "rudder"]
 SURFACES: tuple[Surface, ...] = ("engine", "aileron", "elevator", "rudder")
 
+_TURN = 2.0 * np.pi
 _GRAVITY_M_S2 = 9.80665
 _MEAN_S = 0.8  # over which signals are averaged: two periods of the slowest usual telemetry
 _AGO_S = 0.4  # half of it
@@ -42,7 +44,9 @@ _LEAST_HZ = 1.5  # at which a signal must be renewed
 _FLYING = 0.3  # of the usual speed: slower is on the ground
 _EDGE_S = 2.0  # left out after take-off and before touch-down
 _SLOWEST_M_S = 4.0  # slower is standing or taxiing, and no usual speed
-_MEASURED = {"airspeed": ("V", "indicated_airspeed"), "height": ("altitude", "baro_height")}
+_MEASURED = {"airspeed": AIRSPEEDS, "height": ("altitude", "baro_height")}
+_MOST = 1e6  # in any unit here: what is more is damage in the log, not a measurement
+_TINY = 1e-9  # of what never changes, as its means differ
 _BY_HAND = {"MANUAL", "ACRO", "TRAINING"}  # modes of ArduPlane and PX4 that follow no attitude
 
 
@@ -153,14 +157,26 @@ def relations_of(flight: FlightTable) -> Relations:
     found, cannot = [], []
     for surface, make in _MAKERS.items():
         try:
-            found.append(make(signals))
+            found.append(_alive(make(signals)))
         except MissingError as missing:
             cannot.append(f"{surface} not judged: {missing}")
     if not found:
         raise BadInput(f"nothing of {flight.title} can be judged", "; ".join(cannot))
-    flying = signals.flying()
-    kept = [one._replace(measured=np.where(flying, one.measured, np.nan)) for one in found]
-    return Relations(signals.time_s, tuple(kept), tuple(cannot))
+    judged = signals.flying() & signals.by_autopilot()
+    return Relations(signals.time_s, only_while(judged, found), tuple(cannot))
+
+
+def only_while(judged: np.ndarray, relations: Iterable[Relation]) -> tuple[Relation, ...]:
+    """Return relations without what they measure at other times; `judged` has shape (n,)."""
+    return tuple(one._replace(measured=np.where(judged, one.measured, np.nan)) for one in relations)
+
+
+def _alive(relation: Relation) -> Relation:
+    """Return a relation; MissingError if what it measures is of a sensor that is none."""
+    known = relation.measured[np.isfinite(relation.measured)]
+    if len(known) and not np.ptp(known) > _TINY:
+        raise MissingError(f"{relation.text}: the first never changes")
+    return relation
 
 
 class MissingError(Exception):
@@ -196,7 +212,7 @@ class Signals:
             return self.of(f"error_{name}")
         measured = self.of(*_MEASURED.get(name, (name,)))
         error = measured - self.of(f"reference_{name}")
-        return _wrapped(error) if name in {"roll", "pitch"} else error
+        return wrapped(error, _TURN) if name in {"roll", "pitch"} else error
 
     def held_mean(self, name: str, span_s: float) -> np.ndarray:
         """Return the mean over the last seconds of a command, which is held, shape (n,)."""
@@ -211,7 +227,9 @@ class Signals:
     def _on_grid(self, channel: LogChannel) -> np.ndarray:
         if not np.ptp(channel.values):  # such as no wind
             return channel.at(self.time_s)
-        time_s, values = _renewed(channel)
+        is_command = channel.name.startswith("reference_")  # which may stay as it is
+        time_s, values = (channel.time_s, channel.values) if is_command else _renewed(channel)
+        time_s, values = time_s[np.abs(values) < _MOST], values[np.abs(values) < _MOST]
         span = float(time_s[-1] - time_s[0])
         if len(time_s) < 2 or len(time_s) < _LEAST_HZ * span:
             rate = (len(time_s) - 1) / span if span > 0.0 else 0.0
@@ -226,18 +244,15 @@ class Signals:
         return np.asarray(on_grid)
 
     def flying(self) -> np.ndarray:
-        """Return when the aircraft flies, by its speed, and not by hand, shape (n,).
+        """Return when the aircraft flies, by its speed, shape (n,); always if that is unknown.
 
         Raises:
             BadInput: It never does.
         """
-        by_autopilot = np.ones(len(self.time_s), bool)
-        for begin_s, mode in self._flight.modes:  # each until the next one
-            by_autopilot[self.time_s >= begin_s] = mode.upper() not in _BY_HAND
         try:
             speed = self.speed()
         except MissingError:
-            return by_autopilot
+            return np.ones(len(self.time_s), bool)
         moving = speed[speed > _SLOWEST_M_S]
         if not len(moving):
             most = np.max(speed[np.isfinite(speed)], initial=0.0)
@@ -245,12 +260,19 @@ class Signals:
             raise BadInput(text, f"expected {_SLOWEST_M_S:g} m/s or more")
         slow = (speed < _FLYING * np.median(moving)).astype(float)
         width = 2 * int(_EDGE_S * self._rate_hz) + 1
-        return by_autopilot & (np.convolve(slow, np.ones(width), "same") < 0.5)
+        return np.asarray(np.convolve(slow, np.ones(width))[width // 2 :][: len(slow)] < 0.5)
+
+    def by_autopilot(self) -> np.ndarray:
+        """Return when no pilot flies by hand, shape (n,)."""
+        found = np.ones(len(self.time_s), bool)
+        for begin_s, mode in self._flight.modes:  # each until the next one
+            found[self.time_s >= begin_s] = mode.upper() not in _BY_HAND
+        return found
 
     def speed(self) -> np.ndarray:
         """Return the airspeed, else that over the ground, shape (n,) [m/s]."""
         try:
-            return self.of("V", "indicated_airspeed")
+            return self.of(*AIRSPEEDS)
         except MissingError:
             return np.asarray(np.hypot(self.of("v_north"), self.of("v_east")))
 
@@ -282,16 +304,26 @@ def _mean(signal: np.ndarray, span_s: float) -> np.ndarray:
 
 def _ago(signal: np.ndarray, span_s: float) -> np.ndarray:
     """Return a signal as it was some seconds ago."""
-    steps = TELEMETRY.steps(span_s)
-    return np.concatenate([np.full(steps, np.nan), signal[: len(signal) - steps]])
+    return before(signal, TELEMETRY.steps(span_s))
 
 
-def _wrapped(angle: np.ndarray) -> np.ndarray:
-    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)
+def before(values: np.ndarray, steps: int) -> np.ndarray:
+    """Return values as they were some steps ago, shape (n, ...); NaN at first."""
+    return np.concatenate([np.full((steps, *values.shape[1:]), np.nan), values])[: len(values)]
 
 
 def _terms(*columns: np.ndarray) -> np.ndarray:
     return np.stack([np.ones_like(columns[0]), *columns], axis=1)
+
+
+def _commanded_rate(signals: Signals, name: str) -> list[np.ndarray]:
+    """Return how fast a commanded angle changes; empty if unknown."""
+    try:
+        commanded = signals.of(f"reference_{name}")
+    except MissingError:
+        return []
+    change = wrapped(commanded - _ago(commanded, _AGO_S), _TURN)
+    return [_mean(change / _AGO_S, _MEAN_S)]
 
 
 def _aileron(signals: Signals) -> Relation:
@@ -302,7 +334,7 @@ def _aileron(signals: Signals) -> Relation:
         "roll rate by error of roll",
         "rad/s",
         p,
-        _terms(error, _ago(error, _AGO_S)),
+        _terms(error, _ago(error, _AGO_S), *_commanded_rate(signals, "roll")),
         "response",
     )
 
@@ -310,7 +342,7 @@ def _aileron(signals: Signals) -> Relation:
 def _elevator(signals: Signals) -> Relation:
     error = _mean(signals.error("pitch"), _MEAN_S)
     q, turn = _mean(signals.of("q"), _MEAN_S), _mean(signals.of("r") ** 2, _MEAN_S)
-    terms = _terms(error, _ago(error, _AGO_S), turn)
+    terms = _terms(error, _ago(error, _AGO_S), turn, *_commanded_rate(signals, "pitch"))
     return Relation("elevator", "pitch rate by error of pitch", "rad/s", q, terms, "shift")
 
 
@@ -328,7 +360,10 @@ def _engine(signals: Signals) -> Relation:
     terms.append(_mean(signals.of("specific_force_z"), _SLOW_MEAN_S))
     V = float(np.nanmedian(signals.speed()))
     climb = -_mean(signals.of("v_down"), _SLOW_MEAN_S)
-    acceleration = (airspeed - _ago(airspeed, _SLOW_MEAN_S)) / _SLOW_MEAN_S
+    changing = airspeed  # with its command, too, unless the log has the airspeed itself
+    with contextlib.suppress(MissingError):
+        changing = signals.of(*_MEASURED["airspeed"])
+    acceleration = (changing - _ago(changing, _SLOW_MEAN_S)) / _SLOW_MEAN_S
     along = _mean(signals.of("specific_force_x"), _SLOW_MEAN_S)
     excess = (along + _GRAVITY_M_S2 * climb / V + acceleration) / 2.0
     text = "thrust less drag by errors of airspeed and height"

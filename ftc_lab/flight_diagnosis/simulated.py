@@ -10,6 +10,7 @@ from ftc_lab.flight_diagnosis.by_model import SURFACE_OF, flown_run, relations_b
 from ftc_lab.flight_diagnosis.decisions import watch
 from ftc_lab.flight_diagnosis.examples import Example
 from gcs.api.flying import fly
+from gcs.results.logs.read import read_flight
 from gcs.scenario.aircraft_file import load_aircraft
 from mavlink_defs.constants import ACTUATORS, THROTTLE
 from sitl_plant.airframe.config import Aircraft
@@ -38,7 +39,7 @@ def simulated_examples(flights: int, seed: int) -> Iterator[Example]:
             run = Path(folder) / "run"
             fly(scenario, changes, overlays=_ADDITIONS[k // len(_FLOWN) % len(_ADDITIONS)], out=run)
             for uav, truth in ((_FAULTY, SURFACE_OF[ACTUATORS[j]]), (1, None)):
-                relations = relations_by_model(flown_run(run, uav), aircraft)
+                relations = relations_by_model(flown_run(run, read_flight(run, uav), uav), aircraft)
                 onset_s = start_s if truth else np.inf
                 title = f"{scenario} {law} {k}, UAV {uav}: {fault}"
                 yield Example(title, truth, onset_s, relations, watch(relations))

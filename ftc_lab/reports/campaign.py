@@ -77,7 +77,7 @@ def campaign_report(findings: Findings, figures: Mapping[str, str]) -> str:
     """
     campaign = findings.mark.campaign
     return render(
-        "campaign",
+        "campaign.md",
         findings=findings,
         figures=figures,
         campaign=campaign,

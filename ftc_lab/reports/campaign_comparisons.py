@@ -4,16 +4,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from ftc_lab.campaigns import statistics
 from ftc_lab.campaigns.findings import FIGURES, Findings
 from ftc_lab.campaigns.samples import Sample, same_draws
-from ftc_lab.campaigns.statistics import (
-    SuccessComparison,
-    compare_paired_costs,
-    compare_paired_successes,
-    holm,
-    mean_difference,
-    median_difference,
-)
 from ftc_lab.reports.markdown import interval, p_value, render
 
 
@@ -25,14 +18,14 @@ def comparisons(findings: Findings) -> str:
     pairs = [pair for other in others if (pair := same_draws(first, other)) is not None]
     if not pairs:
         return "No two variants have flown the same draws.\n"
-    success = [compare_paired_successes(old.success, new.success) for old, new in pairs]
+    success = [statistics.compare_paired_successes(old.success, new.success) for old, new in pairs]
     figures = [
-        (new.variant, title, compare_paired_costs(old.cost(figure), new.cost(figure)))
+        (new.variant, title, statistics.compare_paired_costs(old.cost(figure), new.cost(figure)))
         for old, new in pairs
         for figure, title in FIGURES.items()
     ]
     p_values = [found.p_value for found in success]
-    adjusted = holm([*p_values, *(found.p_value for _, _, found in figures)])
+    adjusted = statistics.holm([*p_values, *(found.p_value for _, _, found in figures)])
     of_success = [
         [f"`{new.variant}`", *_of_success(found, own)]
         for (_, new), found, own in zip(pairs, success, adjusted, strict=False)
@@ -48,7 +41,7 @@ def comparisons(findings: Findings) -> str:
         for (variant, title, found), own in zip(figures, adjusted[len(success) :], strict=True)
     ]
     return render(
-        "comparisons",
+        "comparisons.md",
         against=f"against `{first.variant}`",
         success=of_success,
         figures=of_figures,
@@ -57,7 +50,7 @@ def comparisons(findings: Findings) -> str:
     )
 
 
-def _of_success(found: SuccessComparison, adjusted: float) -> Sequence[object]:
+def _of_success(found: statistics.SuccessComparison, adjusted: float) -> Sequence[object]:
     return [
         found.new[1],
         found.only_new,
@@ -78,6 +71,6 @@ def _of_survivors(pairs: list[tuple[Sample, Sample]]) -> Iterator[list[str]]:
                 f"`{new.variant}`",
                 title,
                 f"{both} of {len(old)}",
-                interval(mean_difference(first, second)),
-                interval(median_difference(first, second)),
+                interval(statistics.mean_difference(first, second)),
+                interval(statistics.median_difference(first, second)),
             ]

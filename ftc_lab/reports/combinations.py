@@ -58,7 +58,7 @@ def combinations_section(
         rows = [list(_row(one, uav_id, of, bold=one in front)) for one in own]
         tables[aircraft] = {"head": head, "rows": rows}
     return render(
-        "combinations",
+        "combinations.md",
         uav_id=uav_id,
         message_bytes=message_bytes(),
         tables=tables,

@@ -1,7 +1,6 @@
 """Reports as Markdown, and as one HTML file with its pictures inside."""
 
 import base64
-import html
 import math
 import re
 from collections.abc import Container, Iterable, Sequence
@@ -11,21 +10,6 @@ from ftc_lab.campaigns.statistics import Estimate
 from gcs.console.extras import load_package
 from mavlink_defs.config.output_files import write_text
 from mavlink_defs.visible import visible_lines
-
-_STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; color: #1a1a1a; background: #fff;
-       max-width: 62rem; margin: 2rem auto; padding: 0 1rem; }
-h1, h2, h3 { line-height: 1.2; margin-top: 2em; } h1 { margin-top: 0; }
-img { max-width: 100%; height: auto; }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: 0.9rem; }
-th, td { padding: 0.25rem 0.7rem; border-bottom: 1px solid #ccc; text-align: left; }
-th { border-bottom: 2px solid #666; }
-code { background: #f2f2f2; padding: 0 0.2em; }
-div.wide { overflow-x: auto; margin: 1.2em 0; }
-@media print { body { max-width: none; font-size: 11pt; } h2 { break-after: avoid; }
-               img, table { break-inside: avoid; } }
-"""
-
 
 _NUMBER = re.compile(r"(\*\*)?[-+−<±]?\s*\d|-$")
 """Begin of a number, perhaps bold; a dash is one that is unknown."""
@@ -63,7 +47,7 @@ def table(
 
 
 def render(template: str, **values: object) -> str:
-    """Return a report in Markdown, from a file in `templates`; each of its lines is a paragraph."""
+    """Return a text from a file in `templates`; each line of one in Markdown is a paragraph."""
     load_package("jinja2", "a report", "lab")
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -76,7 +60,7 @@ def render(template: str, **values: object) -> str:
     )
     environment.filters["plain"] = plain
     environment.globals["table"] = table
-    return environment.get_template(f"{template}.md.j2").render(values)
+    return environment.get_template(f"{template}.j2").render(values)
 
 
 def bullets(sentences: Iterable[str]) -> str:
@@ -108,13 +92,7 @@ def html_of(markdown: str, folder: Path) -> str:
         "</table>", "</table></div>"
     )
     body = re.sub(r'src="([^"]+\.png)"', lambda found: _embedded(folder / found[1]), body)
-    title = markdown.partition("\n")[0].lstrip("# ")
-    return (
-        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        f"<title>{html.escape(title)}</title>\n"
-        f'<meta name="viewport" content="width=device-width">\n<style>{_STYLE}</style>\n</head>\n'
-        f"<body>\n{body}</body>\n</html>\n"
-    )
+    return render("page.html", title=markdown.partition("\n")[0].lstrip("# "), body=body)
 
 
 def _embedded(path: Path) -> str:

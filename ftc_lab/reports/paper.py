@@ -71,7 +71,7 @@ def paper_report(results: PaperResults) -> str:
     modes = {"in_process": "in one process", "lockstep": "over MAVLink, in lockstep"}
     return (
         render(
-            "paper",
+            "paper.md",
             results=results,
             lost=[f"{s.scenario}: {s.loss}" for s in summaries if s.loss],
             how=", ".join(sorted({modes.get(s.mode, s.mode) for s in summaries})),

@@ -231,9 +231,8 @@ def _faults(scenario: Scenario, uav_id: int, time_s: np.ndarray) -> tuple[np.nda
     """ρ of (13), (19), and whether a fault acts, by step and actuator; shapes (n, 4)."""
     rho, faulty = np.ones((len(time_s), 4)), np.zeros((len(time_s), 4), bool)
     for target, fault in scenario.fault_commands():
-        if (
-            target == uav_id and fault.family is ACTUATOR_FAULTS
-        ):  # of a sensor, this theory knows nothing
+        # of a sensor, this theory knows nothing
+        if target == uav_id and fault.family is ACTUATOR_FAULTS:
             end_s = math.inf if math.isnan(fault.end_s) else fault.end_s
             acts = (fault.start_s <= time_s) & (time_s < end_s)  # as `apply_faults`
             rho[acts, fault.number] = fault.effectiveness

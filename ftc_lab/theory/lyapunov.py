@@ -221,7 +221,7 @@ def speed_subsystem(known: Known, law: Proposed, trigger: Trigger) -> Subsystem 
                 where=known.reported,
                 time_s=known.time_s,
                 cancelled=(nominal_size,),
-            ),
+            )
         ],
         constants={
             "lambda": lam,

@@ -59,13 +59,9 @@ def campaign(
         folder = Path(out or load_lab("campaigns.folder").default_folder(planned.mark))
         with working(console) as work:
             task = work.add("flying", planned.draws.num_rows, "flights")
-            run.run_campaign(
-                planned,
-                folder,
-                scheduler,
-                jobs,
-                until,
-                lambda flown: task.show(task.done + flown.rows.num_rows),
-            )
-        results: pa.Table = load_lab("campaigns.store").read_results(folder)
-        return results
+
+            def count(flown: Any) -> None:
+                task.show(task.done + flown.rows.num_rows)
+
+            run.run_campaign(planned, folder, scheduler, jobs, until, count)
+        return load_lab("campaigns.store").read_results(folder)

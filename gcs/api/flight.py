@@ -145,11 +145,7 @@ class Flight:
         return self.table.__arrow_c_stream__(requested_schema)
 
     def frame(
-        self,
-        columns: Iterable[str] | None = None,
-        *,
-        uav: int | None = None,
-        degrees: bool = False,
+        self, columns: Iterable[str] | None = None, *, uav: int | None = None, degrees: bool = False
     ) -> "pd.DataFrame":
         """Return its trajectory as a frame of pandas, indexed by `time_s` and `uav`.
 

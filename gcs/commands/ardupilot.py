@@ -8,14 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from gcs.commands.common import (
-    QuietOption,
-    RunFolderOption,
-    ScenarioArgument,
-    SetOption,
-    WithOption,
-    tell,
-)
+from gcs.commands import common
 from gcs.commands.station import systems_in
 from gcs.console.errors import FlightLost, Interrupted, NoAnswer
 from gcs.console.lines import print_json
@@ -29,24 +22,11 @@ from sitl_plant.ardupilot.protocol import PORT, PORTS_APART
 if TYPE_CHECKING:
     from gcs.fleet.ardupilot.recorded import ArduPilotFlown
 
-EPILOG = """
-Examples:
-
-- gcs ardupilot paper/scenario1 --uav 1    (then: arduplane --model JSON:127.0.0.1 -I 0)
-- gcs ardupilot my.yaml --set duration_s=600 --set ardupilot.throttle.min_us=1100
-- gcs ardupilot my.yaml --set step_us=2500 --json
-- gcs ardupilot my.yaml --faults-port 14570    (then: gcs fault set rudder --stuck-deg 5
-  --connect udpout:127.0.0.1:14570)
-
-Exit status: 0 flown to its end, 1 lost, not recorded, or an ArduPilot fell silent, 2 bad input,
-4 no ArduPilot came, 130 Ctrl-C (143 SIGTERM, 129 SIGHUP).
-"""
-
 
 def ardupilot(
-    scenario: ScenarioArgument,
-    additions: WithOption = None,
-    settings: SetOption = None,
+    scenario: common.ScenarioArgument,
+    additions: common.WithOption = None,
+    settings: common.SetOption = None,
     port: Annotated[
         int,
         typer.Option(
@@ -57,39 +37,14 @@ def ardupilot(
             metavar="PORT",
         ),
     ] = PORT,
-    patience: Annotated[
-        float,
-        typer.Option(
-            min=0.1, help="Silence of an ArduPilot after which the flight ends [s].", metavar="S"
-        ),
-    ] = 60.0,
-    faults_port: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            max=65535,
-            help="UDP port where gcs fault sets, clears and lists faults in flight, with --connect "
-            "udpout:HOST:PORT. Without it, only the scenario's faults act.",
-            metavar="PORT",
-        ),
-    ] = None,
-    uav: Annotated[
-        str | None,
-        typer.Option(
-            metavar="IDS", help="Fly these UAVs only, such as 1,3; all of the scenario by default."
-        ),
-    ] = None,
-    out: RunFolderOption = None,
-    record: Annotated[
-        Record, typer.Option(help="What is recorded of the steps, as of gcs fly.")
-    ] = Record.LIGHT,
-    no_figures: Annotated[
-        bool, typer.Option("--no-figures", envvar="FTC_SITL_NO_FIGURES", help="Draw no figures.")
-    ] = False,
-    quiet: QuietOption = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print summary.json on standard output instead.")
-    ] = False,
+    patience: Annotated[float, typer.Option(min=0.1, metavar="S")] = 60.0,
+    faults_port: Annotated[int | None, typer.Option(min=1, max=65535, metavar="PORT")] = None,
+    uav: Annotated[str | None, typer.Option(metavar="IDS")] = None,
+    out: common.RunFolderOption = None,
+    record: Record = Record.LIGHT,
+    no_figures: Annotated[bool, typer.Option("--no-figures", envvar="FTC_SITL_NO_FIGURES")] = False,
+    quiet: common.QuietOption = False,
+    as_json: Annotated[bool, typer.Option("--json")] = False,
 ) -> None:
     """Let ArduPilot SITLs fly a scenario's aircraft.
 
@@ -100,6 +55,25 @@ def ardupilot(
     The aircraft are held until ArduPilot commands thrust, and launched to their initial state;
     then the time of the scenario, and of its faults, begins. Changes of the outputs are counted as
     the events of our autopilots are.
+
+    Args:
+        patience: Silence of an ArduPilot after which the flight ends [s].
+        faults_port: UDP port where gcs fault sets, clears and lists faults in flight, with
+            --connect udpout:HOST:PORT. Without it, only the scenario's faults act.
+        uav: Fly these UAVs only, such as 1,3; all of the scenario by default.
+        record: What is recorded of the steps, as of gcs fly.
+        no_figures: Draw no figures.
+        as_json: Print summary.json on standard output instead.
+
+    Examples:
+        - gcs ardupilot paper/scenario1 --uav 1    (then: arduplane --model JSON:127.0.0.1 -I 0)
+        - gcs ardupilot my.yaml --set duration_s=600 --set ardupilot.throttle.min_us=1100
+        - gcs ardupilot my.yaml --set step_us=2500 --json
+        - gcs ardupilot my.yaml --faults-port 14570    (then: gcs fault set rudder --stuck-deg 5
+          --connect udpout:127.0.0.1:14570)
+
+    Exit status: 0 flown to its end, 1 lost, not recorded, or an ArduPilot fell silent, 2 bad input,
+    4 no ArduPilot came, 130 Ctrl-C (143 SIGTERM, 129 SIGHUP).
     """
     from gcs.fleet.ardupilot.recorded import ArduPilotFlown, prepare_ardupilot
     from gcs.fleet.ardupilot.sockets import bound, how_to_start
@@ -126,7 +100,7 @@ def ardupilot(
         is_new = out is None or not out.exists()
         folder = make_run_folder(out, loaded.name)
         try:
-            tell(flight.remarks, console)
+            common.tell(flight.remarks, console)
             warm_up(None, console)
             notify = partial(console.print, soft_wrap=True)
             with (
@@ -137,7 +111,7 @@ def ardupilot(
                     "waiting for ArduPilot, which flies in place of the scenario's law "
                     f"({loaded.controller.kind}) and its profile or mission; start"
                 )
-                tell(how_to_start(loaded, addresses), console)
+                common.tell(how_to_start(loaded, addresses), console)
                 with working(console) as work:
                     task = work.add(loaded.name, loaded.duration_s, "s", rated=False)
                     flown.fly(

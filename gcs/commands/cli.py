@@ -23,6 +23,7 @@ from gcs.console.outputs import remove_empty
 from gcs.console.stopping import ending_at_once, stop_as_ctrl_c
 from mavlink_defs.config.problems import ConfigError
 from mavlink_defs.config.renamed import RenamedWarning
+from mavlink_defs.docstrings import texts_of
 from mavlink_defs.runtime.foreign import PluginError
 
 _EXIT_CTRL_C = 130  # of typer
@@ -40,13 +41,6 @@ _MISPLACED = {errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR}
 _WARNED: set[str] = set()
 _PYTHONS_LINE = warnings.formatwarning
 _SPACE = "free some space, or choose a writable folder; files written so far stay"
-
-_EPILOG = """
-Examples:
-
-- gcs --connect udpin:0.0.0.0:14550    (as the only ground station)
-- gcs log flight.tlog                  (dashboard with a log)
-"""
 
 
 class _Commands(TyperGroup):
@@ -87,8 +81,7 @@ class _Commands(TyperGroup):
         gc.freeze()  # what is imported stays: to search it for garbage takes a tenth of a second
         holder = typer.Typer(rich_markup_mode="markdown")
         if hasattr(home, name) and not hasattr(home, "app"):
-            epilog = getattr(home, f"{name.upper()}_EPILOG", None) or home.EPILOG
-            holder.command(name, epilog=epilog)(getattr(home, name))
+            holder.command(name, epilog=getattr(home, "EPILOG", None))(getattr(home, name))
         else:
             holder.add_typer(home.app, name=name)
         self.commands[name] = _without_types(typer.main.get_group(holder).commands[name])
@@ -124,24 +117,25 @@ def _show_versions(asked: bool) -> None:
         raise typer.Exit
 
 
-@app.callback(epilog=_EPILOG)
+@app.callback()
 def gcs(
     context: typer.Context,
     connect: ConnectOption = None,
     theme: ThemeOption = "dark",
     _version: Annotated[
-        bool,
-        typer.Option(
-            "--version",
-            callback=_show_versions,
-            is_eager=True,
-            help="Print the versions of ftc-sitl and what it stands on.",
-        ),
+        bool, typer.Option("--version", callback=_show_versions, is_eager=True)
     ] = False,
 ) -> None:
     """Ground station of ftc-sitl: fly a UAV formation over real MAVLink.
 
     Without a command: the operator's dashboard.
+
+    Args:
+        _version: Print the versions of ftc-sitl and what it stands on.
+
+    Examples:
+        - gcs --connect udpin:0.0.0.0:14550    (as the only ground station)
+        - gcs log flight.tlog                  (dashboard with a log)
     """
     if context.invoked_subcommand is not None:
         _refuse_options(context)
@@ -180,7 +174,12 @@ def _without_types(command: Any) -> Any:
         one = commands.pop()
         commands += getattr(one, "commands", {}).values()
         one.format_help = _format_help.__get__(one)
+        about, examples, rest = (one.help or "").partition("\n\nExamples:\n")
+        if examples:  # they follow the options
+            one.epilog = "Examples:\n\n" + rest.replace("\n    ", "\n").removeprefix("    ")
+        one.help, texts = about.partition("\n\nArgs:\n")[0], texts_of(about, "Args")
         for parameter in one.get_params(typer.Context(one)):
+            parameter.help = texts.get(parameter.name, parameter.help)
             parameter.process_value = partial(_processed, parameter)
             if getattr(parameter, "is_flag", False):
                 parameter.metavar = ""

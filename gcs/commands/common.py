@@ -111,10 +111,7 @@ def prepared(
     from gcs.fleet.preparation import How, prepare
 
     asked = How(
-        free_ports=options.free_ports,
-        autopilot_processes=options.processes,
-        named=option,
-        **how,
+        free_ports=options.free_ports, autopilot_processes=options.processes, named=option, **how
     )
     return prepare(
         scenario,

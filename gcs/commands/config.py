@@ -7,13 +7,7 @@ from typing import Annotated
 import typer
 
 from ftc_autopilot.config import AutopilotConfig
-from gcs.commands.common import (
-    ScenarioArgument,
-    SetOption,
-    WithOption,
-    changed_scenario,
-    tell,
-)
+from gcs.commands.common import ScenarioArgument, SetOption, WithOption, changed_scenario, tell
 from gcs.commands.options import InsecureOption, SigningKeyOption
 from gcs.console.errors import BadInput
 from gcs.console.lines import print_line
@@ -27,32 +21,11 @@ from mavlink_defs.config.files import dump
 from mavlink_defs.endpoint import EndpointError, parse_address
 from sitl_plant.config import PlantConfig
 
-EPILOG = """
-Examples:
-
-- gcs config paper/scenario1 --out fleet --host plant=10.0.0.1 --host gcs=10.0.0.9
-  --host uav1=10.0.0.1 --host uav2=10.0.0.2 --host uav3=10.0.0.2 --signing-key fleet.key
-
-Exit status: 0 written, 1 a file cannot be written, 2 bad input.
-"""
-
 
 def config(
     scenario: ScenarioArgument,
-    out: Annotated[
-        Path,
-        typer.Option(
-            help="Folder for the files; files of the same names are replaced.", metavar="FOLDER"
-        ),
-    ],
-    host: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Address of the host of `plant`, `gcs` or a UAV (`uav1`); links.host of the "
-            "scenario for the others; may be repeated.",
-            metavar="NAME=HOST",
-        ),
-    ] = None,
+    out: Annotated[Path, typer.Option(metavar="FOLDER")],
+    host: Annotated[list[str] | None, typer.Option(metavar="NAME=HOST")] = None,
     additions: WithOption = None,
     settings: SetOption = None,
     signing_key: SigningKeyOption = None,
@@ -64,6 +37,17 @@ def config(
     also compiles the numeric core there. Then start one process per file by hand: nothing here
     starts them. The plant flies in real time until it is stopped. Links that other machines can
     reach must be signed, unless --insecure is given.
+
+    Args:
+        out: Folder for the files; files of the same names are replaced.
+        host: Address of the host of `plant`, `gcs` or a UAV (`uav1`); links.host of the scenario
+            for the others; may be repeated.
+
+    Examples:
+        - gcs config paper/scenario1 --out fleet --host plant=10.0.0.1 --host gcs=10.0.0.9
+          --host uav1=10.0.0.1 --host uav2=10.0.0.2 --host uav3=10.0.0.2 --signing-key fleet.key
+
+    Exit status: 0 written, 1 a file cannot be written, 2 bad input.
     """
     loaded = signed(changed_scenario(scenario, additions, settings), signing_key)
     if loaded.links.impairments is not None:

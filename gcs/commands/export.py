@@ -12,46 +12,52 @@ from gcs.console.terminal import console_of
 from gcs.results.choices import Format
 from gcs.results.logs.read import kind_of
 
-EPILOG = """
-Examples:
-
-- gcs export runs/first --to csv
-- gcs export runs/first --to kml --out /tmp
-- gcs export runs/first --to ulg && ulog_info runs/first/uav3.ulg
-- gcs export 00000042.BIN --to csv --out /tmp
-
-npz (NumPy), csv and parquet: trajectory and events, as in the recording. kml: tracks, home and the
-path of a mission for Google Earth. mcap: states, places and events for Foxglove and PlotJuggler.
-ulg: a ULog file for each UAV, with PX4's topics, for PlotJuggler, Flight Review and pyulog.
-
-A log, as `gcs log` reads it, becomes one file beside it: csv and parquet with a row for each step
-of its fastest channel, npz with every channel at its own times, kml.
-
-Exit status: 0 written, 1 the recording is torn and was written up to there, or a file cannot be
-written, 2 bad input.
-"""
-
 
 def export(
-    run: Annotated[Path, typer.Argument(help="Run folder of gcs fly, or a log.", metavar="RUN")],
-    to: Annotated[Format, typer.Option(help="Format of the files.")],
-    out: Annotated[
-        Path | None,
-        typer.Option(help="Folder for the files; RUN, or the log's, by default.", metavar="FOLDER"),
-    ] = None,
+    run: Annotated[Path, typer.Argument(metavar="RUN")],
+    to: Annotated[Format, typer.Option()],
+    out: Annotated[Path | None, typer.Option(metavar="FOLDER")] = None,
     uav: LogUavOption = None,
     columns: LogColumnsOption = None,
 ) -> None:
     """Convert the recording of a flight, or a log, for other programs.
 
-    --uav and --columns are of logs.
-    """
-    from gcs.results.export import convert
-    from gcs.results.store import EVENTS, TRAJECTORY, is_complete
+    Args:
+        run: Run folder of gcs fly, or a log.
+        to: Format of the files.
+        out: Folder for the files; RUN, or the log's, by default.
 
+    Examples:
+        - gcs export runs/first --to csv
+        - gcs export runs/first --to kml --out /tmp
+        - gcs export runs/first --to ulg && ulog_info runs/first/uav3.ulg
+        - gcs export 00000042.BIN --to csv --out /tmp
+
+    npz (NumPy), csv and parquet: trajectory and events, as in the recording. kml: tracks, home and
+    the path of a mission for Google Earth. mcap: states, places and events for Foxglove and
+    PlotJuggler. ulg: a ULog file for each UAV, with PX4's topics, for PlotJuggler, Flight Review
+    and pyulog.
+
+    A log, as `gcs log` reads it, becomes one file beside it: csv and parquet with a row for each
+    step of its fastest channel, npz with every channel at its own times, kml.
+    --uav and --columns are of logs.
+
+    Exit status: 0 written, 1 the recording is torn and was written up to there, or a file cannot be
+    written, 2 bad input.
+    """
     if run.is_file() and kind_of(run) not in {"recording", None}:
         _export_log(run, to, out or run.parent, uav, columns)
         return
+    if uav is not None or columns is not None:
+        option = "--columns" if uav is None else "--uav"
+        raise BadInput(f"{option} is of logs, and {run} is a run folder", "leave it out")
+    _export_run(run, to, out)
+
+
+def _export_run(run: Path, to: Format, out: Path | None) -> None:
+    from gcs.results.export import convert
+    from gcs.results.store import EVENTS, TRAJECTORY, is_complete
+
     folder = out or run
     if out is not None:
         make_folder(out)

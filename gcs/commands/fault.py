@@ -9,22 +9,15 @@ import typer
 from pydantic import ValidationError
 
 from gcs.commands.options import with_options
-from gcs.commands.station import EXIT_STATUS, StationOptions, station_command
+from gcs.commands.station import StationOptions, station_command
 from gcs.console.errors import BadInput, NoAnswer
 from gcs.station.vehicle import Vehicle
 from mavlink_defs import dialect
 from mavlink_defs.config.files import problems_of
 from mavlink_defs.config.quantity import describe
 from mavlink_defs.constants import Actuator
+from mavlink_defs.faults import sensors
 from mavlink_defs.faults.fault import Fault
-from mavlink_defs.faults.sensors import (
-    FAILURES,
-    MAX_INSTANCES,
-    SENSOR_NAMES,
-    Axis,
-    Failure,
-    SensorName,
-)
 from mavlink_defs.faults.spec import SPECS, ActuatorFaultSpec, FaultSpec, SensorFaultSpec
 
 app = typer.Typer(help="Set, clear and list faults of actuators and sensors.", no_args_is_help=True)
@@ -32,63 +25,25 @@ of_sensors = typer.Typer(help="Set and clear faults of sensors.", no_args_is_hel
 app.add_typer(of_sensors, name="sensor")
 
 _ACTUATORS = "aileron, elevator, rudder or throttle"
-_SENSORS = ", ".join(SENSOR_NAMES[:-1]) + f" or {SENSOR_NAMES[-1]}"
+_SENSORS = ", ".join(sensors.SENSOR_NAMES[:-1]) + f" or {sensors.SENSOR_NAMES[-1]}"
 _ZERO_IS_NONE = {"frequency_hz", "instance"}
-
-_SET_EPILOG = f"""
-Examples:
-
-- gcs fault set rudder --uav 3 --effectiveness 0.5 --bias-deg 1
-- gcs fault set elevator --stuck-deg 5 --for-s 3
-- gcs fault set aileron --effectiveness 0.2 --intermittent-deg 0 --frequency-hz 0.5
-- gcs fault set throttle --bias-n -2 --start-s 19 --end-s 22 --json
-{EXIT_STATUS}"""
-
-_CLEAR_EPILOG = f"""
-Examples:
-
-- gcs fault clear
-- gcs fault clear --actuator rudder --uav 3
-{EXIT_STATUS}"""
-
-_LIST_EPILOG = f"""
-Examples:
-
-- gcs fault list
-- gcs fault list --uav 3 --json | jq '.[].faults[] | select(.active)'
-{EXIT_STATUS}"""
-
-_SET_SENSOR_EPILOG = f"""
-Examples:
-
-- gcs fault sensor set airspeed --failure stuck --uav 3
-- gcs fault sensor set gyro --instance 1 --bias-deg-s 3 --for-s 20
-- gcs fault sensor set airspeed --fade-s 60
-{EXIT_STATUS}"""
-
-_CLEAR_SENSOR_EPILOG = f"""
-Examples:
-
-- gcs fault sensor clear gyro --instance 1
-- gcs fault sensor clear airspeed --uav 3
-{EXIT_STATUS}"""
 
 _ForOption = Annotated[
     float | None,
     typer.Option(metavar="S", help="Duration in simulated time [s], instead of --end-s."),
 ]
-_SensorArgument = Annotated[SensorName, typer.Argument(metavar="SENSOR", help=_SENSORS)]
+_SensorArgument = Annotated[sensors.SensorName, typer.Argument(metavar="SENSOR", help=_SENSORS)]
 _InstanceOption = Annotated[
     int,
     typer.Option(
         min=0,
-        max=MAX_INSTANCES,
+        max=sensors.MAX_INSTANCES,
         metavar="N",
         help="Number of the sensor, from 1; 0: all of them.",
     ),
 ]
 # the way in which `gcs fault sensor` was written before, for one version
-_HiddenSensor = Annotated[SensorName | None, typer.Option(hidden=True)]
+_HiddenSensor = Annotated[sensors.SensorName | None, typer.Option(hidden=True)]
 _HiddenInstance = Annotated[int, typer.Option(min=0, hidden=True)]
 
 
@@ -112,16 +67,16 @@ def _numbers(model: type[FaultSpec], *, hidden: bool = False) -> Iterator[inspec
 def _of_a_sensor(*, hidden: bool = False) -> Iterator[inspect.Parameter]:
     """Yield the options of a fault of a sensor."""
     failure = typer.Option(
-        metavar="TYPE", help=f"How it fails: {', '.join(FAILURES)}.", hidden=hidden
+        metavar="TYPE", help=f"How it fails: {', '.join(sensors.FAILURES)}.", hidden=hidden
     )
     axis = typer.Option(
         metavar="AXIS",
         help="Axis that is wrong: x, y or z; of a GPS north, east, down.",
         hidden=hidden,
     )
-    yield _parameter("failure", Annotated[Failure | None, failure])
+    yield _parameter("failure", Annotated[sensors.Failure | None, failure])
     yield _parameter("instance", _HiddenInstance if hidden else _InstanceOption, 0)
-    yield _parameter("axis", Annotated[Axis | None, axis])
+    yield _parameter("axis", Annotated[sensors.Axis | None, axis])
     yield from _numbers(SensorFaultSpec, hidden=hidden)
 
 
@@ -130,7 +85,7 @@ def _parameter(name: str, annotation: Any, default: Any = None) -> inspect.Param
     return inspect.Parameter(name, keyword, default=default, annotation=annotation)
 
 
-@app.command(name="set", epilog=_SET_EPILOG)
+@app.command(name="set")
 @station_command
 @with_options("options", _numbers(ActuatorFaultSpec), dict)
 @with_options("of_sensor", _of_a_sensor(hidden=True), dict)
@@ -149,6 +104,12 @@ def set_(
 
     A fault replaces older ones of the same actuator that overlap it in time. Of sensors:
     `gcs fault sensor set`.
+
+    Examples:
+        - gcs fault set rudder --uav 3 --effectiveness 0.5 --bias-deg 1
+        - gcs fault set elevator --stuck-deg 5 --for-s 3
+        - gcs fault set aileron --effectiveness 0.2 --intermittent-deg 0 --frequency-hz 0.5
+        - gcs fault set throttle --bias-n -2 --start-s 19 --end-s 22 --json
     """
     if (actuator is None) == (sensor is None):
         got = "got none" if sensor is None else f"got {actuator} and the sensor {sensor}"
@@ -160,7 +121,7 @@ def set_(
     _set(station, key, name, options | of_sensor, for_s)
 
 
-@of_sensors.command(name="set", epilog=_SET_SENSOR_EPILOG)
+@of_sensors.command(name="set")
 @station_command
 @with_options("options", _of_a_sensor(), dict)
 def set_of_sensor(
@@ -174,11 +135,16 @@ def set_of_sensor(
 
     It fails in one of the ways of MAV_CMD_INJECT_FAILURE; a value says how much, else its default
     applies. A fault replaces older ones of the same sensor that overlap it in time.
+
+    Examples:
+        - gcs fault sensor set airspeed --failure stuck --uav 3
+        - gcs fault sensor set gyro --instance 1 --bias-deg-s 3 --for-s 20
+        - gcs fault sensor set airspeed --fade-s 60
     """
     _set(station, "sensor", sensor, options, for_s)
 
 
-@app.command(epilog=_CLEAR_EPILOG)
+@app.command()
 @station_command
 def clear(
     station: StationOptions,
@@ -192,6 +158,10 @@ def clear(
     """Clear faults: active, past and future ones, of actuators and sensors.
 
     For one sensor: `gcs fault sensor clear`.
+
+    Examples:
+        - gcs fault clear
+        - gcs fault clear --actuator rudder --uav 3
     """
     if actuator is not None and sensor is not None:
         raise BadInput("--actuator and --sensor both say whose", "leave one of them out")
@@ -208,19 +178,29 @@ def clear(
     station.act(action)
 
 
-@of_sensors.command(name="clear", epilog=_CLEAR_SENSOR_EPILOG)
+@of_sensors.command(name="clear")
 @station_command
 def clear_of_sensor(
     station: StationOptions, sensor: _SensorArgument, instance: _InstanceOption = 0
 ) -> None:
-    """Clear faults of a sensor: active, past and future ones."""
+    """Clear faults of a sensor: active, past and future ones.
+
+    Examples:
+        - gcs fault sensor clear gyro --instance 1
+        - gcs fault sensor clear airspeed --uav 3
+    """
     _clear_sensor(station, sensor, instance)
 
 
-@app.command(name="list", epilog=_LIST_EPILOG)
+@app.command(name="list")
 @station_command
 def list_(station: StationOptions) -> None:
-    """List the faults of vehicles, including past and future ones."""
+    """List the faults of vehicles, including past and future ones.
+
+    Examples:
+        - gcs fault list
+        - gcs fault list --uav 3 --json | jq '.[].faults[] | select(.active)'
+    """
 
     async def action(vehicle: Vehicle) -> str:
         faults = await vehicle.faults()
@@ -241,7 +221,7 @@ def _with_phase(fault: Fault, now_s: float) -> str:
     return f"{fault.describe()}, {phase}"
 
 
-def _clear_sensor(station: StationOptions, sensor: SensorName, instance: int) -> None:
+def _clear_sensor(station: StationOptions, sensor: sensors.SensorName, instance: int) -> None:
     async def action(vehicle: Vehicle) -> str:
         await vehicle.clear_sensor_faults(sensor, instance)
         whose = f"{sensor} {instance or ''}".rstrip()

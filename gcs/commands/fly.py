@@ -8,14 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from gcs.commands.common import (
-    FleetOptions,
-    Restart,
-    RestartOption,
-    flight_progress,
-    prepared,
-    tell,
-)
+from gcs.commands import common
 from gcs.commands.drawing import FlightDrawing, drawn
 from gcs.commands.options import options_of, with_options
 from gcs.console.errors import BadInput, FlightLost, Interrupted
@@ -27,76 +20,41 @@ from gcs.results.choices import Record
 from gcs.scenario.model import Scenario
 
 if TYPE_CHECKING:
+    from gcs.fleet.preparation import Prepared
     from gcs.results.figures import FlightSummary
     from gcs.results.recorder import FlightRecorder
     from gcs.results.recording import Ending
 
-EPILOG = """
-Examples:
-
-- gcs fly paper/scenario1
-- gcs fly paper/scenario1 --in-process --json | jq .saving
-- gcs fly my.yaml --speed 1 --out runs/demo
-- gcs fly faults/loe_aileron --with realistic --set trigger.b2_deg=0.5
-- gcs fly --campaign runs/robust --row 17 --in-process
-
-Exit status: 0 flown to its end, 1 lost, stopped early or not recorded, 2 bad input, 3 a vehicle
-refused something, 4 a vehicle did not answer, 130 Ctrl-C (143 SIGTERM, 129 SIGHUP).
-"""
-
 
 @dataclass(frozen=True)
-class FlyOptions(FleetOptions):
-    """Options of ``gcs fly``."""
+class FlyOptions(common.FleetOptions):
+    """Options of ``gcs fly``.
 
-    speed: Annotated[
-        float | None,
-        typer.Option(
-            help="Real-time factor: 1 is real time, 0.5 half of it. "
-            "Without it: lockstep, as fast as the machine allows.",
-            metavar="FACTOR",
-        ),
-    ] = None
-    in_process: Annotated[
-        bool,
-        typer.Option("--in-process", help="Plant and controllers in one process, without links."),
-    ] = False
-    restart: RestartOption = Restart.NEVER
-    record: Annotated[
-        Record,
-        typer.Option(
-            help="What is recorded of the steps: all at full rate, the main signals at 50 Hz, all "
-            "as .npz (in memory until the end), or nothing."
-        ),
-    ] = Record.LIGHT
-    no_figures: Annotated[
-        bool,
-        typer.Option(
-            "--no-figures",
-            envvar="FTC_SITL_NO_FIGURES",
-            help="Draw no figures, which saves about a second.",
-        ),
-    ] = False
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print summary.json on standard output instead.")
-    ] = False
-    campaign: Annotated[
-        Path | None,
-        typer.Option(help="Folder of a campaign, instead of a scenario.", metavar="FOLDER"),
-    ] = None
-    row: Annotated[
-        int | None,
-        typer.Option(
-            help="Row of the campaign's table: the flight to fly again.", metavar="NUMBER"
-        ),
-    ] = None
+    Attributes:
+        speed: Real-time factor: 1 is real time, 0.5 half of it. Without it: lockstep, as fast as
+            the machine allows.
+        in_process: Plant and controllers in one process, without links.
+        record: What is recorded of the steps: all at full rate, the main signals at 50 Hz, all as
+            .npz (in memory until the end), or nothing.
+        no_figures: Draw no figures, which saves about a second.
+        as_json: Print summary.json on standard output instead.
+        campaign: Folder of a campaign, instead of a scenario.
+        row: Row of the campaign's table: the flight to fly again.
+    """
+
+    speed: Annotated[float | None, typer.Option(metavar="FACTOR")] = None
+    in_process: Annotated[bool, typer.Option("--in-process")] = False
+    restart: common.RestartOption = common.Restart.NEVER
+    record: Annotated[Record, typer.Option()] = Record.LIGHT
+    no_figures: Annotated[bool, typer.Option("--no-figures", envvar="FTC_SITL_NO_FIGURES")] = False
+    as_json: Annotated[bool, typer.Option("--json")] = False
+    campaign: Annotated[Path | None, typer.Option(metavar="FOLDER")] = None
+    row: Annotated[int | None, typer.Option(metavar="NUMBER")] = None
 
 
 @with_options("options", options_of(FlyOptions), FlyOptions)
 def fly(
-    scenario: Annotated[
-        Path | None, typer.Argument(help="Scenario: a file, or a bundled one.", metavar="SCENARIO")
-    ] = None,
+    scenario: Annotated[Path | None, typer.Argument(metavar="SCENARIO")] = None,
     *,
     options: FlyOptions,
 ) -> None:
@@ -107,35 +65,35 @@ def fly(
     scenario.yaml, summary.json (of every step), flight.tlog (the GCS link), events.arrows,
     trajectory.arrows and the figures. With --campaign and --row, a flight of a campaign is flown
     again, and compared with its row of the table, bit for bit.
+
+    Args:
+        scenario: Scenario: a file, or a bundled one.
+
+    Examples:
+        - gcs fly paper/scenario1
+        - gcs fly paper/scenario1 --in-process --json | jq .saving
+        - gcs fly my.yaml --speed 1 --out runs/demo
+        - gcs fly faults/loe_aileron --with realistic --set trigger.b2_deg=0.5
+        - gcs fly --campaign runs/robust --row 17 --in-process
+
+    Exit status: 0 flown to its end, 1 lost, stopped early or not recorded, 2 bad input, 3 a vehicle
+    refused something, 4 a vehicle did not answer, 130 Ctrl-C (143 SIGTERM, 129 SIGHUP).
     """
-    from gcs.fleet.flying import fly as fly_prepared
-    from gcs.fleet.flying import recorded
-    from gcs.fleet.warm_up import warm_up
     from gcs.results.run_folder import make_run_folder
 
-    flight = prepared(
+    flight = common.prepared(
         _scenario(scenario, options),
         options,
         "fly",
         f"{options.campaign} row {options.row}" if scenario is None else str(scenario),
         over_udp=not options.in_process,
         speed=options.speed,
-        restart=options.restart is Restart.ON_FAILURE,
+        restart=options.restart is common.Restart.ON_FAILURE,
         record=options.record,
     )
-    loaded = flight.scenario
-    folder = make_run_folder(options.out, loaded.name)
-    console = console_of(quiet=options.quiet)
+    folder = make_run_folder(options.out, flight.scenario.name)
     try:
-        with (
-            contextlib.nullcontext() if options.no_figures else drawn(loaded, folder) as drawing,
-            recorded(flight, folder) as recorder,
-        ):
-            tell(flight.remarks, console)
-            warm_up(loaded, console, in_process=options.in_process)
-            with flight_progress(loaded, console) as shown:
-                ending = fly_prepared(flight, recorder, folder, shown, shown.starts)
-            _report(recorder, ending, loaded, folder, console, options, drawing)
+        _fly(flight, folder, options)
     except KeyboardInterrupt:
         raise Interrupted(f"interrupted; what was recorded is in {folder}") from None
     except FlightLost as problem:
@@ -159,6 +117,23 @@ def _scenario(scenario: Path | None, options: FlyOptions) -> Scenario | Path:
         )
     again: Scenario = load_lab("campaigns.again").scenario_of_row(options.campaign, options.row)
     return again
+
+
+def _fly(flight: "Prepared", folder: Path, options: FlyOptions) -> None:
+    from gcs.fleet.flying import fly as fly_prepared
+    from gcs.fleet.flying import recorded
+    from gcs.fleet.warm_up import warm_up
+
+    scenario, console = flight.scenario, console_of(quiet=options.quiet)
+    with (
+        contextlib.nullcontext() if options.no_figures else drawn(scenario, folder) as drawing,
+        recorded(flight, folder) as recorder,
+    ):
+        common.tell(flight.remarks, console)
+        warm_up(scenario, console, in_process=options.in_process)
+        with common.flight_progress(scenario, console) as shown:
+            ending = fly_prepared(flight, recorder, folder, shown, shown.starts)
+        _report(recorder, ending, scenario, folder, console, options, drawing)
 
 
 def _report(

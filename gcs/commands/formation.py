@@ -5,27 +5,13 @@ from typing import Annotated, Any
 
 import typer
 
-from gcs.commands.station import EXIT_STATUS, StationOptions, station_command
+from gcs.commands.station import StationOptions, station_command
 from gcs.console.errors import BadInput
 from gcs.station.notifications import enum_name
 from gcs.station.vehicle import Vehicle
 from mavlink_defs import dialect
 
 app = typer.Typer(help="See the formation in space, and change slots.", no_args_is_help=True)
-
-_SHOW_EPILOG = f"""
-Examples:
-
-- gcs formation show
-- gcs formation show --uav 2 --json
-{EXIT_STATUS}"""
-
-_SLOT_EPILOG = f"""
-Examples:
-
-- gcs formation slot --uav 3 -60 20 10     (60 m behind, 20 m to the right, 10 m above)
-- gcs formation slot --uav 3 --planned
-{EXIT_STATUS}"""
 
 _Message = dialect.MAVLink_ftc_formation_message
 _Ahead = Annotated[
@@ -40,10 +26,15 @@ _Up = Annotated[
 ]
 
 
-@app.command(epilog=_SHOW_EPILOG)
+@app.command()
 @station_command
 def show(station: StationOptions) -> None:
-    """Show each member's slot, its errors, its nearest neighbour, and its state."""
+    """Show each member's slot, its errors, its nearest neighbour, and its state.
+
+    Examples:
+        - gcs formation show
+        - gcs formation show --uav 2 --json
+    """
     found: dict[int, _Message] = {}
 
     async def action(vehicle: Vehicle) -> str:
@@ -53,20 +44,24 @@ def show(station: StationOptions) -> None:
     station.act(action, lambda vehicle: _data(found[vehicle.system]))
 
 
-@app.command(  # a negative distance is not an option
-    epilog=_SLOT_EPILOG, context_settings={"ignore_unknown_options": True}
-)
+@app.command(context_settings={"ignore_unknown_options": True})  # as a negative distance
 @station_command
 def slot(
     station: StationOptions,
     ahead: _Ahead = None,
     right: _Right = None,
     up: _Up = None,
-    planned: Annotated[
-        bool, typer.Option("--planned", help="Return to the slot that the scenario plans.")
-    ] = False,
+    planned: Annotated[bool, typer.Option("--planned")] = False,
 ) -> None:
-    """Change the slot of a member: ahead, to the right and above the path."""
+    """Change the slot of a member: ahead, to the right and above the path.
+
+    Args:
+        planned: Return to the slot that the scenario plans.
+
+    Examples:
+        - gcs formation slot --uav 3 -60 20 10     (60 m behind, 20 m to the right, 10 m above)
+        - gcs formation slot --uav 3 --planned
+    """
     given = [distance for distance in (ahead, right, up) if distance is not None]
     if planned == bool(given) or (given and len(given) != 3):
         raise BadInput("expected three distances AHEAD RIGHT UP [m], or --planned")

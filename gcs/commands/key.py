@@ -11,40 +11,31 @@ from gcs.console.lines import print_line
 from mavlink_defs.framing.key_file import ANNOUNCED_S, GRACE_S, replace_key
 from mavlink_defs.framing.signing import SigningError, key_exists, make_key, read_key
 
-EPILOG = """
-Examples:
-
-- gcs key ~/.fleet.key
-- gcs key ~/.fleet.key --replace       (a new key in the same file, also in flight)
-- gcs key ~/.fleet.key --passphrase    (asks for it; the same key as MAVProxy's signing commands)
-
-Then `signing_key: PATH` in the links section of a scenario, or `--signing-key PATH`.
-
-Exit status: 0 written, 2 bad input, 130 Ctrl-C.
-"""
-
 
 def key(
-    file: Annotated[
-        Path,
-        typer.Argument(
-            help="Key file: a new one, or with --replace the one in use.", metavar="FILE"
-        ),
-    ],
-    passphrase: Annotated[
-        bool,
-        typer.Option(
-            "--passphrase", help="Derive the key from a passphrase instead of drawing it at random."
-        ),
-    ] = False,
-    replace: Annotated[
-        bool, typer.Option("--replace", help="Replace the key of a file that is in use.")
-    ] = False,
+    file: Annotated[Path, typer.Argument(metavar="FILE")],
+    passphrase: Annotated[bool, typer.Option("--passphrase")] = False,
+    replace: Annotated[bool, typer.Option("--replace")] = False,
 ) -> None:
     """Make a key file for MAVLink 2 signing.
 
     It has 32 bytes that only you can read. With --replace, whatever uses the file goes over to the
     new key by itself.
+
+    Args:
+        file: Key file: a new one, or with --replace the one in use.
+        passphrase: Derive the key from a passphrase instead of drawing it at random.
+        replace: Replace the key of a file that is in use.
+
+    Examples:
+        - gcs key ~/.fleet.key
+        - gcs key ~/.fleet.key --replace       (a new key in the same file, also in flight)
+        - gcs key ~/.fleet.key --passphrase    (asks for it; the same key as MAVProxy's signing
+          commands)
+
+    Then `signing_key: PATH` in the links section of a scenario, or `--signing-key PATH`.
+
+    Exit status: 0 written, 2 bad input, 130 Ctrl-C.
     """
     try:
         if replace:

@@ -12,10 +12,5 @@ app = plugin_app(
     ),
     "laws",
     "control laws",
-    (
-        "",
-        "show surviving",
-        "show my_law.py:MyLaw",
-        "header my_law.py:MyLaw > my_law_parameters.h",
-    ),
+    ("", "show surviving", "show my_law.py:MyLaw", "header my_law.py:MyLaw > my_law_parameters.h"),
 )

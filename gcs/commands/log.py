@@ -19,40 +19,13 @@ from mavlink_defs.visible import visible
 if TYPE_CHECKING:
     from gcs.tui.playback import Playback
 
-EPILOG = """
-Examples:
-
-- gcs log runs/first/flight.tlog
-- gcs log flight.tlog --at 19 --speed 0.5
-- gcs log 00000042.BIN --list
-- gcs log flight.csv --columns my_columns.yaml --json
-
-Reads .tlog (MAVLink 1 and 2), ArduPilot's .bin, PX4's .ulg (with the extra `logs`), .csv (.xz, .gz,
-.bz2), .parquet and .mat with a column map, and run folders.
-
-Exit status: 0 listed, or left by the operator, 2 bad input.
-"""
-
 
 def log(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="The log, or a run folder.")],
-    list_: Annotated[
-        bool,
-        typer.Option("--list", help="Print what is in it, as without a terminal; no dashboard."),
-    ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the same as JSON.")] = False,
-    speed: Annotated[
-        float,
-        typer.Option(min=0.1, max=30.0, metavar="FACTOR", help="Replay speed: 1 is real time."),
-    ] = 1.0,
-    at: Annotated[
-        float | None,
-        typer.Option(
-            min=0.0,
-            metavar="S",
-            help="Start at this time [s]: simulated time if the log has it, else since its start.",
-        ),
-    ] = None,
+    file: Annotated[Path, typer.Argument(metavar="FILE")],
+    list_: Annotated[bool, typer.Option("--list")] = False,
+    as_json: Annotated[bool, typer.Option("--json")] = False,
+    speed: Annotated[float, typer.Option(min=0.1, max=30.0, metavar="FACTOR")] = 1.0,
+    at: Annotated[float | None, typer.Option(min=0.0, metavar="S")] = None,
     uav: LogUavOption = None,
     columns: LogColumnsOption = None,
     theme: ThemeOption = "dark",
@@ -63,6 +36,24 @@ def log(
     replayed by simulated time, with all their vehicles. The list has channels with units, rates and
     gaps, modes, texts, and what the log cannot say. A log of others shows no triggers, events or
     faults: it has none.
+
+    Args:
+        file: The log, or a run folder.
+        list_: Print what is in it, as without a terminal; no dashboard.
+        as_json: Print the same as JSON.
+        speed: Replay speed: 1 is real time.
+        at: Start at this time [s]: simulated time if the log has it, else since its start.
+
+    Examples:
+        - gcs log runs/first/flight.tlog
+        - gcs log flight.tlog --at 19 --speed 0.5
+        - gcs log 00000042.BIN --list
+        - gcs log flight.csv --columns my_columns.yaml --json
+
+    Reads .tlog (MAVLink 1 and 2), ArduPilot's .bin, PX4's .ulg (with the extra `logs`), .csv (.xz,
+    .gz, .bz2), .parquet and .mat with a column map, and run folders.
+
+    Exit status: 0 listed, or left by the operator, 2 bad input.
     """
     if list_ or as_json or (at is None and not has_terminal()):
         _list(file, uav, columns, as_json)

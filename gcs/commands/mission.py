@@ -9,26 +9,19 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from ftc_autopilot.guidance.mission_commands import remarks_on
 from ftc_autopilot.guidance.mission_places import home_item
 from gcs.commands import transfer
 from gcs.commands.mission_map import mission_map
 from gcs.commands.mission_profile import height_profile
 from gcs.commands.options import JsonOption
-from gcs.commands.station import EXIT_STATUS, StationOptions, station_command
+from gcs.commands.station import StationOptions, station_command
 from gcs.commands.transfer import Note
 from gcs.console.errors import BadInput, CommandRefused
 from gcs.console.lines import print_json, print_line
 from gcs.console.outputs import check_file
 from gcs.console.terminal import console_of, numbers, table_of, texts
 from gcs.scenario.fence import Areas
-from gcs.scenario.itinerary import (
-    Itinerary,
-    dry_run,
-    dry_run_areas,
-    load_areas,
-    load_mission,
-)
+from gcs.scenario.itinerary import Itinerary, dry_run, dry_run_areas, load_areas, load_mission
 from gcs.scenario.mission import tell_not_flown
 from gcs.scenario.model import read_scenario
 from gcs.scenario.moved_mission import moved_plan
@@ -36,12 +29,7 @@ from gcs.station.mission import Mission, is_same, item_text
 from gcs.station.vehicle import Vehicle
 from mavlink_defs import dialect
 from mavlink_defs.config.models import counted
-from mavlink_defs.mission_files import (
-    MISSION_SUFFIXES,
-    is_mission_file,
-    plan_text,
-    waypoints_text,
-)
+from mavlink_defs.mission_files import MISSION_SUFFIXES, is_mission_file, plan_text, waypoints_text
 
 app = typer.Typer(help="Show, upload, download and fly missions.", no_args_is_help=True)
 
@@ -57,56 +45,27 @@ _Here = Annotated[
     typer.Option("--here", help="Move the whole mission: its home becomes the one of the flight."),
 ]
 
-_SHOW_EPILOG = """
-Examples:
 
-- gcs mission show survey.plan
-- gcs mission show elsewhere.waypoints --here
-- gcs mission show survey.plan --fleet my.yaml --json | jq .time_s
-
-Exit status: 0 it can be flown, 2 the file cannot be used or flown.
-"""
-
-_UPLOAD_EPILOG = f"""
-Examples:
-
-- gcs mission upload survey.plan
-- gcs mission upload elsewhere.waypoints --here
-- gcs mission upload my.yaml --uav 1,3 --json
-{EXIT_STATUS}"""
-
-_DOWNLOAD_EPILOG = f"""
-Examples:
-
-- gcs mission download --uav 1
-- gcs mission download --out held.plan
-{EXIT_STATUS}"""
-
-_FLY_EPILOG = f"""
-Examples:
-
-- gcs mission fly survey.plan
-- gcs mission fly survey.plan --uav 2
-{EXIT_STATUS}"""
-
-
-@app.command(epilog=_SHOW_EPILOG)
+@app.command()
 def show(
     file: _File,
-    fleet: Annotated[
-        Path | None,
-        typer.Option(
-            help="Scenario of the fleet that is to fly it; FILE if that is one, "
-            "else paper/scenario1.",
-            metavar="SCENARIO",
-        ),
-    ] = None,
+    fleet: Annotated[Path | None, typer.Option(metavar="SCENARIO")] = None,
     here: _Here = False,
     as_json: JsonOption = False,
 ) -> None:
     """Check a mission as a vehicle would, and show its items, lengths, turns, times and heights.
 
     Times are those in still air, from home on. A map shows fence and rally points, if it has some.
+
+    Args:
+        fleet: Scenario of the fleet that is to fly it; FILE if that is one, else paper/scenario1.
+
+    Examples:
+        - gcs mission show survey.plan
+        - gcs mission show elsewhere.waypoints --here
+        - gcs mission show survey.plan --fleet my.yaml --json | jq .time_s
+
+    Exit status: 0 it can be flown, 2 the file cannot be used or flown.
     """
     items, not_flown = _read(file)
     own = Path("paper/scenario1") if is_mission_file(file) else file
@@ -115,7 +74,8 @@ def show(
     if here:
         items, *around = moved_plan(home_item(scenario.origin), items, areas)
         areas = Areas(*around)
-    itinerary, remarks = dry_run(file, items, scenario), list(remarks_on(items))
+    itinerary = dry_run(file, items, scenario)
+    remarks = list(scenario.planner().remarks(items))
     about_areas = list(dry_run_areas(file, areas, items, scenario)) if any(areas) else []
     if as_json:
         listed = [{"item": item.seq, "text": item_text(item)} for item in items[1:]]
@@ -135,47 +95,49 @@ def show(
         console.print(Text.from_ansi(drawn), *about_areas, sep="\n")
 
 
-@app.command(epilog=_UPLOAD_EPILOG)
+@app.command()
 @partial(station_command, timeout_s=30.0)
-def upload(
-    station: StationOptions,
-    file: _File,
-    here: _Here = False,
-) -> None:
+def upload(station: StationOptions, file: _File, here: _Here = False) -> None:
     """Upload a mission, and fence and rally points if the file has some.
 
     Each takes effect at once; if it is refused, the old one stays active. A fence is watched while
     FENCE_ENABLE is 1.
+
+    Examples:
+        - gcs mission upload survey.plan
+        - gcs mission upload elsewhere.waypoints --here
+        - gcs mission upload my.yaml --uav 1,3 --json
     """
     _send(station, file, start=False, here=here)
 
 
-@app.command(epilog=_FLY_EPILOG)
+@app.command()
 @partial(station_command, timeout_s=30.0)
-def fly(
-    station: StationOptions,
-    file: _File,
-    here: _Here = False,
-) -> None:
-    """Upload a mission, start it, and arm the UAVs that are not armed yet."""
+def fly(station: StationOptions, file: _File, here: _Here = False) -> None:
+    """Upload a mission, start it, and arm the UAVs that are not armed yet.
+
+    Examples:
+        - gcs mission fly survey.plan
+        - gcs mission fly survey.plan --uav 2
+    """
     _send(station, file, start=True, here=here)
 
 
-@app.command(epilog=_DOWNLOAD_EPILOG)
+@app.command()
 @partial(station_command, timeout_s=30.0)
 def download(
-    station: StationOptions,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Write a .plan or .waypoints file; all vehicles must hold the same mission.",
-            metavar="FILE",
-        ),
-    ] = None,
+    station: StationOptions, out: Annotated[Path | None, typer.Option(metavar="FILE")] = None
 ) -> None:
     """Print what vehicles hold, or write the mission that all hold to a file.
 
     Fence and rally points go along; a .waypoints file has the mission alone.
+
+    Args:
+        out: Write a .plan or .waypoints file; all vehicles must hold the same mission.
+
+    Examples:
+        - gcs mission download --uav 1
+        - gcs mission download --out held.plan
     """
     if out is not None and out.suffix.lower() not in MISSION_SUFFIXES:
         raise BadInput(f"{out} has neither the suffix .plan nor .waypoints", "choose one of them")

@@ -17,16 +17,6 @@ from gcs.console.lines import print_line
 from gcs.console.outputs import make_folder, write_file
 from mavlink_defs.config.yaml_text import yaml_of
 
-EPILOG = """
-Examples:
-
-- gcs new my.yaml && gcs fly my.yaml
-- gcs new --project my-law && pip install -e ./my-law && gcs fly my_law/first
-- gcs new --project my-law --source git+https://example.org/me/ftc-sitl.git
-
-Exit status: 0 written, 1 it cannot be written, 2 the file or folder exists, or bad input.
-"""
-
 _TEXT = """\
 # A scenario states only its differences from the one that it extends: a file, or a bundled
 # scenario (`gcs scenarios` lists them). Units are part of each key.
@@ -54,31 +44,26 @@ _RENAMED = {"gitignore": ".gitignore"}
 
 
 def new(
-    file: Annotated[
-        Path | None,
-        typer.Argument(help="New scenario file.", metavar="FILE", show_default=False),
-    ] = None,
-    project: Annotated[
-        Path | None,
-        typer.Option(
-            help="New folder for a project: a control law, a scenario, a campaign and tests, as a "
-            "package that registers them.",
-            metavar="FOLDER",
-            show_default=False,
-        ),
-    ] = None,
-    source: Annotated[
-        str | None,
-        typer.Option(
-            help="Where the project's CI and its users install ftc-sitl from, as pip takes it: the "
-            "URL of a repository (git+https://...) or of a wheel. Without it: where this one is "
-            "from.",
-            metavar="URL",
-            show_default=False,
-        ),
-    ] = None,
+    file: Annotated[Path | None, typer.Argument(metavar="FILE", show_default=False)] = None,
+    project: Annotated[Path | None, typer.Option(metavar="FOLDER", show_default=False)] = None,
+    source: Annotated[str | None, typer.Option(metavar="URL", show_default=False)] = None,
 ) -> None:
-    """Write a commented scenario, or a whole project, to start from."""
+    """Write a commented scenario, or a whole project, to start from.
+
+    Args:
+        file: New scenario file.
+        project: New folder for a project: a control law, a scenario, a campaign and tests, as a
+            package that registers them.
+        source: Where the project's CI and its users install ftc-sitl from, as pip takes it: the URL
+            of a repository (git+https://...) or of a wheel. Without it: where this one is from.
+
+    Examples:
+        - gcs new my.yaml && gcs fly my.yaml
+        - gcs new --project my-law && pip install -e ./my-law && gcs fly my_law/first
+        - gcs new --project my-law --source git+https://example.org/me/ftc-sitl.git
+
+    Exit status: 0 written, 1 it cannot be written, 2 the file or folder exists, or bad input.
+    """
     if (file is None) == (project is None):
         raise BadInput("expected either FILE or --project FOLDER", "see `gcs new --help`")
     if file is not None:

@@ -5,10 +5,11 @@ import functools
 import inspect
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias, get_args
 
 import typer
 
+from mavlink_defs.docstrings import texts_of
 from mavlink_defs.ports import GCS_PORT, HUB_PORT
 
 SIGNING_KEY_VARIABLE = "FTC_SITL_SIGNING_KEY"
@@ -51,8 +52,7 @@ SigningKeyOption = Annotated[
     ),
 ]
 InsecureOption = Annotated[
-    bool,
-    typer.Option("--insecure", help="Allow unsigned links that other machines can reach."),
+    bool, typer.Option("--insecure", help="Allow unsigned links that other machines can reach.")
 ]
 ThemeOption: TypeAlias = Annotated[
     Literal["dark", "light"],
@@ -91,7 +91,10 @@ def with_options(
 
 
 def options_of(fields: type) -> list[inspect.Parameter]:
-    """Return the options that the fields of a dataclass declare."""
+    """Return the options that the fields of a dataclass declare; its docstring has their texts."""
+    types = {field.name: field.type for field in dataclasses.fields(fields)}
+    for name, text in texts_of(fields.__doc__, "Attributes").items():
+        get_args(types[name])[1].help = text
     keyword = inspect.Parameter.KEYWORD_ONLY
     return [
         inspect.Parameter(field.name, keyword, default=field.default, annotation=field.type)

@@ -8,20 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gcs.commands.station import EXIT_STATUS, StationOptions, station_command
+from gcs.commands.station import StationOptions, station_command
 from gcs.console.errors import BadInput, CommandRefused
 from gcs.console.lines import print_json, print_line
+from gcs.station import param_file
 from gcs.station.notifications import enum_name
-from gcs.station.param_file import (
-    READ_ONLY,
-    difference,
-    difference_lines,
-    differing,
-    read_param_file,
-    read_settable,
-    set_values,
-    text_of,
-)
 from gcs.station.vehicle import Vehicle
 from mavlink_defs import dialect
 from mavlink_defs.config.output_files import write_text
@@ -43,53 +34,16 @@ _File = Annotated[
     ),
 ]
 
-_SAVE_EPILOG = f"""
-Examples:
 
-- gcs param save uav1.parm --uav 1
-{EXIT_STATUS}"""
-
-_LOAD_EPILOG = f"""
-Examples:
-
-- gcs param load uav1.parm --uav 2,3
-- gcs param load uav1.parm --yes --json
-{EXIT_STATUS}"""
-
-_DIFF_EPILOG = f"""
-Examples:
-
-- gcs param diff --uav 1
-- gcs param diff uav1.parm
-- gcs param diff uav1.parm --uav 2 --json
-{EXIT_STATUS}"""
-
-_LIST_EPILOG = f"""
-Examples:
-
-- gcs param list --uav 1
-- gcs param list --json | jq '.[].params | length'
-{EXIT_STATUS}"""
-
-_GET_EPILOG = f"""
-Examples:
-
-- gcs param get TRIG_B1
-- gcs param get TRIG_B1 --uav 2 --json
-{EXIT_STATUS}"""
-
-_SET_EPILOG = f"""
-Examples:
-
-- gcs param set TRIG_B1 0.02
-- gcs param set TRIG_B1 0.02 --uav 1,3
-{EXIT_STATUS}"""
-
-
-@app.command(name="list", epilog=_LIST_EPILOG)
+@app.command(name="list")
 @partial(station_command, timeout_s=30.0)
 def list_(station: StationOptions) -> None:
-    """List all parameters."""
+    """List all parameters.
+
+    Examples:
+        - gcs param list --uav 1
+        - gcs param list --json | jq '.[].params | length'
+    """
     found: dict[int, tuple[Param, ...]] = {}
 
     async def action(vehicle: Vehicle) -> str:
@@ -103,13 +57,15 @@ def list_(station: StationOptions) -> None:
     station.act(action, data)
 
 
-@app.command(epilog=_GET_EPILOG)
+@app.command()
 @station_command
-def get(
-    station: StationOptions,
-    name: _Name,
-) -> None:
-    """Read one parameter."""
+def get(station: StationOptions, name: _Name) -> None:
+    """Read one parameter.
+
+    Examples:
+        - gcs param get TRIG_B1
+        - gcs param get TRIG_B1 --uav 2 --json
+    """
     found: dict[int, Param] = {}
 
     async def action(vehicle: Vehicle) -> str:
@@ -120,18 +76,20 @@ def get(
     station.act(action, lambda vehicle: _param_dict(found[vehicle.system]))
 
 
-@app.command(  # a negative value is not an option
-    name="set", epilog=_SET_EPILOG, context_settings={"ignore_unknown_options": True}
-)
+@app.command("set", context_settings={"ignore_unknown_options": True})  # as a negative value
 @station_command
 def set_(
-    station: StationOptions,
-    name: _Name,
-    value: Annotated[
-        float, typer.Argument(metavar="VALUE", help="New value, in the unit of the parameter.")
-    ],
+    station: StationOptions, name: _Name, value: Annotated[float, typer.Argument(metavar="VALUE")]
 ) -> None:
-    """Set one parameter; the vehicle checks its range."""
+    """Set one parameter; the vehicle checks its range.
+
+    Args:
+        value: New value, in the unit of the parameter.
+
+    Examples:
+        - gcs param set TRIG_B1 0.02
+        - gcs param set TRIG_B1 0.02 --uav 1,3
+    """
     found: dict[int, Param] = {}
 
     async def action(vehicle: Vehicle) -> str:
@@ -157,10 +115,14 @@ def _known_quantities() -> Callable[[str], "Quantity | None"]:
     return known_quantity
 
 
-@app.command(epilog=_SAVE_EPILOG)
+@app.command()
 @partial(station_command, timeout_s=30.0)
 def save(station: StationOptions, file: _File) -> None:
-    """Save the parameters of one vehicle in a new file."""
+    """Save the parameters of one vehicle in a new file.
+
+    Examples:
+        - gcs param save uav1.parm --uav 1
+    """
     if file.exists():
         raise BadInput(f"{file} already exists", "choose another file, or remove it")
 
@@ -174,55 +136,63 @@ def save(station: StationOptions, file: _File) -> None:
         return vehicles[0].system, await vehicles[0].list_params()
 
     system, params = station.run(work)
-    write_text(file, text_of(params, f"Parameters of UAV {system}"))
+    write_text(file, param_file.text_of(params, f"Parameters of UAV {system}"))
     if station.as_json:
         print_json({"uav": system, "file": str(file), "params": len(params)})
     else:
         print_line(f"UAV {system}: {len(params)} parameters in {file}")
 
 
-@app.command(epilog=_LOAD_EPILOG)
+@app.command()
 @partial(station_command, timeout_s=30.0)
 def load(
-    station: StationOptions,
-    file: _File,
-    yes: Annotated[bool, typer.Option("--yes", help="Do not ask for confirmation.")] = False,
+    station: StationOptions, file: _File, yes: Annotated[bool, typer.Option("--yes")] = False
 ) -> None:
-    """Set the parameters that differ from a file; read-only ones stay as they are."""
-    values = read_settable(file)
+    """Set the parameters that differ from a file; read-only ones stay as they are.
+
+    Args:
+        yes: Do not ask for confirmation.
+
+    Examples:
+        - gcs param load uav1.parm --uav 2,3
+        - gcs param load uav1.parm --yes --json
+    """
+    values = param_file.read_settable(file)
     different = _differences(station, values)
     if not yes and any(different.values()):
         for system, held in different.items():
-            for line in difference_lines(system, held, values):
+            for line in param_file.difference_lines(system, held, values):
                 print_line(line, stderr=True)
         if not typer.confirm("Set these parameters?", err=True):
             raise BadInput("nothing was set")
 
     async def action(vehicle: Vehicle) -> str:
-        return await set_values(vehicle, values, different[vehicle.system])
+        return await param_file.set_values(vehicle, values, different[vehicle.system])
 
     station.act(action, lambda vehicle: {"set": {n: values[n] for n in different[vehicle.system]}})
 
 
-@app.command(epilog=_DIFF_EPILOG)
+@app.command()
 @partial(station_command, timeout_s=30.0)
 def diff(
     station: StationOptions,
-    file: Annotated[
-        Path | None,
-        typer.Argument(
-            metavar="FILE",
-            help="Parameter file: NAME VALUE lines (*.parm), or QGroundControl's *.params. Without "
-            "one: the defaults, which apply where a scenario leaves a key out.",
-            show_default=False,
-        ),
-    ] = None,
+    file: Annotated[Path | None, typer.Argument(metavar="FILE", show_default=False)] = None,
 ) -> None:
-    """List the parameters that differ from a file, or from their defaults."""
+    """List the parameters that differ from a file, or from their defaults.
+
+    Args:
+        file: Parameter file: NAME VALUE lines (*.parm), or QGroundControl's *.params. Without one:
+            the defaults, which apply where a scenario leaves a key out.
+
+    Examples:
+        - gcs param diff --uav 1
+        - gcs param diff uav1.parm
+        - gcs param diff uav1.parm --uav 2 --json
+    """
     if file is None:
         _diff_defaults(station)
         return
-    values = read_param_file(file)
+    values = param_file.read_param_file(file)
     different = _differences(station, values)
     if station.as_json:
         print_json(
@@ -234,7 +204,7 @@ def diff(
         )
         return
     for system, held in different.items():
-        for line in difference_lines(system, held, values):
+        for line in param_file.difference_lines(system, held, values):
             print_line(line)
         if not held:
             print_line(f"UAV {system}: all {len(values)} parameters as in {file}")
@@ -244,7 +214,9 @@ def _differences(
     station: StationOptions, values: dict[str, float]
 ) -> dict[int, dict[str, float | None]]:
     """Return for each vehicle the values held that differ from a file."""
-    return {system: differing(params, values) for system, params in _held(station).items()}
+    return {
+        system: param_file.differing(params, values) for system, params in _held(station).items()
+    }
 
 
 def _held(station: StationOptions) -> dict[int, tuple[Param, ...]]:
@@ -283,7 +255,7 @@ def _diff_defaults(station: StationOptions) -> None:
         return
     for system, param, values in different:
         values_text = ", then ".join(f"{value:.9g}" for value in values)
-        print_line(difference(system, param.name, param.value, f"default {values_text}"))
+        print_line(param_file.difference(system, param.name, param.value, f"default {values_text}"))
     for system in sorted(found.keys() - {system for system, _, _ in different}):
         print_line(f"UAV {system}: all {len(defaults[system])} parameters with a default have it")
 
@@ -292,7 +264,7 @@ def _text(vehicle: Vehicle, param: Param, known: "Quantity | None") -> str:
     unit = f" {known.unit}" if known and known.unit else ""
     allowed = known.range() if known else ""
     limits = "" if not allowed or allowed.startswith("any number") else f", range {allowed}"
-    limits = ", read only" if param.name in READ_ONLY else limits
+    limits = ", read only" if param.name in param_file.READ_ONLY else limits
     meaning = f"; {known.doc.rstrip('.')}" if known and known.doc else ""
     return f"UAV {vehicle.system}: {param.name} = {param.value:g}{unit}{limits}{meaning}"
 

@@ -1,6 +1,7 @@
 """``gcs laws``, ``gcs triggers`` and ``gcs guidance``: one command for each kind of plug-in."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Annotated
 
 import typer
@@ -9,23 +10,22 @@ from gcs.commands.options import JsonOption
 from gcs.commands.plugins import PluginKind, show, show_header, show_list
 
 
-def plugin_app(
-    kind: PluginKind, command: str, several: str, examples: Sequence[str]
-) -> typer.Typer:
+def plugin_app(kind: PluginKind, name: str, several: str, examples: Sequence[str]) -> typer.Typer:
     """Return the command that lists what is of a kind, and shows one.
 
     Args:
         kind: What is listed.
-        command: Name of the command.
+        name: Name of the command.
         several: Plural of the kind's noun.
         examples: Arguments of the command that its help shows.
     """
-    written = "\n".join(f"- gcs {command} {one}".rstrip() for one in examples)
+    written = "\n".join(f"- gcs {name} {one}".rstrip() for one in examples)
     epilog = (
         f"Examples:\n\n{written}\n\nOther packages register theirs in the group of entry points "
         f"{kind.group}.\n\nExit status: 0 shown, 2 bad input.\n"
     )
     app = typer.Typer(invoke_without_command=True, epilog=epilog)
+    command = partial(app.command, epilog=epilog)
     named = typer.Argument(
         help=f"Name of a {kind.noun}, or FILE.py:CLASS.",
         metavar=kind.noun.split()[-1].upper(),
@@ -37,19 +37,17 @@ def plugin_app(
         if context.invoked_subcommand is None:
             show_list(kind, as_json=json)
 
-    @app.command(
+    @command(
         "show",
         help=f"Show where a {kind.noun} comes from, what it does, and its keys with units and "
         "defaults.",
-        epilog=epilog,
     )
     def show_one(name: Annotated[str, named]) -> None:
         show(kind, name)
 
-    @app.command(
+    @command(
         help=f"Print parameters and state of a {kind.noun} as C structs, for one that is a shared "
-        "library.",
-        epilog=epilog,
+        "library."
     )
     def header(
         name: Annotated[str | None, named] = None,

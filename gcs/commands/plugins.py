@@ -14,16 +14,8 @@ from rich.table import Column
 
 import ftc_autopilot.plugins
 from ftc_autopilot.common.schedule import Schedule
+from ftc_autopilot.plugins import loading
 from ftc_autopilot.plugins.functions import way_of
-from ftc_autopilot.plugins.loading import (
-    check_shadowed,
-    class_of,
-    is_by_file,
-    plugin_of,
-    registered,
-    resolved,
-    watching,
-)
 from gcs.console.errors import BadInput
 from gcs.console.lines import print_json, print_line
 from gcs.console.stopping import running_code
@@ -76,11 +68,11 @@ def _listed(kind: PluginKind) -> Iterator[_Listed]:
     ours = f"{_OURS} {version(_OURS)}"
     for name, model in kind.own.items():
         yield _Listed(name, ours, "compiled Python", _summary(model))
-    for name, point in sorted(registered(kind.group).items()):
+    for name, point in sorted(loading.registered(kind.group).items()):
         package = "" if point.dist is None else f"{point.dist.name} {point.dist.version}"
         try:
             if name in kind.own:
-                check_shadowed(kind.group, name)
+                loading.check_shadowed(kind.group, name)
             model = kind.load(name)
             yield _Listed(name, package, way_of(model), _summary(model))
         except PluginError as problem:
@@ -105,8 +97,8 @@ def found(kind: PluginKind, name: str) -> type[Model]:
     """
     if name in kind.own:
         return kind.own[name]
-    if not is_by_file(name) and name not in registered(kind.group):
-        known = [*kind.own, *registered(kind.group)]
+    if not loading.is_by_file(name) and name not in loading.registered(kind.group):
+        known = [*kind.own, *loading.registered(kind.group)]
         close = difflib.get_close_matches(name, known, n=1)
         meant = f"; did you mean {close[0]!r}?" if close else ""
         raise BadInput(
@@ -114,8 +106,8 @@ def found(kind: PluginKind, name: str) -> type[Model]:
             f"expected one of {', '.join(known)}, or FILE.py:CLASS",
         )
     try:
-        with watching(running_code):
-            return kind.load(resolved(name, Path.cwd()))
+        with loading.watching(running_code):
+            return kind.load(loading.resolved(name, Path.cwd()))
     except PluginError as problem:
         raise BadInput(str(problem)) from problem
 
@@ -123,7 +115,7 @@ def found(kind: PluginKind, name: str) -> type[Model]:
 def show(kind: PluginKind, name: str) -> None:
     """Print where one comes from, its text, and its keys."""
     model = found(kind, name)
-    plugin = plugin_of(model)
+    plugin = loading.plugin_of(model)
     if plugin is None:
         print_line(f"{name}: a {kind.noun} of {_OURS} {version(_OURS)}")
     else:
@@ -169,11 +161,11 @@ def _default(field: FieldInfo) -> str:
 
 def _class_of(kind: PluginKind, name: str) -> type[Model]:
     """Return the model of a name, whose library may not be built yet."""
-    if name in kind.own or not is_by_file(name):
+    if name in kind.own or not loading.is_by_file(name):
         return found(kind, name)
     try:
-        with watching(running_code):
-            return class_of(resolved(name, Path.cwd()), kind.group, kind.base)[0]
+        with loading.watching(running_code):
+            return loading.class_of(loading.resolved(name, Path.cwd()), kind.group, kind.base)[0]
     except PluginError as problem:
         raise BadInput(str(problem)) from problem
 

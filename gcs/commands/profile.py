@@ -9,7 +9,7 @@ import typer
 from rich.table import Table
 
 from gcs.commands import transfer
-from gcs.commands.station import EXIT_STATUS, StationOptions, station_command
+from gcs.commands.station import StationOptions, station_command
 from gcs.commands.transfer import Note
 from gcs.console.errors import CommandRefused
 from gcs.console.lines import print_json, print_line
@@ -30,38 +30,16 @@ _File = Annotated[
     ),
 ]
 
-_UPLOAD_EPILOG = f"""
-Examples:
 
-- gcs profile upload my.yaml
-- gcs profile upload paper/scenario1 --uav 1,3 --json
-{EXIT_STATUS}"""
-
-_DOWNLOAD_EPILOG = f"""
-Examples:
-
-- gcs profile download --uav 1 --out held.yaml
-- gcs profile download --json | jq '.[].profile | length'
-{EXIT_STATUS}"""
-
-_CHECK_EPILOG = """
-Examples:
-
-- gcs profile check my.yaml
-- gcs profile check my.yaml --held --uav 3
-
-Exit status: 0 good (and held), 2 the file cannot be used, 3 a vehicle holds something else or
-refused to answer, 4 no answer from one.
-"""
-
-
-@app.command(epilog=_UPLOAD_EPILOG)
+@app.command()
 @partial(station_command, timeout_s=30.0)
-def upload(
-    station: StationOptions,
-    file: _File,
-) -> None:
-    """Upload a profile. It takes effect at once; if it is refused, the old one stays active."""
+def upload(station: StationOptions, file: _File) -> None:
+    """Upload a profile. It takes effect at once; if it is refused, the old one stays active.
+
+    Examples:
+        - gcs profile upload my.yaml
+        - gcs profile upload paper/scenario1 --uav 1,3 --json
+    """
     segments = load_profile(file)
 
     async def send(vehicle: Vehicle, note: Note) -> str:
@@ -71,18 +49,20 @@ def upload(
     transfer.upload(station, send, {"segments": len(segments)})
 
 
-@app.command(epilog=_DOWNLOAD_EPILOG)
+@app.command()
 @partial(station_command, timeout_s=30.0)
 def download(
-    station: StationOptions,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Write a profile file; all vehicles must have the same profile.", metavar="FILE"
-        ),
-    ] = None,
+    station: StationOptions, out: Annotated[Path | None, typer.Option(metavar="FILE")] = None
 ) -> None:
-    """Print the profiles of vehicles as YAML, one document for each distinct profile."""
+    """Print the profiles of vehicles as YAML, one document for each distinct profile.
+
+    Args:
+        out: Write a profile file; all vehicles must have the same profile.
+
+    Examples:
+        - gcs profile download --uav 1 --out held.yaml
+        - gcs profile download --json | jq '.[].profile | length'
+    """
     if out is not None:
         check_file(out)
     held: dict[int, tuple[Segment, ...]] = {}
@@ -103,16 +83,23 @@ def download(
             print_line("---\n".join(map(profile_yaml, dict.fromkeys(held.values()))).rstrip("\n"))
 
 
-@app.command(epilog=_CHECK_EPILOG)
+@app.command()
 @partial(station_command, timeout_s=30.0)
 def check(
-    station: StationOptions,
-    file: _File,
-    held: Annotated[
-        bool, typer.Option("--held", help="Also compare with the profiles of the vehicles.")
-    ] = False,
+    station: StationOptions, file: _File, held: Annotated[bool, typer.Option("--held")] = False
 ) -> None:
-    """Check a profile file and show it; with --held compare it with the vehicles' profiles."""
+    """Check a profile file and show it; with --held compare it with the vehicles' profiles.
+
+    Args:
+        held: Also compare with the profiles of the vehicles.
+
+    Examples:
+        - gcs profile check my.yaml
+        - gcs profile check my.yaml --held --uav 3
+
+    Exit status: 0 good (and held), 2 the file cannot be used, 3 a vehicle holds something else or
+    refused to answer, 4 no answer from one.
+    """
     segments = load_profile(file)
     if not held:
         if station.as_json:

@@ -23,27 +23,10 @@ from mavlink_defs.dialect import MAVLink_message
 
 _REFRESH_S = 1.0
 
-EPILOG = """
-Examples:
-
-- gcs record
-- gcs record flight.tlog --for-s 60
-- gcs record flight.tlog --json && mavlogdump.py flight.tlog --types STATUSTEXT
-
-Exit status: 0 recorded until Ctrl-C, SIGTERM, SIGHUP or the end of --for-s, 1 writing the file
-failed, 2 bad input, 4 no vehicle heard within --timeout.
-"""
-
 
 def record(
-    file: Annotated[
-        Path | None,
-        typer.Argument(metavar="FILE", help="New file; gcs-DATE-TIME.tlog by default."),
-    ] = None,
-    for_s: Annotated[
-        float | None,
-        typer.Option(min=0.0, metavar="S", help="Stop after this time [s]; by default at Ctrl-C."),
-    ] = None,
+    file: Annotated[Path | None, typer.Argument(metavar="FILE")] = None,
+    for_s: Annotated[float | None, typer.Option(min=0.0, metavar="S")] = None,
     connect: ConnectOption = None,
     timeout: TimeoutOption = 10.0,
     as_json: JsonOption = False,
@@ -52,6 +35,18 @@ def record(
     """Record every frame that vehicles send, until Ctrl-C.
 
     Each frame has its time. MAVProxy, QGroundControl and mavlogdump.py read these files.
+
+    Args:
+        file: New file; gcs-DATE-TIME.tlog by default.
+        for_s: Stop after this time [s]; by default at Ctrl-C.
+
+    Examples:
+        - gcs record
+        - gcs record flight.tlog --for-s 60
+        - gcs record flight.tlog --json && mavlogdump.py flight.tlog --types STATUSTEXT
+
+    Exit status: 0 recorded until Ctrl-C, SIGTERM, SIGHUP or the end of --for-s, 1 writing the file
+    failed, 2 bad input, 4 no vehicle heard within --timeout.
     """
     now = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
     path = file or Path(f"gcs-{now}.tlog")
@@ -67,11 +62,7 @@ def record(
 
 
 async def _record(
-    path: Path,
-    for_s: float | None,
-    connect: str | None,
-    timeout_s: float,
-    signing_key: str | None,
+    path: Path, for_s: float | None, connect: str | None, timeout_s: float, signing_key: str | None
 ) -> dict[int, int]:
     counts: Counter[int] = Counter()
 

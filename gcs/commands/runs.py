@@ -60,35 +60,6 @@ app = typer.Typer(
     "`gcs runs FOLDER` is `gcs runs list FOLDER`, whose options are below.",
 )
 
-_LIST_EPILOG = """
-Examples:
-
-- gcs runs
-- gcs runs --where law=surviving --where 'saving < 0.9' --sort iae_roll
-- gcs runs --where kind=campaign --where outcome!=completed
-- gcs runs results --json | jq '.runs[].name'
-
---where and --sort take the keys of --json. Signs: =, !=, <, <=, >, >=, and ~ for "contains".
-
-Exit status: 0 listed, 2 bad input.
-"""
-_NOTE_EPILOG = """
-Examples:
-
-- gcs runs note runs/first 'the one in the talk'
-- gcs runs note runs/first ''
-
-Exit status: 0 written, 1 the folder cannot be written, 2 bad input.
-"""
-_HTML_EPILOG = """
-Examples:
-
-- gcs runs html
-- gcs runs html --where scenario~scenario1 --out page.html
-- gcs runs html --compare runs/first --compare runs/second
-
-Exit status: 0 written, 1 the file cannot be written, 2 bad input.
-"""
 
 _FolderArgument = Annotated[
     Path, typer.Argument(help="Folder with the runs.", metavar="FOLDER", show_default=True)
@@ -110,21 +81,14 @@ _RebuildOption = Annotated[
 ]
 
 
-@app.command(name="list", epilog=_LIST_EPILOG)
+@app.command(name="list")
 def list_(
     folder: _FolderArgument = _RUNS,
     where: _WhereOption = None,
     sort: _SortOption = "-time",
-    number: Annotated[
-        int,
-        typer.Option(
-            "-n", "--number", min=0, help="Most runs in the table; 0: all.", metavar="NUMBER"
-        ),
-    ] = 50,
+    number: Annotated[int, typer.Option("-n", "--number", min=0, metavar="NUMBER")] = 50,
     rebuild: _RebuildOption = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print all of them as JSON, nothing else.")
-    ] = False,
+    as_json: Annotated[bool, typer.Option("--json")] = False,
 ) -> None:
     """List what was flown, the newest first: flights, fleets, campaigns, sweeps, baselines.
 
@@ -132,6 +96,20 @@ def list_(
     largest of all UAVs, of airspeed and of the worst angle. Figures of campaigns and sweeps are
     medians of the flights that completed, their IAEs the worst of them. A hidden index in FOLDER
     saves reading again what has not changed.
+
+    Args:
+        number: Most runs in the table; 0: all.
+        as_json: Print all of them as JSON, nothing else.
+
+    Examples:
+        - gcs runs
+        - gcs runs --where law=surviving --where 'saving < 0.9' --sort iae_roll
+        - gcs runs --where kind=campaign --where outcome!=completed
+        - gcs runs results --json | jq '.runs[].name'
+
+    --where and --sort take the keys of --json. Signs: =, !=, <, <=, >, >=, and ~ for "contains".
+
+    Exit status: 0 listed, 2 bad input.
     """
     conditions = conditions_of(where or ())
     order_of(sort)
@@ -149,12 +127,23 @@ def list_(
     _name_foreign(found.foreign)
 
 
-@app.command(epilog=_NOTE_EPILOG)
+@app.command()
 def note(
-    run: Annotated[Path, typer.Argument(help="Folder of the run.", metavar="RUN")],
-    text: Annotated[str, typer.Argument(help="The note; an empty one removes it.", metavar="TEXT")],
+    run: Annotated[Path, typer.Argument(metavar="RUN")],
+    text: Annotated[str, typer.Argument(metavar="TEXT")],
 ) -> None:
-    """Write a note on a run, in place of an earlier one; it is stored in the run's folder."""
+    """Write a note on a run, in place of an earlier one; it is stored in the run's folder.
+
+    Args:
+        run: Folder of the run.
+        text: The note; an empty one removes it.
+
+    Examples:
+        - gcs runs note runs/first 'the one in the talk'
+        - gcs runs note runs/first ''
+
+    Exit status: 0 written, 1 the folder cannot be written, 2 bad input.
+    """
     _check_run(run)
     path = run / NOTE
     if text.strip():
@@ -164,35 +153,32 @@ def note(
     print_line(f"{path} {'written' if text.strip() else 'removed'}", stderr=True)
 
 
-@app.command(epilog=_HTML_EPILOG)
+@app.command()
 def html(
     folder: _FolderArgument = _RUNS,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="The page; FOLDER/index.html by default.", metavar="FILE"),
-    ] = None,
+    out: Annotated[Path | None, typer.Option(metavar="FILE")] = None,
     where: _WhereOption = None,
     sort: _SortOption = "-time",
-    compare: Annotated[
-        list[Path] | None,
-        typer.Option(
-            help="Run that is compared when the page opens; may be repeated.", metavar="RUN"
-        ),
-    ] = None,
-    figures: Annotated[
-        int,
-        typer.Option(
-            min=0,
-            help="How many runs, from the first on, have a thumbnail, curves and all keys; the "
-            "others have their row only.",
-            metavar="NUMBER",
-        ),
-    ] = 200,
+    compare: Annotated[list[Path] | None, typer.Option(metavar="RUN")] = None,
+    figures: Annotated[int, typer.Option(min=0, metavar="NUMBER")] = 200,
     quiet: QuietOption = False,
 ) -> None:
     """Write one page with all runs: sortable, with thumbnails, differences and curves overlaid.
 
     The page fetches nothing and can be sent to anybody; its links to the folders work where it is.
+
+    Args:
+        out: The page; FOLDER/index.html by default.
+        compare: Run that is compared when the page opens; may be repeated.
+        figures: How many runs, from the first on, have a thumbnail, curves and all keys; the others
+            have their row only.
+
+    Examples:
+        - gcs runs html
+        - gcs runs html --where scenario~scenario1 --out page.html
+        - gcs runs html --compare runs/first --compare runs/second
+
+    Exit status: 0 written, 1 the file cannot be written, 2 bad input.
     """
     from gcs.results.runs.page import save_page
 

@@ -5,25 +5,22 @@ from gcs.scenario.bundled import addition_names, bundled_names, file_of
 from gcs.scenario.model import scenario_tree
 from mavlink_defs.config.files import read
 
-EPILOG = """
-Examples:
-
-- gcs scenarios
-- gcs scenarios | grep rudder
-
-Other packages add theirs by the group of entry points ftc_sitl.scenarios.
-
-A name works wherever a file does: gcs fly paper/scenario1, gcs campaign campaigns/faults. The
-last ones are not scenarios but additions to one: gcs fly paper/scenario1 --with realistic
-
-Exit status: 0 listed.
-"""
-
 
 def scenarios() -> None:
     """List the bundled scenarios and additions.
 
     One in a line: its name and what it shows.
+
+    Examples:
+        - gcs scenarios
+        - gcs scenarios | grep rudder
+
+    Other packages add theirs by the group of entry points ftc_sitl.scenarios.
+
+    A name works wherever a file does: gcs fly paper/scenario1, gcs campaign campaigns/faults. The
+    last ones are not scenarios but additions to one: gcs fly paper/scenario1 --with realistic
+
+    Exit status: 0 listed.
     """
     names = bundled_names()
     width = max(map(len, names))

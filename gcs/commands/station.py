@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     from gcs.station.client import Client
     from gcs.station.vehicle import Vehicle
 
-EXIT_STATUS = """
+_EXIT_STATUS = """
+
 Exit status: 0 accepted or answered by all, 2 bad input, 3 refused by one, 4 no answer from one
-(or, before anything was sent, a member of the fleet was not heard).
-"""
+(or, before anything was sent, a member of the fleet was not heard)."""
 
 T = TypeVar("T")
 
@@ -199,6 +199,8 @@ class StationOptions:
 def station_command(command: Callable[..., None], timeout_s: float = 10.0) -> Callable[..., None]:
     """Return a command with the shared options of all station commands after its own.
 
+    Its help gets the exit status of these, unless it has one of its own.
+
     Args:
         command: Gets the shared options as its argument `station`.
         timeout_s: Default of ``--timeout`` [s].
@@ -213,6 +215,8 @@ def station_command(command: Callable[..., None], timeout_s: float = 10.0) -> Ca
     command.__dict__["__signature__"] = signature.replace(
         parameters=[*(each.replace(kind=last.kind) for each in own), last]
     )
+    text = inspect.cleandoc(command.__doc__ or "")
+    command.__doc__ = text if "Exit status:" in text else text + _EXIT_STATUS
     return with_options("station", options, StationOptions)(command)
 
 

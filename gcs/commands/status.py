@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+from functools import partial
 from typing import Annotated, Any
 
 import typer
@@ -18,59 +19,35 @@ from gcs.station.vehicle import Vehicle
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
 
-EPILOG = """
-Examples:
-
-- gcs status
-- gcs status --watch
-- gcs status --uav 3 --json | jq '.vehicles[0].channels.rudder.events'
-- gcs status --connect udpin:0.0.0.0:14550
-
-Faults are shown as active/all; `old 0.4 s` as link: in the last second or two the autopilot acted
-on a state that was that old, in simulated time.
-Below the table, if there is anything: members of the fleet that were not heard within two seconds,
-what the others did not report, and what was dropped on the links.
-Exit status: 0 shown, 2 bad input, 4 no vehicle heard, or a member of the fleet not (without --uav);
---watch continues until Ctrl-C (0) or until its output is closed (0).
-"""
-
 _ANSWERS_S = 2.0
 _REFRESH_S = 1.0
 
 
 @station_command
 def status(
-    station: StationOptions,
-    watch: Annotated[
-        bool, typer.Option("--watch", help="Refresh once a second until Ctrl-C.")
-    ] = False,
+    station: StationOptions, watch: Annotated[bool, typer.Option("--watch")] = False
 ) -> None:
-    """Show link, mode, attitude, events and faults of each vehicle."""
+    """Show link, mode, attitude, events and faults of each vehicle.
 
-    def show(client: Client) -> None:
-        if station.as_json:
-            print_json(_status(client, station))
-        else:
-            console_of(stderr=False).print(_fleet(client, station))
+    Args:
+        watch: Refresh once a second until Ctrl-C.
 
-    async def once(client: Client, vehicles: list[Vehicle]) -> int:
-        await _ask(client, vehicles, station)
-        show(client)
-        return NoAnswer.exit_status if _missing(client, station) else 0
+    Examples:
+        - gcs status
+        - gcs status --watch
+        - gcs status --uav 3 --json | jq '.vehicles[0].channels.rudder.events'
+        - gcs status --connect udpin:0.0.0.0:14550
 
-    async def on_and_on(client: Client, vehicles: list[Vehicle]) -> int:
-        await _ask(client, vehicles, station)
-        console = console_of(stderr=False)
-        if station.as_json or not console.is_terminal:
-            while True:
-                show(client)
-                await asyncio.sleep(_REFRESH_S)
-        with Live(console=console, auto_refresh=False) as live:
-            while True:
-                live.update(_fleet(client, station), refresh=True)
-                await asyncio.sleep(_REFRESH_S)
+    Faults are shown as active/all; `old 0.4 s` as link: in the last second or two the autopilot
+    acted on a state that was that old, in simulated time. Below the table, if there is anything:
+    members of the fleet that were not heard within two seconds, what the others did not report, and
+    what was dropped on the links.
 
-    work = on_and_on if watch else once
+    Exit status: 0 shown, 2 bad input, 4 no vehicle heard, or a
+    member of the fleet not (without --uav); --watch continues until Ctrl-C (0) or until its output
+    is closed (0).
+    """
+    work = partial(_on_and_on if watch else _once, station)
     try:
         exit_status = station.run(work, inquire=watch, private=True, whole=False)
     except (Interrupted, BrokenPipeError):  # Ctrl-C, or the reader of the pipe ended
@@ -91,6 +68,32 @@ def _missing(client: Client, station: StationOptions) -> list[int]:
     if station.systems is not None:
         return []
     return [system for system in client.fleet.missing if system not in client.vehicles]
+
+
+async def _once(station: StationOptions, client: Client, vehicles: list[Vehicle]) -> int:
+    await _ask(client, vehicles, station)
+    _show(client, station)
+    return NoAnswer.exit_status if _missing(client, station) else 0
+
+
+async def _on_and_on(station: StationOptions, client: Client, vehicles: list[Vehicle]) -> int:
+    await _ask(client, vehicles, station)
+    console = console_of(stderr=False)
+    if station.as_json or not console.is_terminal:
+        while True:
+            _show(client, station)
+            await asyncio.sleep(_REFRESH_S)
+    with Live(console=console, auto_refresh=False) as live:
+        while True:
+            live.update(_fleet(client, station), refresh=True)
+            await asyncio.sleep(_REFRESH_S)
+
+
+def _show(client: Client, station: StationOptions) -> None:
+    if station.as_json:
+        print_json(_status(client, station))
+    else:
+        console_of(stderr=False).print(_fleet(client, station))
 
 
 async def _ask(client: Client, vehicles: list[Vehicle], station: StationOptions) -> None:

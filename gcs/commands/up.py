@@ -11,14 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.console import Console
 
-from gcs.commands.common import (
-    FleetOptions,
-    Restart,
-    RestartOption,
-    ScenarioArgument,
-    prepared,
-    tell,
-)
+from gcs.commands import common
 from gcs.commands.listening import listen, listening_address
 from gcs.commands.options import InsecureOption, options_of, with_options
 from gcs.console.errors import BadInput, Interrupted
@@ -36,43 +29,28 @@ from mavlink_defs.ports import HUB_PORT
 if TYPE_CHECKING:
     from gcs.commands.foxglove import FoxgloveServer
 
-EPILOG = """
-Examples:
-
-- gcs up paper/scenario1       (then: gcs start; gcs arm; gcs status --watch)
-- gcs up paper/scenario1 --start --speed 2
-- gcs up my.yaml --lockstep --free-ports --json
-- gcs up my.yaml --restart never
-- gcs up paper/scenario1 --foxglove
-
-Exit status: 0 stopped by Ctrl-C, SIGTERM or SIGHUP, 1 flight lost, 2 bad input, 3 a vehicle refused
-something, 4 a vehicle did not answer.
-"""
-
 FOXGLOVE = "127.0.0.1:8765"
 """Where Foxglove looks for a WebSocket unless it is given another address."""
 
 
 @dataclass(frozen=True)
-class UpOptions(FleetOptions):
-    """Options of ``gcs up``."""
+class UpOptions(common.FleetOptions):
+    """Options of ``gcs up``.
 
-    speed: Annotated[
-        float | None, typer.Option(help="Real-time factor; 1 by default.", metavar="FACTOR")
-    ] = None
-    lockstep: Annotated[
-        bool,
-        typer.Option("--lockstep", help="As fast as the machine allows, instead of real time."),
-    ] = False
-    start: Annotated[bool, typer.Option("--start", help="Also start the mission and arm.")] = False
-    restart: RestartOption = Restart.ON_FAILURE
-    no_record: Annotated[
-        bool,
-        typer.Option(
-            "--no-record",
-            help="Record neither log nor flight; otherwise the newest 256 MB of each are kept.",
-        ),
-    ] = False
+    Attributes:
+        speed: Real-time factor; 1 by default.
+        lockstep: As fast as the machine allows, instead of real time.
+        start: Also start the mission and arm.
+        no_record: Record neither log nor flight; otherwise the newest 256 MB of each are kept.
+        foxglove_at: Serve the same at another address.
+        as_json: Print addresses as one line of JSON once the fleet is up.
+    """
+
+    speed: Annotated[float | None, typer.Option(metavar="FACTOR")] = None
+    lockstep: Annotated[bool, typer.Option("--lockstep")] = False
+    start: Annotated[bool, typer.Option("--start")] = False
+    restart: common.RestartOption = common.Restart.ON_FAILURE
+    no_record: Annotated[bool, typer.Option("--no-record")] = False
     hub_port: Annotated[
         int | None,
         typer.Option(
@@ -91,16 +69,8 @@ class UpOptions(FleetOptions):
             "in a browser of this machine can read them.",
         ),
     ] = False
-    foxglove_at: Annotated[
-        str | None,
-        typer.Option(
-            "--foxglove-at", help="Serve the same at another address.", metavar="HOST:PORT"
-        ),
-    ] = None
-    as_json: Annotated[
-        bool,
-        typer.Option("--json", help="Print addresses as one line of JSON once the fleet is up."),
-    ] = False
+    foxglove_at: Annotated[str | None, typer.Option("--foxglove-at", metavar="HOST:PORT")] = None
+    as_json: Annotated[bool, typer.Option("--json")] = False
     insecure: InsecureOption = False
 
     @property
@@ -119,13 +89,23 @@ class UpOptions(FleetOptions):
 
 
 @with_options("options", options_of(UpOptions), UpOptions)
-def up(scenario: ScenarioArgument, options: UpOptions) -> None:
+def up(scenario: common.ScenarioArgument, options: UpOptions) -> None:
     """Start a fleet that flies until it is stopped (Ctrl-C).
 
     The vehicles get the profile or the mission and the faults of the scenario and wait: time
     begins when all are armed. The duration of the scenario is ignored. One ground station can bind
     the GCS port (14550); any number can connect to the hub, as gcs's own commands do. Links that
     other machines can reach must be signed, unless --insecure is given.
+
+    Examples:
+        - gcs up paper/scenario1       (then: gcs start; gcs arm; gcs status --watch)
+        - gcs up paper/scenario1 --start --speed 2
+        - gcs up my.yaml --lockstep --free-ports --json
+        - gcs up my.yaml --restart never
+        - gcs up paper/scenario1 --foxglove
+
+    Exit status: 0 stopped by Ctrl-C, SIGTERM or SIGHUP, 1 flight lost, 2 bad input, 3 a vehicle
+    refused something, 4 a vehicle did not answer.
     """
     options.check()
     from gcs.fleet.ports import on_free_ports
@@ -134,8 +114,8 @@ def up(scenario: ScenarioArgument, options: UpOptions) -> None:
     from gcs.results.run_folder import make_run_folder
 
     hub_port = options.hub_port or HUB_PORT
-    restart = options.restart is Restart.ON_FAILURE
-    flight = prepared(
+    restart = options.restart is common.Restart.ON_FAILURE
+    flight = common.prepared(
         scenario, options, "up", speed=options.pace, restart=restart, hub_port=hub_port
     )
     loaded = flight.scenario
@@ -147,13 +127,13 @@ def up(scenario: ScenarioArgument, options: UpOptions) -> None:
     console = console_of(quiet=options.quiet or options.as_json)
 
     def fly(scenario: Scenario, free_hub: UdpAddress) -> None:
-        chosen = free_hub if options.free_ports and options.hub_port is None else hub
         with _foxglove(scenario, folder, foxglove) as server:
-            _up(scenario, folder, chosen, console, options, server)
+            at = hub if options.hub_port else free_hub
+            _up(scenario, folder, at, console, options, server)
 
     try:
         with marked(folder, loaded, flight.mark):
-            tell(flight.remarks, console)
+            common.tell(flight.remarks, console)
             warm_up(None, console)
             if options.free_ports:
                 on_free_ports(loaded, fly)
@@ -201,7 +181,7 @@ def _up(
         on_start=lambda text: task.show(0.0, text),
         speed=options.pace,
         start=options.start,
-        restart=options.restart is Restart.ON_FAILURE,
+        restart=options.restart is common.Restart.ON_FAILURE,
         record=not options.no_record,
         autopilot_processes=options.processes,
     )

@@ -21,44 +21,34 @@ from gcs.station.connection import choose_connection
 _MEMORY = 1 << 30
 """Most memory that a dashboard may take [bytes]."""
 
-EPILOG = """
-Examples:
-
-- gcs web                         (then open http://127.0.0.1:8000)
-- gcs web --control --connect udpout:127.0.0.1:14600
-
-Needs the extra `web`.
-
-Ends with its terminal, and with the process that has started it; not with nohup.
-
-Exit status: 0 stopped by Ctrl-C, SIGTERM or SIGHUP, 2 bad input.
-"""
-
 
 def web(
     connect: ConnectOption = None,
     theme: ThemeOption = "dark",
-    listen: Annotated[
-        str, typer.Option(help="Address that browsers open.", metavar="HOST:PORT")
-    ] = "127.0.0.1:8000",
-    control: Annotated[
-        bool, typer.Option("--control", help="Let browsers command vehicles, not only look.")
-    ] = False,
-    views: Annotated[
-        int,
-        typer.Option(
-            help="Most dashboards open at a time: each is a process of about 200 MB.",
-            min=1,
-            max=MAX_STATIONS,
-            metavar="NUMBER",
-        ),
-    ] = 8,
+    listen: Annotated[str, typer.Option(metavar="HOST:PORT")] = "127.0.0.1:8000",
+    control: Annotated[bool, typer.Option("--control")] = False,
+    views: Annotated[int, typer.Option(min=1, max=MAX_STATIONS, metavar="NUMBER")] = 8,
     view: Annotated[int | None, typer.Option("--view", hidden=True)] = None,
 ) -> None:
     """Serve the dashboard to browsers until Ctrl-C.
 
     It is read-only unless --control is given. Every browser gets a dashboard of its own, a process
     of this machine.
+
+    Args:
+        listen: Address that browsers open.
+        control: Let browsers command vehicles, not only look.
+        views: Most dashboards open at a time: each is a process of about 200 MB.
+
+    Examples:
+        - gcs web                         (then open http://127.0.0.1:8000)
+        - gcs web --control --connect udpout:127.0.0.1:14600
+
+    Needs the extra `web`.
+
+    Ends with its terminal, and with the process that has started it; not with nohup.
+
+    Exit status: 0 stopped by Ctrl-C, SIGTERM or SIGHUP, 2 bad input.
     """
     if view is not None:  # a process that the server has started
         die_with(view)

@@ -42,10 +42,7 @@ class View(AppService):
     """A process that draws for a browser, and ends with its page: by force if need be."""
 
     def __init__(
-        self,
-        command: Sequence[str],
-        websocket: web.WebSocketResponse,
-        downloads: DownloadManager,
+        self, command: Sequence[str], websocket: web.WebSocketResponse, downloads: DownloadManager
     ) -> None:
         """Start nothing yet.
 

@@ -42,41 +42,21 @@ from mavlink_defs.visible import visible
 
 _REFRESH_S = 0.5
 
-EPILOG = """
-Examples:
-
-- gcs wire runs/first/flight.tlog
-- gcs wire capture.pcap --link plant=24560 --csv counts.csv
-- gcs wire runs/first/wire.json (of a flight with `links.impairments`)
-- gcs wire --relay 127.0.0.1:14570=127.0.0.1:14560 --impair loss=0.1,delay_ms=20,seed=3
-- gcs wire --relay ... --impair 'bursts={begin=0.01,end=0.2},outages=[{from_s=3,to_s=5}]'
-
-For the first relay above, fly a scenario whose `links.plant_relay` is 127.0.0.1:14570.
-
-A relay runs until Ctrl-C or --seconds, then prints its counts.
-
-Exit status: 0 counted, 1 no MAVLink 2 frame in the file, 2 bad input.
-"""
-
 
 @dataclass(frozen=True)
 class WireOptions:
-    """Options of ``gcs wire``."""
+    """Options of ``gcs wire``.
 
-    relay: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Listen at an address and relay to another and back; may be repeated.",
-            metavar="LISTEN=TARGET",
-        ),
-    ] = None
-    impair: Annotated[
-        str | None,
-        typer.Option(
-            help="Impairments of the relays: keys of a scenario's links.impairments.",
-            metavar="KEY=VALUE,...",
-        ),
-    ] = None
+    Attributes:
+        relay: Listen at an address and relay to another and back; may be repeated.
+        impair: Impairments of the relays: keys of a scenario's links.impairments.
+        period_us: Control period [µs], for captures without FTC_SIM_STATE, which carries it.
+        seconds: Stop relaying after this time [s].
+        csv: Also write the counts as CSV.
+    """
+
+    relay: Annotated[list[str] | None, typer.Option(metavar="LISTEN=TARGET")] = None
+    impair: Annotated[str | None, typer.Option(metavar="KEY=VALUE,...")] = None
     link: Annotated[
         list[str] | None,
         typer.Option(
@@ -86,33 +66,15 @@ class WireOptions:
             metavar="NAME=PORT",
         ),
     ] = None
-    period_us: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            help="Control period [µs], for captures without FTC_SIM_STATE, which carries it.",
-            metavar="US",
-        ),
-    ] = None
-    seconds: Annotated[
-        float | None, typer.Option(min=0.0, metavar="S", help="Stop relaying after this time [s].")
-    ] = None
-    csv: Annotated[
-        Path | None, typer.Option(help="Also write the counts as CSV.", metavar="FILE")
-    ] = None
+    period_us: Annotated[int | None, typer.Option(min=1, metavar="US")] = None
+    seconds: Annotated[float | None, typer.Option(min=0.0, metavar="S")] = None
+    csv: Annotated[Path | None, typer.Option(metavar="FILE")] = None
     as_json: JsonOption = False
 
 
 @with_options("options", options_of(WireOptions), WireOptions)
 def wire(
-    file: Annotated[
-        Path | None,
-        typer.Argument(
-            help="Capture (pcap, pcapng), telemetry log (tlog) or wire.json.", metavar="FILE"
-        ),
-    ] = None,
-    *,
-    options: WireOptions,
+    file: Annotated[Path | None, typer.Argument(metavar="FILE")] = None, *, options: WireOptions
 ) -> None:
     """Count frames and bytes of a capture or a relay.
 
@@ -120,6 +82,22 @@ def wire(
 
     Reads a file, or relays UDP datagrams and shows the counts live; a relay can also lose, delay,
     duplicate, reorder and damage datagrams. Actuator channels are compared with periodic sending.
+
+    Args:
+        file: Capture (pcap, pcapng), telemetry log (tlog) or wire.json.
+
+    Examples:
+        - gcs wire runs/first/flight.tlog
+        - gcs wire capture.pcap --link plant=24560 --csv counts.csv
+        - gcs wire runs/first/wire.json (of a flight with `links.impairments`)
+        - gcs wire --relay 127.0.0.1:14570=127.0.0.1:14560 --impair loss=0.1,delay_ms=20,seed=3
+        - gcs wire --relay ... --impair 'bursts={begin=0.01,end=0.2},outages=[{from_s=3,to_s=5}]'
+
+    For the first relay above, fly a scenario whose `links.plant_relay` is 127.0.0.1:14570.
+
+    A relay runs until Ctrl-C or --seconds, then prints its counts.
+
+    Exit status: 0 counted, 1 no MAVLink 2 frame in the file, 2 bad input.
     """
     if (file is None) == (not options.relay):
         raise BadInput("expected either a FILE or --relay LISTEN=TARGET", "see `gcs wire --help`")

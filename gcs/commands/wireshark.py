@@ -14,36 +14,28 @@ from mavlink_defs.ports import FORMATION_BASE_PORT, GCS_PORT, PLANT_PORT
 _PORTS = f"{GCS_PORT},{PLANT_PORT},{FORMATION_BASE_PORT + 1}-{FORMATION_BASE_PORT + LAST_SYSTEM}"
 """The defaults of a scenario's links."""
 
-EPILOG = """
-Examples:
-
-- gcs wireshark --out ~/.local/lib/wireshark/plugins/ftc.lua
-- gcs wireshark > ftc.lua
-- tshark -i lo -f udp -X lua_script:ftc.lua -Y mavlink_proto
-- tshark -r capture.pcap -X lua_script:ftc.lua -Y 'mavlink_proto.msgid == 93' | wc -l
-
-Wireshark loads the dissector from its plugin folder (Help, About Wireshark, Folders: Personal Lua
-Plugins). Install only one MAVLink dissector. It does not verify checksums.
-
-Exit status: 0 written, 1 the file cannot be written, 2 bad input.
-"""
-
 
 def wireshark(
-    out: Annotated[
-        Path | None, typer.Option(help="Output file; standard output by default.", metavar="FILE")
-    ] = None,
-    port: Annotated[
-        list[int] | None,
-        typer.Option(
-            min=1,
-            max=65535,
-            metavar="PORT",
-            help="UDP port with our messages, besides the default ones; may be repeated.",
-        ),
-    ] = None,
+    out: Annotated[Path | None, typer.Option(metavar="FILE")] = None,
+    port: Annotated[list[int] | None, typer.Option(min=1, max=65535, metavar="PORT")] = None,
 ) -> None:
-    """Write a Wireshark dissector for all messages (Lua)."""
+    """Write a Wireshark dissector for all messages (Lua).
+
+    Args:
+        out: Output file; standard output by default.
+        port: UDP port with our messages, besides the default ones; may be repeated.
+
+    Examples:
+        - gcs wireshark --out ~/.local/lib/wireshark/plugins/ftc.lua
+        - gcs wireshark > ftc.lua
+        - tshark -i lo -f udp -X lua_script:ftc.lua -Y mavlink_proto
+        - tshark -r capture.pcap -X lua_script:ftc.lua -Y 'mavlink_proto.msgid == 93' | wc -l
+
+    Wireshark loads the dissector from its plugin folder (Help, About Wireshark, Folders: Personal
+    Lua Plugins). Install only one MAVLink dissector. It does not verify checksums.
+
+    Exit status: 0 written, 1 the file cannot be written, 2 bad input.
+    """
     if out is not None:
         check_file(out)
     lua = lua_dissector(tuple(port or ()))

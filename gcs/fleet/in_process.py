@@ -77,9 +77,7 @@ def fly_in_process(scenario: Scenario, on_progress: OnProgress | None = None) ->
 
 
 def fly_in_steps(
-    scenario: Scenario,
-    on_steps: Callable[[Steps], None],
-    on_progress: OnProgress | None = None,
+    scenario: Scenario, on_steps: Callable[[Steps], None], on_progress: OnProgress | None = None
 ) -> Ending:
     """Fly a scenario to its end, or until it is lost, in memory that does not grow with time.
 
@@ -140,7 +138,9 @@ def begin(scenario: Scenario) -> InProcessFlight:
     ids = tuple(uav.id for uav in scenario.uavs)
     configs = [scenario.autopilot_config(uav_id) for uav_id in ids]
     on_path = scenario.mission is not None
-    for part in parts_of(scenario.controller, scenario.navigation, on_path=on_path):
+    has_gear = any(config.aircraft.gear is not None for config in configs)
+    law, navigation = scenario.controller, scenario.navigation
+    for part in parts_of(law, navigation, on_path=on_path, has_gear=has_gear):
         PARTS[part]()
     try:
         controllers = new_controllers(configs)
@@ -189,31 +189,24 @@ def fly_on(
         on_steps: As of `fly_in_steps`.
         on_progress: As of `fly_in_process`.
     """
-    ids, fleet, controllers, outside = flight.ids, flight.fleet, flight.controllers, flight.outside
-    estimates = flight.estimates
+    ids, fleet, estimates, controllers, outside, sources = flight
 
     def run(step: int, chunk: Steps) -> tuple[int, int]:
         def from_step(flown: int) -> tuple[int, int]:
             rest = chunk.part(flown, chunk.length)[1:]
             at, step_us = step + flown, scenario.step_us
-            return run_steps(fleet, estimates, controllers, flight.sources, at, step_us, *rest)
+            return run_steps(fleet, estimates, controllers, sources, at, step_us, *rest)
 
         return flown_by(outside, from_step)
 
     run(first, room(first, first))  # loads the code
-    started = time.perf_counter()
-    step, loss, failure = first, None, None
+    started, step, loss, failure = time.perf_counter(), first, None, None
     while step < scenario.steps and loss is None:
         chunk = room(step, min(step + _CHUNK_STEPS, scenario.steps))
         flown, lost = run(step, chunk)
         step += flown
         if lost >= 0:
-            t = step * scenario.step_us / 1e6
-            last_s = (step - 1) * scenario.step_us / 1e6
-            failure = failure_of(controllers.uavs[lost], scenario, last_s)
-            why = outside.failures.get(lost) or loss_of(fleet, lost)
-            loss = f"UAV {ids[lost]} was lost at {t:.3f} s: {why}"
-            loss = loss if failure is None else f"UAV {ids[lost]}: {failure}"
+            loss, failure = _why_lost(scenario, flight, lost, step)
         if on_steps is not None:
             on_steps(chunk.part(0, flown))
         if on_progress is not None:
@@ -227,6 +220,18 @@ def fly_on(
         plugin_failed=failure is not None,
         contacts=contacts_of(fleet),
     )
+
+
+def _why_lost(
+    scenario: Scenario, flight: InProcessFlight, lost: int, step: int
+) -> tuple[str, str | None]:
+    """Return why a UAV was lost before a step, and how its plug-in failed, if that was why."""
+    time_s, last_s = (k * scenario.step_us / 1e6 for k in (step, step - 1))
+    failure = failure_of(flight.controllers.uavs[lost], scenario, last_s)
+    if failure is not None:
+        return f"UAV {flight.ids[lost]}: {failure}", failure
+    why = flight.outside.failures.get(lost) or loss_of(flight.fleet, lost)
+    return f"UAV {flight.ids[lost]} was lost at {time_s:.3f} s: {why}", None
 
 
 def _brief(scenario: Scenario, controllers: Controllers) -> None:

@@ -29,6 +29,7 @@ from mavlink_defs.framing.hot_signing import SIGNING_PARTS
 from mavlink_defs.runtime.code_cache import mark_warm, not_cached
 from mavlink_defs.runtime.jit import EVERYTHING, cold_parts, load
 from sitl_plant.air.turbulence import advance_turbulence
+from sitl_plant.loop.period import GROUND_PARTS
 from sitl_plant.loop.warm_up import call_everything as call_plant
 from sitl_plant.sensing.sense import sense
 
@@ -191,6 +192,7 @@ PARTS: Mapping[str, Callable[[], object]] = MappingProxyType(
         "results": _call_results,
         "messages": _call_messages,
         "relay": _call_relay,
+        "ground": lambda: load(*GROUND_PARTS),
         "sensors": lambda: load(sense),
         "signing": lambda: load(*SIGNING_PARTS),
         "turbulence": lambda: load(advance_turbulence),

@@ -12,7 +12,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType, TracebackType
+from types import MappingProxyType
 from typing import Self
 
 from ftc_autopilot.config import PLUGIN_FAILED
@@ -137,12 +137,7 @@ class FleetProcesses:
         checkpoint.unlink(missing_ok=True)
         return ["--checkpoint", str(checkpoint)]
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Stop all processes that still run."""
         self._stack.close()
 

@@ -4,9 +4,7 @@ import contextlib
 import warnings
 from collections.abc import Iterable, Iterator
 
-from ftc_autopilot.guidance.mission_commands import remarks_on
 from ftc_autopilot.plugins.loading import calling
-from gcs.scenario.fence import WatchedFence
 from gcs.scenario.model import Scenario
 from gcs.scenario.sections import Links
 from mavlink_defs.endpoint import EndpointError, UdpAddress, exposed, is_loopback
@@ -32,7 +30,7 @@ def remarks_of(scenario: Scenario) -> list[str]:
     """Return the remarks on a scenario, however it is flown."""
     return [
         *_one_path(scenario),
-        *(f"mission: {remark}" for remark in remarks_on(scenario.mission_items())),
+        *_mission(scenario),
         *_fence(scenario),
         *_sensors(scenario),
         *_heading(scenario),
@@ -63,12 +61,19 @@ def _one_path(scenario: Scenario) -> Iterator[str]:
     )
 
 
+def _mission(scenario: Scenario) -> Iterator[str]:
+    """Yield what is flown otherwise than the mission may be meant."""
+    if scenario.mission is not None:
+        for remark in scenario.planner().remarks(scenario.mission_items()):
+            yield f"mission: {remark}"
+
+
 def _fence(scenario: Scenario) -> Iterator[str]:
     """Yield where the mission leaves the fence."""
     if scenario.fence is None or not scenario.fence.enable or scenario.mission is None:
         return
     path = scenario.planner().path(scenario.mission_items())
-    if (item := WatchedFence(scenario.fence, scenario.origin).left_by(path)) is not None:
+    if (item := scenario.fence.watch(scenario.origin).left_by(path)) is not None:
         yield WarningRemark(
             f"{WARNING}the mission leaves the fence on the way to item {item}: "
             f"a breach there is followed by {scenario.fence.action}"

@@ -10,13 +10,6 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 from mavlink_defs import dialect
-from mavlink_defs.dialect import (
-    MAVLink_mission_ack_message,
-    MAVLink_mission_clear_all_message,
-    MAVLink_mission_count_message,
-    MAVLink_mission_item_int_message,
-    MAVLink_mission_item_message,
-)
 from mavlink_defs.services.machine import SystemId, is_for, sender_of
 from mavlink_defs.services.mission import RESPONSE_TIMEOUT_S
 from mavlink_defs.services.mission_server import ON_ITS_OWN
@@ -34,7 +27,7 @@ ANSWERS = frozenset(
 )
 """What a vehicle says to the station that uploads."""
 _FORGET_S = 60.0  # a vehicle gives an upload up after 30 s of silence
-_ITEMS = (MAVLink_mission_item_int_message, MAVLink_mission_item_message)
+_ITEMS = (dialect.MAVLink_mission_item_int_message, dialect.MAVLink_mission_item_message)
 
 
 @dataclass
@@ -69,13 +62,13 @@ class Uploads:
             peer: Address of the station's socket.
             now: Time [s].
         """
-        is_count = isinstance(message, MAVLink_mission_count_message)
+        is_count = isinstance(message, dialect.MAVLink_mission_count_message)
         is_item = isinstance(message, _ITEMS)
-        is_alone = isinstance(message, MAVLink_mission_clear_all_message) or (
+        is_alone = isinstance(message, dialect.MAVLink_mission_clear_all_message) or (
             is_item and message.current in ON_ITS_OWN
         )
         is_cancel = (
-            isinstance(message, MAVLink_mission_ack_message)
+            isinstance(message, dialect.MAVLink_mission_ack_message)
             and message.type != dialect.MAV_MISSION_ACCEPTED  # ends a download
         )
         vehicle = SystemId(system, dialect.MAV_COMP_ID_AUTOPILOT1)
@@ -110,7 +103,7 @@ class Uploads:
         upload = self._held.get((message.get_srcSystem(), client, message.mission_type))
         if upload is None:
             return stations
-        if isinstance(message, MAVLink_mission_ack_message):
+        if isinstance(message, dialect.MAVLink_mission_ack_message):
             owed, upload.owed = upload.owed, max(upload.owed - 1, 0)
             upload.over = True
             if message.type != dialect.MAV_MISSION_ACCEPTED:
@@ -126,16 +119,16 @@ class Uploads:
         return len(self._held) < self._most
 
 
-def refusal(message: Any) -> MAVLink_mission_ack_message | None:
+def refusal(message: Any) -> dialect.MAVLink_mission_ack_message | None:
     """Return what a message that is not passed on is answered with; None: nothing.
 
     What begins an upload is denied, as a vehicle denies it to a second client; an item belongs
     to an upload that is no more.
     """
-    if isinstance(message, MAVLink_mission_ack_message):
+    if isinstance(message, dialect.MAVLink_mission_ack_message):
         return None
     is_item = isinstance(message, _ITEMS) and message.current not in ON_ITS_OWN
     cancelled, denied = dialect.MAV_MISSION_OPERATION_CANCELLED, dialect.MAV_MISSION_DENIED
-    return MAVLink_mission_ack_message(
+    return dialect.MAVLink_mission_ack_message(
         *sender_of(message), cancelled if is_item else denied, message.mission_type
     )

@@ -61,8 +61,11 @@ def parts_of(scenario: Scenario, *, in_process: bool) -> list[str]:
     A plug-in is none of them.
     """
     law, on_path = scenario.controller, scenario.mission is not None
+    has_gear = any(scenario.aircraft_of(uav.id).gear is not None for uav in scenario.uavs)
+    controller = parts_of_controller(law, scenario.navigation, on_path=on_path, has_gear=has_gear)
     uses = {
-        **dict.fromkeys(parts_of_controller(law, scenario.navigation, on_path=on_path), True),
+        **dict.fromkeys(controller, True),
+        "ground": has_gear,
         "sensors": scenario.navigation == "estimated",
         "signing": not in_process and scenario.links.signing_key is not None,
         "turbulence": scenario.wind.turbulence != "none",

@@ -5,16 +5,9 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Generic, Literal, Self, TypeVar
 
+from gcs.results import quantities
 from gcs.results.ground import GroundSummary
 from gcs.results.path_following import PassedCommand, PathSummary
-from gcs.results.quantities import (
-    IAE_UNITS,
-    PAPER_ORDER,
-    PATH_FIGURES,
-    UNITS,
-    milliseconds,
-    percent,
-)
 from gcs.results.recording import Mode
 from gcs.results.separation import SeparationSummary
 from gcs.results.traffic import KINDS
@@ -288,7 +281,7 @@ class Figure(Generic[_Of]):
     @property
     def is_share(self) -> bool:
         """Whether it is a share of a whole."""
-        return self.text is percent
+        return self.text is quantities.percent
 
 
 def _count(name: str, of: Callable[[_Of], float | None], *, derived: bool = False) -> Figure[_Of]:
@@ -296,13 +289,13 @@ def _count(name: str, of: Callable[[_Of], float | None], *, derived: bool = Fals
 
 
 def _share(name: str, of: Callable[[_Of], float | None]) -> Figure[_Of]:
-    return Figure(name, "", of, percent, "higher")
+    return Figure(name, "", of, quantities.percent, "higher")
 
 
 def _time(
     name: str, of: Callable[[_Of], float | None], *, better: Any = None, derived: bool = False
 ) -> Figure[_Of]:
-    return Figure(name, "s", of, milliseconds, better, derived=derived)
+    return Figure(name, "s", of, quantities.milliseconds, better, derived=derived)
 
 
 def _by_quantity(
@@ -345,8 +338,8 @@ def _on_path(name: str) -> Callable[[UavSummary], float | None]:
 
 UAV_FIGURES: list[Figure[UavSummary]] = [
     _share("saving", lambda uav: uav.saving),
-    *_by_quantity("iae", IAE_UNITS, unit_in_csv=True),
-    *(_count(f"events_{channel}", _events_of(channel)) for channel in PAPER_ORDER),
+    *_by_quantity("iae", quantities.IAE_UNITS, unit_in_csv=True),
+    *(_count(f"events_{channel}", _events_of(channel)) for channel in quantities.PAPER_ORDER),
     _time("min_interval_s", lambda uav: uav.min_interval_s, derived=True),
     _time("attitude_lost_at_s", lambda uav: uav.attitude_lost_at_s),
     _time("heading_lost_at_s", lambda uav: uav.heading_lost_at_s),
@@ -361,16 +354,16 @@ UAV_FIGURES: list[Figure[UavSummary]] = [
     _count("messages", lambda uav: uav.actuator_messages),
     _count("neighbour_messages", lambda uav: uav.neighbour_messages),
     _share("neighbour_saving", lambda uav: uav.neighbour_saving),
-    *_by_quantity("iae_sync", IAE_UNITS),
+    *_by_quantity("iae_sync", quantities.IAE_UNITS),
     *(_count(f"bytes_{kind}", _part_of("link_bytes", kind)) for kind in KINDS),
-    *_by_quantity("iae_filtered", IAE_UNITS),
-    *_by_quantity("max_error", UNITS),
-    *_by_quantity("final_error", UNITS),
+    *_by_quantity("iae_filtered", quantities.IAE_UNITS),
+    *_by_quantity("max_error", quantities.UNITS),
+    *_by_quantity("final_error", quantities.UNITS),
     _count("events", lambda uav: uav.events, derived=True),
     _time("detection_s", lambda uav: uav.first_delay_s("lost"), better="lower", derived=True),
     _time("return_s", lambda uav: uav.first_delay_s("back"), better="lower", derived=True),
     _count("false_alarms", lambda uav: uav.false_alarms, derived=True),
-    *(Figure(name, "m", _on_path(name)) for name in PATH_FIGURES),
+    *(Figure(name, "m", _on_path(name)) for name in quantities.PATH_FIGURES),
 ]
 """Every figure of a UAV. `summary.json`, the results of campaigns, CSV files of sweeps and of
 `gcs reproduce` and the results in tests have these, and one more with a further row."""

@@ -197,12 +197,6 @@ class Recording:
         return missing
 
     @property
-    def active(self) -> np.ndarray:
-        """Steps in which a UAV's law was evaluated, a mask of shape (steps, n)."""
-        active: np.ndarray = np.isfinite(self.signals["command"][..., 0])
-        return active
-
-    @property
     def response(self) -> np.ndarray:
         """True airspeed [m/s], roll, pitch, yaw [rad], shape (steps, n, 4)."""
         u, v, w = np.moveaxis(self.states[..., 3:6] - self.wind, -1, 0)

@@ -6,10 +6,7 @@ from ftc_autopilot.control.config import law_problems
 from ftc_autopilot.control.laws import Controller
 from gcs.scenario.sections import Found, ScenarioUav
 from mavlink_defs.config.models import Problems
-from sitl_plant.actuators.config import (
-    Servos,
-    servo_problems,
-)
+from sitl_plant.actuators.config import Servos, servo_problems
 from sitl_plant.air.config import Disturbance
 from sitl_plant.airframe.config import Aircraft, Uncertainty, true_aircraft
 from sitl_plant.airframe.gear import Ground

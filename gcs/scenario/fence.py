@@ -8,19 +8,12 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
-import numpy as np
 from pydantic import Field
 
 from ftc_autopilot.common.geography import Origin, place_of
-from ftc_autopilot.guidance.fence import (
-    clearances,
-    decode_fence,
-    decode_rally,
-    leaves_at,
-)
+from ftc_autopilot.guidance.fence import FenceWatch, decode_fence, decode_rally
 from ftc_autopilot.guidance.fence_parameters import (
     FenceParameters,
-    FenceRecords,
     RallyParameters,
     fence_records,
 )
@@ -138,6 +131,11 @@ class FenceSection(FenceParameters):
         default=(), description="The parts of the fence."
     )
 
+    def watch(self, origin: Origin) -> FenceWatch:
+        """Return what a vehicle watches of it, with home at the origin."""
+        fence = decode_fence(numbered(self.items, origin), origin)
+        return FenceWatch(fence, fence_records(self, RallyParameters()).fence[0])
+
 
 class RallySection(RallyParameters):
     """Points that RTL leads to in place of home; in a file, `file` may name a plan with them."""
@@ -200,40 +198,13 @@ def _outside_problems(fence: FenceSection, uavs: Sequence[ScenarioUav], origin: 
     """Yield which UAVs a fence that is watched would not let arm."""
     if not fence.enable:
         return
-    watched = WatchedFence(fence, origin)
-    if watched.is_empty:
+    watch = fence.watch(origin)
+    if watch.is_empty:
         yield ("fence",), "expected an area, or a type that watches heights, as it is enabled"
     for i, uav in enumerate(uavs):
         place = uav.initial.north_m, uav.initial.east_m, uav.initial.altitude_m
-        if (why := watched.outside(*place)) is not None:
-            yield ("uavs", i, "initial"), f"outside the fence: {why}"
-
-
-class WatchedFence:
-    """A fence with its parameters, above a home at the origin."""
-
-    def __init__(self, section: FenceSection, origin: Origin) -> None:
-        self._fence = decode_fence(numbered(section.items, origin), origin)
-        records: FenceRecords = fence_records(section, RallyParameters())
-        self._record: np.ndarray = records.fence
-
-    @property
-    def is_empty(self) -> bool:
-        """Whether there is nothing to watch."""
-        return not any(True for _ in self._clearances(0.0, 0.0, 0.0))
-
-    def outside(self, north: float, east: float, height: float) -> str | None:
-        """Return in what way a place is outside; None if it is inside."""
-        return next((why for _, clear, why in self._clearances(north, east, height) if clear < 0.0),
-                    None)  # fmt: skip
-
-    def left_by(self, path: np.void) -> int | None:
-        """Return the item on the way to which a path leaves the fence; None: none."""
-        return leaves_at(path, lambda *place: min(c for _, c, _ in self._clearances(*place)))
-
-    def _clearances(self, north: float, east: float, height: float) -> Iterator[Any]:
-        kinds = int(self._record["type"][0])
-        return clearances(self._fence, self._record[0], kinds, Home(), (north, east, height))
+        if (why := watch.objection(place, stands=uav.initial.on_ground)) is not None:
+            yield ("uavs", i, "initial"), why
 
 
 def _entry_of(entries: Sequence[FenceEntry], seq: int, origin: Origin) -> int:

@@ -8,7 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ftc_autopilot.guidance.fence import decode_fence, decode_rally, leaves_at
+from ftc_autopilot.guidance.fence import FenceWatch, decode_fence, decode_rally
+from ftc_autopilot.guidance.fence_parameters import (
+    FenceParameters,
+    RallyParameters,
+    fence_records,
+)
 from ftc_autopilot.guidance.mission_items import is_path
 from ftc_autopilot.guidance.mission_places import Home
 from ftc_autopilot.guidance.path import NO_LOOP, commands_between, point_at
@@ -178,7 +183,8 @@ def dry_run_areas(
     fence = decode_fence(areas.fence, fleet.origin)
     if fence.areas:
         yield f"fence: {', '.join(area.text for area in fence.areas)}"
-    left = leaves_at(planner.path(items), lambda north, east, _: fence.nearest((north, east))[0])
+    areas_alone = fence_records(FenceParameters(), RallyParameters()).fence[0]
+    left = FenceWatch(fence, areas_alone).left_by(planner.path(items))
     if left is not None:
         yield f"the mission leaves the fence on the way to item {left}"
     if areas.rally:

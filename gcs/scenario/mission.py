@@ -20,12 +20,7 @@ from mavlink_defs.config.models import AtMost, ConfigError, Model, Problem, Prob
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.config.written import located, source_at, written_in
 from mavlink_defs.constants import INT32_MAX, MAX_MISSION_ITEMS
-from mavlink_defs.mission_files import (
-    MAX_NOT_FLOWN,
-    MissionFile,
-    mission_item,
-    read_mission_file,
-)
+from mavlink_defs.mission_files import MAX_NOT_FLOWN, MissionFile, mission_item, read_mission_file
 from mavlink_defs.services.mission import MissionItem
 
 
@@ -160,13 +155,15 @@ class ReturnEntry(Model):
 
 
 class ProtocolEntry(Model):
-    """An item as the mission protocol has it."""
+    """An item as the mission protocol has it.
+
+    Attributes:
+        params: Parameters 1 to 4; null is NaN.
+    """
 
     command: int = whole("", "MAV_CMD.", ge=0, le=0xFFFF)
     frame: int = whole("", "MAV_FRAME.", 3, ge=0, le=0xFF)
-    params: Annotated[tuple[float | None, ...], AtMost(4)] = Field(
-        default=(), description="Parameters 1 to 4; null is NaN."
-    )
+    params: Annotated[tuple[float | None, ...], AtMost(4)] = ()
     x: int = whole("", "Latitude in degE7, mostly.", 0, ge=-INT32_MAX, le=INT32_MAX)
     y: int = whole("", "Longitude in degE7, mostly.", 0, ge=-INT32_MAX, le=INT32_MAX)
     z: float | None = quantity("", "Altitude in m, mostly; null is NaN.", 0.0)
@@ -196,24 +193,31 @@ class OneKey(Model):
 
 
 class MissionEntry(OneKey):
-    """One item; exactly one of the keys."""
+    """One item; exactly one of the keys.
 
-    waypoint: WaypointEntry | None = Field(default=None, description="A place to fly by.")
-    loiter: LoiterEntry | None = Field(default=None, description="A circle.")
-    take_off: TakeOffEntry | None = Field(default=None, description="The take-off.")
-    land: LandEntry | None = Field(default=None, description="A landing.")
-    speed: SpeedEntry | None = Field(default=None, description="The airspeed from here on.")
-    delay: DelayEntry | None = Field(
-        default=None, description="Time before entries up to the next place take effect."
-    )
-    jump: JumpEntry | None = Field(default=None, description="Go on with another item.")
-    home: HomeEntry | None = Field(default=None, description="A new home.")
-    return_to_launch: ReturnEntry | None = Field(
-        default=None, description="The circle around home: `{}`."
-    )
-    item: ProtocolEntry | None = Field(
-        default=None, description="Any item as the mission protocol has it."
-    )
+    Attributes:
+        waypoint: A place to fly by.
+        loiter: A circle.
+        take_off: The take-off.
+        land: A landing.
+        speed: The airspeed from here on.
+        delay: Time before entries up to the next place take effect.
+        jump: Go on with another item.
+        home: A new home.
+        return_to_launch: The circle around home: `{}`.
+        item: Any item as the mission protocol has it.
+    """
+
+    waypoint: WaypointEntry | None = None
+    loiter: LoiterEntry | None = None
+    take_off: TakeOffEntry | None = None
+    land: LandEntry | None = None
+    speed: SpeedEntry | None = None
+    delay: DelayEntry | None = None
+    jump: JumpEntry | None = None
+    home: HomeEntry | None = None
+    return_to_launch: ReturnEntry | None = None
+    item: ProtocolEntry | None = None
 
     def mission_item(self, seq: int, origin: Origin) -> MissionItem:
         """Return the item of the protocol, with a number."""
@@ -235,19 +239,18 @@ class PlannedHome(Model):
 
 
 class MissionSection(Model):
-    """A path in space; in a file, `file` may name a mission file instead, `here: true` move it."""
+    """A path in space; in a file, `file` may name a mission file instead, `here: true` move it.
 
-    items: Annotated[tuple[MissionEntry, ...], AtMost(MAX_MISSION_ITEMS)] = Field(
-        min_length=1, description="The items, in order."
-    )
-    planned_home: PlannedHome | None = Field(
-        default=None,
-        description="Home that the items were planned for: they are moved from there to the "
-        "origin. Set by `file` with `here: true`; none: they lie where they say.",
-    )
-    not_flown: Annotated[tuple[str, ...], AtMost(MAX_NOT_FLOWN)] = Field(
-        default=(), exclude=True, description="Set by `file`: what else is in it."
-    )
+    Attributes:
+        items: The items, in order.
+        planned_home: Home that the items were planned for: they are moved from there to the origin.
+            Set by `file` with `here: true`; none: they lie where they say.
+        not_flown: Set by `file`: what else is in it.
+    """
+
+    items: Annotated[tuple[MissionEntry, ...], AtMost(MAX_MISSION_ITEMS)] = Field(min_length=1)
+    planned_home: PlannedHome | None = None
+    not_flown: Annotated[tuple[str, ...], AtMost(MAX_NOT_FLOWN)] = Field(default=(), exclude=True)
 
     def mission_items(self, origin: Origin) -> tuple[MissionItem, ...]:
         """Return the mission as it is uploaded; item 0 is home."""

@@ -14,12 +14,7 @@ from pydantic import Field, model_validator
 
 from ftc_autopilot.common.geography import Origin
 from ftc_autopilot.config import AutopilotConfig, Identity
-from ftc_autopilot.control.config import (
-    Neighbour,
-    plugin_problems,
-    plugins_of,
-    trigger_problems,
-)
+from ftc_autopilot.control.config import Neighbour, plugin_problems, plugins_of, trigger_problems
 from ftc_autopilot.control.laws import Controller
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.triggers import Trigger
@@ -95,88 +90,74 @@ from sitl_plant.simulators.config import OwnPlant, PlantSection
 
 
 class Scenario(Model):
-    """One flight: fleet, aircraft, controller, network, references, faults, links."""
+    """One flight: fleet, aircraft, controller, network, references, faults, links.
 
-    name: Title = Field(min_length=1, description="Name of the scenario.")
-    description: Prose = Field(
-        default="", description="Purpose of the scenario, in a line or more."
-    )
+    Attributes:
+        name: Name of the scenario.
+        description: Purpose of the scenario, in a line or more.
+        aircraft: The nominal aircraft of every UAV that has none of its own.
+        plant: What flies the aircraft of every UAV that says nothing else.
+        uncertainty: True aircraft relative to the nominal one.
+        disturbance: Disturbances of every aircraft.
+        wind: Motion of the air.
+        ground: The ground.
+        runway: A runway on it; none: the ground is the same everywhere.
+        servos: Servos of every aircraft that has none of its own.
+        sensors: Sensors of every aircraft.
+        estimator: Parameters of the estimator of every UAV.
+        controller: Control law of every UAV, and its parameters.
+        trigger: Event triggers of every UAV.
+        guidance: Guidance law of every UAV on a path.
+        runway_guidance: Take-off and landing of every UAV.
+        plugins: Digest of the code of each plug-in, by its name: filled in when the scenario is
+            read. Other code is not flown.
+        uavs: The fleet.
+        network: The communication graph.
+        formation: Slots on the path of the mission; none: all fly on it.
+        profile: Reference of the flight, if no mission.
+        mission: Path of the flight, in place of a profile.
+        fence: Areas and heights that UAVs must not leave; none: no fence.
+        rally: Points that RTL leads to; none: it leads home.
+        faults: Faults of actuators and sensors, at most 1000.
+        links: Addresses, ports, signing, impairments.
+        origin: Geographic coordinates of north = east = down = 0.
+        identity: Autopilot whose MAVLink conventions the UAVs follow.
+        ardupilot: Outputs of an ArduPilot that flies it by gcs ardupilot.
+    """
+
+    name: Title = Field(min_length=1)
+    description: Prose = ""
     duration_s: float = quantity("s", "Length of the flight.", gt=0.0, le=86_400.0)
     step_us: int = whole("us", "Control period.", 1000, ge=1, le=100_000)
-    aircraft: Aircraft = Field(
-        description="The nominal aircraft of every UAV that has none of its own."
-    )
-    plant: PlantSection = Field(
-        default=OwnPlant(),
-        description="What flies the aircraft of every UAV that says nothing else.",
-    )
-    uncertainty: Uncertainty = Field(
-        default=Uncertainty(), description="True aircraft relative to the nominal one."
-    )
-    disturbance: Disturbance = Field(
-        default=Disturbance(), description="Disturbances of every aircraft."
-    )
-    wind: Wind = Field(default=Wind(), description="Motion of the air.")
-    ground: Ground = Field(default=Ground(), description="The ground.")
-    runway: Runway | None = Field(
-        default=None, description="A runway on it; none: the ground is the same everywhere."
-    )
-    servos: Servos = Field(
-        default=Servos(), description="Servos of every aircraft that has none of its own."
-    )
-    sensors: Sensors = Field(default=Sensors(), description="Sensors of every aircraft.")
+    aircraft: Aircraft
+    plant: PlantSection = OwnPlant()
+    uncertainty: Uncertainty = Uncertainty()
+    disturbance: Disturbance = Disturbance()
+    wind: Wind = Wind()
+    ground: Ground = Ground()
+    runway: Runway | None = None
+    servos: Servos = Servos()
+    sensors: Sensors = Sensors()
     navigation: Navigation = "true_state"
-    estimator: EstimatorParameters = Field(
-        default=EstimatorParameters(), description="Parameters of the estimator of every UAV."
-    )
+    estimator: EstimatorParameters = EstimatorParameters()
     seed: Seed = 1
-    controller: Controller = Field(
-        default=Proposed(), description="Control law of every UAV, and its parameters."
-    )
-    trigger: Trigger = Field(default=PerChannel(), description="Event triggers of every UAV.")
-    guidance: Guidance = Field(
-        default=PathFollowing(), description="Guidance law of every UAV on a path."
-    )
-    runway_guidance: RunwayParameters = Field(
-        default=RunwayParameters(), description="Take-off and landing of every UAV."
-    )
-    plugins: Annotated[dict[str, str], AtMost(100)] = Field(
-        default={},
-        description="Digest of the code of each plug-in, by its name: filled in when the scenario "
-        "is read. Other code is not flown.",
-    )
-    uavs: Annotated[tuple[ScenarioUav, ...], AtMost(LAST_SYSTEM)] = Field(
-        min_length=1, description="The fleet."
-    )
-    network: Network = Field(description="The communication graph.")
-    formation: Formation | None = Field(
-        default=None, description="Slots on the path of the mission; none: all fly on it."
-    )
-    profile: Annotated[tuple[ProfileSegment, ...], AtMost(MAX_SEGMENTS)] = Field(
-        default=(), description="Reference of the flight, if no mission."
-    )
-    mission: MissionSection | None = Field(
-        default=None, description="Path of the flight, in place of a profile."
-    )
-    fence: FenceSection | None = Field(
-        default=None, description="Areas and heights that UAVs must not leave; none: no fence."
-    )
-    rally: RallySection | None = Field(
-        default=None, description="Points that RTL leads to; none: it leads home."
-    )
-    faults: Annotated[tuple[AnyScenarioFault, ...], AtMost(1000)] = Field(
-        default=(), description="Faults of actuators and sensors, at most 1000."
-    )
-    links: Links = Field(default=Links(), description="Addresses, ports, signing, impairments.")
-    origin: Origin = Field(
-        default=Origin(), description="Geographic coordinates of north = east = down = 0."
-    )
-    identity: Identity = Field(
-        default="ardupilot", description="Autopilot whose MAVLink conventions the UAVs follow."
-    )
-    ardupilot: ArduPilot = Field(
-        default=ArduPilot(), description="Outputs of an ArduPilot that flies it by gcs ardupilot."
-    )
+    controller: Controller = Proposed()
+    trigger: Trigger = PerChannel()
+    guidance: Guidance = PathFollowing()
+    runway_guidance: RunwayParameters = RunwayParameters()
+    plugins: Annotated[dict[str, str], AtMost(100)] = Field(default={})
+    uavs: Annotated[tuple[ScenarioUav, ...], AtMost(LAST_SYSTEM)] = Field(min_length=1)
+    network: Network
+    formation: Formation | None = None
+    profile: Annotated[tuple[ProfileSegment, ...], AtMost(MAX_SEGMENTS)] = ()
+    mission: MissionSection | None = None
+    fence: FenceSection | None = None
+    rally: RallySection | None = None
+    faults: Annotated[tuple[AnyScenarioFault, ...], AtMost(1000)] = ()
+    links: Links = Links()
+    origin: Origin = Origin()
+    identity: Identity = "ardupilot"
+    ardupilot: ArduPilot = ArduPilot()
 
     def plant_config(self, speed: float | None = None, *, endless: bool = False) -> PlantConfig:
         """Return the configuration of the plant process.
@@ -344,12 +325,7 @@ class Scenario(Model):
                 self.sensors, self.navigation, self.servos, self.uavs, self.step_us
             ),
             lambda: simulator_problems(
-                self.plant,
-                self.disturbance,
-                self.uncertainty,
-                self.ground,
-                self.uavs,
-                self.step_us,
+                self.plant, self.disturbance, self.uncertainty, self.ground, self.uavs, self.step_us
             ),
             lambda: network_problems(self.network, self._ids),
             lambda: slot_problems(

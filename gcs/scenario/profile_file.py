@@ -31,13 +31,17 @@ from mavlink_defs.services.mission import MissionItem
 
 
 class ProfileFile(Model):
-    """A profile on its own."""
+    """A profile on its own.
 
-    name: Title = Field(default="", description="Name of the profile.")
-    description: Prose = Field(default="", description="Purpose of the profile.")
-    profile: Annotated[tuple[ProfileSegment, ...], AtMost(MAX_SEGMENTS)] = Field(
-        min_length=1, description="The segments, in order."
-    )
+    Attributes:
+        name: Name of the profile.
+        description: Purpose of the profile.
+        profile: The segments, in order.
+    """
+
+    name: Title = ""
+    description: Prose = ""
+    profile: Annotated[tuple[ProfileSegment, ...], AtMost(MAX_SEGMENTS)] = Field(min_length=1)
 
 
 def load_profile(name: Path | str) -> tuple[Segment, ...]:

@@ -41,51 +41,60 @@ Weight = Annotated[float, quantity("", "Weight in the communication graph.", gt=
 
 
 class ScenarioUav(Model):
-    """One UAV of the fleet."""
+    """One UAV of the fleet.
+
+    Attributes:
+        name: Name that displays show.
+        initial: State at t = 0.
+        servos: Its servos, in place of the scenario's.
+        aircraft: Its nominal aircraft, in place of the scenario's.
+        plant: What flies it, in place of the scenario's.
+    """
 
     id: SystemId
-    name: Title = Field(min_length=1, description="Name that displays show.")
-    initial: InitialState = Field(description="State at t = 0.")
-    servos: Servos | None = Field(
-        default=None, description="Its servos, in place of the scenario's."
-    )
-    aircraft: Aircraft | None = Field(
-        default=None, description="Its nominal aircraft, in place of the scenario's."
-    )
-    plant: PlantSection | None = Field(
-        default=None, description="What flies it, in place of the scenario's."
-    )
+    name: Title = Field(min_length=1)
+    initial: InitialState
+    servos: Servos | None = None
+    aircraft: Aircraft | None = None
+    plant: PlantSection | None = None
 
 
 class Edge(Model):
-    """An undirected edge of the communication graph."""
+    """An undirected edge of the communication graph.
 
-    between: tuple[SystemId, SystemId] = Field(description="Two UAVs, a_ij = a_ji.")
+    Attributes:
+        between: Two UAVs, a_ij = a_ji.
+    """
+
+    between: tuple[SystemId, SystemId]
     weight: Weight
 
 
 class Network(Model):
-    """The communication graph, section II-D of the paper."""
+    """The communication graph, section II-D of the paper.
 
-    leader_access: Annotated[dict[SystemId, Weight], AtMost(LAST_SYSTEM)] = Field(
-        description="h_i of the UAVs that have it."
-    )
-    edges: Annotated[tuple[Edge, ...], AtMost(_MAX_EDGES)] = Field(
-        default=(), description="Pairs of UAVs that communicate."
-    )
+    Attributes:
+        leader_access: h_i of the UAVs that have it.
+        edges: Pairs of UAVs that communicate.
+    """
+
+    leader_access: Annotated[dict[SystemId, Weight], AtMost(LAST_SYSTEM)]
+    edges: Annotated[tuple[Edge, ...], AtMost(_MAX_EDGES)] = ()
 
 
 class ProfileSegment(Model):
-    """Reference values from a time on; a ramp reaches its values when the next segment starts."""
+    """Reference values from a time on; a ramp reaches its values when the next segment starts.
+
+    Attributes:
+        shape: Values in force from the start, or approached linearly.
+    """
 
     start_s: float = quantity("s", "Start, exclusive.", ge=0.0)
     airspeed_m_s: float = quantity("m/s", "Airspeed V_r.", gt=0.0)
     roll_deg: float = quantity("deg", "Roll angle.", 0.0, ge=-90.0, le=90.0)
     pitch_deg: float = quantity("deg", "Pitch angle.", 0.0, gt=-90.0, lt=90.0)
     yaw_deg: float = quantity("deg", "Yaw angle.", 0.0, ge=-180.0, le=180.0)
-    shape: Literal["step", "ramp"] = Field(
-        default="step", description="Values in force from the start, or approached linearly."
-    )
+    shape: Literal["step", "ramp"] = "step"
 
     def segment(self) -> Segment:
         """Return the segment as it is uploaded."""
@@ -156,23 +165,27 @@ else:
 
 
 class Impairments(Model):
-    """Links that are relayed and impaired; a link with no keys is only relayed and counted."""
+    """Links that are relayed and impaired; a link with no keys is only relayed and counted.
 
-    plant: Impairment | None = Field(
-        default=None, description="The simulator link; none: no relay."
-    )
-    gcs: Impairment | None = Field(default=None, description="The GCS link; none: no relay.")
-    formation: Impairment | None = Field(
-        default=None, description="The formation link; none: no relay."
-    )
+    Attributes:
+        plant: The simulator link; none: no relay.
+        gcs: The GCS link; none: no relay.
+        formation: The formation link; none: no relay.
+    """
+
+    plant: Impairment | None = None
+    gcs: Impairment | None = None
+    formation: Impairment | None = None
 
 
 class FormationLinks(Model):
-    """The links between neighbours."""
+    """The links between neighbours.
 
-    trigger: FormationTrigger | None = Field(
-        default=None, description="Trigger of the neighbour messages; none: every period."
-    )
+    Attributes:
+        trigger: Trigger of the neighbour messages; none: every period.
+    """
+
+    trigger: FormationTrigger | None = None
 
     @property
     def neighbour_timeout_s(self) -> float:
@@ -181,33 +194,30 @@ class FormationLinks(Model):
 
 
 class Links(Model):
-    """Addresses and ports; everything binds `host`."""
+    """Addresses and ports; everything binds `host`.
 
-    host: str = Field(
-        default="127.0.0.1", description="IPv4 address or name of the host that all processes bind."
-    )
-    gcs_port: Port = Field(
-        default=GCS_PORT, description="UDP port on which ground stations receive."
-    )
-    plant_port: Port = Field(default=PLANT_PORT, description="UDP port of the simulator link.")
-    formation_base_port: Port = Field(
-        default=FORMATION_BASE_PORT, description="UAV i binds this UDP port plus i."
-    )
-    plant_relay: HostPort | None = Field(
-        default=None, description="Where autopilots send instead of to the plant itself."
-    )
-    telemetry_clock: TelemetryClockKind = Field(
-        default="wall",
-        description="What intervals of telemetry count in lockstep: simulated time, or the slower "
-        "of simulated and wall-clock time.",
-    )
-    signing_key: str | None = Field(default=None, description="Key file; none: unsigned.")
-    formation: FormationLinks = Field(
-        default=FormationLinks(), description="The links between neighbours."
-    )
-    impairments: Impairments | None = Field(
-        default=None, description="Relays that the flight puts in front of links."
-    )
+    Attributes:
+        host: IPv4 address or name of the host that all processes bind.
+        gcs_port: UDP port on which ground stations receive.
+        plant_port: UDP port of the simulator link.
+        formation_base_port: UAV i binds this UDP port plus i.
+        plant_relay: Where autopilots send instead of to the plant itself.
+        telemetry_clock: What intervals of telemetry count in lockstep: simulated time, or the
+            slower of simulated and wall-clock time.
+        signing_key: Key file; none: unsigned.
+        formation: The links between neighbours.
+        impairments: Relays that the flight puts in front of links.
+    """
+
+    host: str = "127.0.0.1"
+    gcs_port: Port = GCS_PORT
+    plant_port: Port = PLANT_PORT
+    formation_base_port: Port = FORMATION_BASE_PORT
+    plant_relay: HostPort | None = None
+    telemetry_clock: TelemetryClockKind = "wall"
+    signing_key: str | None = None
+    formation: FormationLinks = FormationLinks()
+    impairments: Impairments | None = None
 
     @model_validator(mode="after")
     def _host_usable(self) -> "Links":

@@ -17,7 +17,6 @@ import socket
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable
-from types import TracebackType
 from typing import Self
 
 from gcs.console.errors import BadInput, NoAnswer, bad_endpoint
@@ -155,12 +154,7 @@ class Client(asyncio.DatagramProtocol):
         self._pulse = loop.create_task(self._live())
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         """Close the port."""
         if self._pulse is not None:
             self._pulse.cancel()
@@ -214,11 +208,7 @@ class Client(asyncio.DatagramProtocol):
         return {i for i in systems if not is_complete(self._vehicles.get(i))}
 
     async def discover(
-        self,
-        timeout_s: float,
-        systems: Collection[int] | None = None,
-        *,
-        whole: bool = True,
+        self, timeout_s: float, systems: Collection[int] | None = None, *, whole: bool = True
     ) -> list[Vehicle]:
         """Wait until these vehicles, or all that seem to exist, have been heard; return them.
 

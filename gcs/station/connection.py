@@ -5,15 +5,7 @@ import os
 
 from gcs.console.errors import BadInput
 from gcs.console.lines import print_line
-from mavlink_defs.endpoint import (
-    Connection,
-    EndpointError,
-    UdpAddress,
-    exposed,
-    is_loopback,
-    parse_connection,
-    someone_listens,
-)
+from mavlink_defs import endpoint
 from mavlink_defs.ports import GCS_PORT, HUB_PORT
 from mavlink_defs.services.machine import SystemId
 
@@ -22,7 +14,7 @@ _SYSTEM = 255
 _FIRST_COMPONENT, _COMPONENTS = 25, 75  # MAV_COMP_ID_USER1 to USER75
 
 
-def choose_connection(connect: str | None, signing_key: str | None = None) -> Connection:
+def choose_connection(connect: str | None, signing_key: str | None = None) -> endpoint.Connection:
     """Return the user's connection, else the hub of ``gcs up`` if it runs, else the GCS port.
 
     Args:
@@ -35,16 +27,16 @@ def choose_connection(connect: str | None, signing_key: str | None = None) -> Co
     """
     if connect is not None:
         try:
-            connection = parse_connection(connect)
-        except EndpointError as problem:
+            connection = endpoint.parse_connection(connect)
+        except endpoint.EndpointError as problem:
             raise BadInput(f"--connect: {problem}") from problem
         if connection.direction == "in":
             warn_if_exposed(connection.address, signing_key is not None)
         return connection
-    hub = UdpAddress(_HOST, HUB_PORT)
-    if someone_listens(hub):
-        return Connection("out", hub)
-    return Connection("in", UdpAddress(_HOST, GCS_PORT))
+    hub = endpoint.UdpAddress(_HOST, HUB_PORT)
+    if endpoint.someone_listens(hub):
+        return endpoint.Connection("out", hub)
+    return endpoint.Connection("in", endpoint.UdpAddress(_HOST, GCS_PORT))
 
 
 def own_identity() -> SystemId:
@@ -56,8 +48,8 @@ def own_identity() -> SystemId:
     return SystemId(_SYSTEM, _FIRST_COMPONENT + os.getpid() % _COMPONENTS)
 
 
-def warn_if_exposed(address: UdpAddress, with_key: bool) -> None:
+def warn_if_exposed(address: endpoint.UdpAddress, with_key: bool) -> None:
     """Warn on standard error if a port to be bound can be reached from other machines."""
-    with contextlib.suppress(EndpointError):  # binding it will report the error
-        if not is_loopback(address):
-            print_line(exposed(address, with_key), stderr=True)
+    with contextlib.suppress(endpoint.EndpointError):  # binding it will report the error
+        if not endpoint.is_loopback(address):
+            print_line(endpoint.exposed(address, with_key), stderr=True)

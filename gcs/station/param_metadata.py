@@ -20,11 +20,7 @@ from ftc_autopilot.control.triggers import MODES, TRIGGERS, trigger_of
 from ftc_autopilot.control.triggers.base import TriggerParameters
 from ftc_autopilot.control.triggers.plugin import own_record
 from ftc_autopilot.control.triggers.static import PerChannel
-from ftc_autopilot.guidance.fence_parameters import (
-    FenceParameters,
-    RallyParameters,
-    fence_records,
-)
+from ftc_autopilot.guidance.fence_parameters import FenceParameters, RallyParameters, fence_records
 from ftc_autopilot.guidance.formation import FormationParameters
 from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
 from ftc_autopilot.guidance.laws.base import GuidanceParameters

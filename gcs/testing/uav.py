@@ -37,10 +37,7 @@ class FlyingUav:
     """
 
     def __init__(
-        self,
-        vehicle: Vehicle,
-        call: Callable[[Any], Any],
-        sent: Callable[[int, str], int],
+        self, vehicle: Vehicle, call: Callable[[Any], Any], sent: Callable[[int, str], int]
     ) -> None:
         self.id = vehicle.id
         self.vehicle = vehicle

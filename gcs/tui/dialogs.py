@@ -75,7 +75,7 @@ class Help(ModalScreen[None]):
     """All keys, by where they work."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("escape,q,question_mark,f1", "app.pop_screen", "close"),
+        Binding("escape,q,question_mark,f1", "app.pop_screen", "close")
     ]
 
     def __init__(self, sections: Iterable[tuple[str, Iterable[BindingType]]]) -> None:

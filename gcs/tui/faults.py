@@ -87,10 +87,7 @@ class FaultsPanel(Panel, Horizontal):
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("n", "new", "new", tooltip="Go to the form for a new fault"),
         Binding(
-            "delete,d",
-            "clear",
-            "clear",
-            tooltip="Clear the faults of what has the chosen one",
+            "delete,d", "clear", "clear", tooltip="Clear the faults of what has the chosen one"
         ),
     ]
 

@@ -16,6 +16,7 @@ from mavlink_defs.framing.frames import FramePacker
 _RATE_HZ = 10.0
 _HEARTBEAT_S = 1.0
 _TEXT = 50  # most bytes of a text in a message
+_MOST = float(np.finfo(np.float32).max)  # that a message can have
 
 Timed = tuple[float, dialect.MAVLink_message]
 
@@ -40,16 +41,14 @@ def _states(flight: FlightTable) -> Iterator[Timed]:
     time_s = flight.grid(_RATE_HZ)
 
     def rows(*asked: str) -> np.ndarray:
-        known = {**flight.channels, **positions}
         nothing = np.full(len(time_s), np.nan)
         columns = [known[one].at(time_s) if one in known else nothing for one in asked]
-        return np.stack(columns, axis=1)
+        values = np.stack(columns, axis=1)
+        return np.where(np.abs(values) < _MOST, values, np.nan)
 
-    positions = positions_of(flight, origin_of(flight))
-    speed = np.full((len(time_s), 1), np.nan)
-    if flight.airspeed is not None:
-        speed = flight.airspeed.at(time_s)[:, None]
-    motion = np.hstack([speed, rows(*names.ATTITUDE, *names.RATES)])
+    known = {**flight.channels, **positions_of(flight, origin_of(flight))}
+    speed = "V" if flight.airspeed is None else flight.airspeed.name
+    motion = rows(speed, *names.ATTITUDE, *names.RATES)
     places, velocity = rows(*names.POSITION), rows(*names.VELOCITY)
     references = rows(*(f"reference_{name}" for name in QUANTITIES))
     errors = np.degrees(rows(*(f"error_{name}" for name in QUANTITIES)))

@@ -99,11 +99,7 @@ def insertion_place(
         return north + _NEW_WAYPOINT_M, east, home.height_of(item)
     north, east, down = state.position_m or (0.0, 0.0, 0.0)
     yaw = math.radians((state.attitude_deg or (0.0, 0.0, 0.0))[2])
-    return (
-        north + _NEW_WAYPOINT_M * math.cos(yaw),
-        east + _NEW_WAYPOINT_M * math.sin(yaw),
-        -down,
-    )
+    return (north + _NEW_WAYPOINT_M * math.cos(yaw), east + _NEW_WAYPOINT_M * math.sin(yaw), -down)
 
 
 def read_place(text: str) -> tuple[float, float, float]:

@@ -13,13 +13,7 @@ from textual.widgets import Input
 
 from gcs.console.errors import BadInput
 from gcs.station.param_file import difference_lines, differing, read_settable, set_values, text_of
-from gcs.station.param_metadata import (
-    Defaults,
-    defaults_of,
-    differs,
-    known_quantity,
-    permitted,
-)
+from gcs.station.param_metadata import Defaults, defaults_of, differs, known_quantity, permitted
 from gcs.station.vehicle import Vehicle
 from gcs.tui.formatting import Cell, ids
 from gcs.tui.grid import Grid, GridColumn, Row

@@ -7,14 +7,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Container, Vertical
 from textual_plotext import PlotextPlot
 
-from gcs.tui.curves import (
-    Palette,
-    draw_exits,
-    draw_held,
-    draw_quantity,
-    latest,
-    palette_of,
-)
+from gcs.tui import curves
 from gcs.tui.formatting import number, seconds
 from gcs.tui.guard import CachedStatic, Guarded, guarded
 from gcs.tui.map_drawing import draw_formation
@@ -57,25 +50,25 @@ class Chart(Guarded, PlotextPlot):
         self._drawn = None  # until it is
         plt = self.plt
         plt.clear_figure()
-        palette = palette_of(self.app.theme_variables)
+        palette = curves.palette_of(self.app.theme_variables)
         if self.kind == "formation":
             self._draw_formation(view, span_s, until_s, palette)
         elif state is not None and len(state.history):
-            rows = latest(state, span_s, until_s, 2 * self.size.width)
+            rows = curves.latest(state, span_s, until_s, 2 * self.size.width)
             end = float(rows["time_s"][-1]) if len(rows) else 0.0
             limits = (max(end - span_s, 0.0), max(end, 1.0))
             if not len(rows):
                 pass
             elif self.kind == "held":
                 height = self.size.height
-                draw_held(plt, rows, state.faults or (), limits, height, palette)
+                curves.draw_held(plt, rows, state.faults or (), limits, height, palette)
                 self.border_title = _HELD
             elif self.kind == "exits":
-                draw_exits(plt, rows, limits, palette)
+                curves.draw_exits(plt, rows, limits, palette)
                 self.border_title = _EXITS
             else:
                 i = _NAMES.index(self.kind)
-                draw_quantity(plt, rows, i, limits, palette)
+                curves.draw_quantity(plt, rows, i, limits, palette)
                 name, unit = _QUANTITIES[i]
                 actual, reference = rows["actual"][-1, i], rows["reference"][-1, i]
                 self.border_title = f"{name} {number(actual)} → {number(reference)} {unit}"
@@ -89,10 +82,10 @@ class Chart(Guarded, PlotextPlot):
         return [view.state] if view.state is not None else []
 
     def _draw_formation(
-        self, view: FleetView, span_s: float, until_s: float | None, palette: Palette
+        self, view: FleetView, span_s: float, until_s: float | None, palette: curves.Palette
     ) -> None:
         points = 2 * self.size.width
-        trails = [latest(s, span_s, until_s, points)["position"] for s in view.states]
+        trails = [curves.latest(s, span_s, until_s, points)["position"] for s in view.states]
         size = (self.size.width, self.size.height)
         draw_formation(self.plt, view.states, view.selected, trails, size, palette)
         self.border_title = "formation from above, m (↑ north)"

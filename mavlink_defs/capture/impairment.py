@@ -5,7 +5,7 @@
 
 from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from mavlink_defs.config.models import AtMost, Model, Problems
 from mavlink_defs.config.quantity import quantity, whole
@@ -14,9 +14,13 @@ Share = Annotated[float, quantity("", "Share of the datagrams.", ge=0.0, le=1.0)
 
 
 class Bursts(Model):
-    """Gilbert-Elliott: the link changes between good and bad; `loss` of the link holds in good."""
+    """Gilbert-Elliott: the link changes between good and bad; `loss` of the link holds in good.
 
-    begin: Share = Field(description="Probability that a datagram finds a burst begun.")
+    Attributes:
+        begin: Probability that a datagram finds a burst begun.
+    """
+
+    begin: Share
     end: float = quantity("", "Probability that it finds a burst ended.", gt=0.0, le=1.0)
     loss: float = quantity("", "Loss within a burst.", 1.0, ge=0.0, le=1.0)
 
@@ -36,11 +40,16 @@ class Outage(Model):
 
 
 class Impairment(Model):
-    """Impairments of each datagram on a link, in either direction; none by default."""
+    """Impairments of each datagram on a link, in either direction; none by default.
+
+    Attributes:
+        bursts: Losses in bursts; none: no bursts.
+        outages: Times during which every datagram is lost [s].
+    """
 
     seed: int = whole("", "Seed of the random choices.", 1, ge=0, le=2**63 - 1)
     loss: float = quantity("", "Share that is lost.", 0.0, ge=0.0, le=1.0)
-    bursts: Bursts | None = Field(default=None, description="Losses in bursts; none: no bursts.")
+    bursts: Bursts | None = None
     duplicate: float = quantity("", "Share that comes twice.", 0.0, ge=0.0, le=1.0)
     delay_ms: float = quantity("ms", "Delay of every datagram.", 0.0, ge=0.0, le=60_000.0)
     jitter_ms: float = quantity(
@@ -51,9 +60,7 @@ class Impairment(Model):
         "ms", "Time by which overtaken datagrams are held back.", 10.0, gt=0.0, le=60_000.0
     )
     bit_errors: float = quantity("", "Share of the bits that are inverted.", 0.0, ge=0.0, le=0.5)
-    outages: Annotated[tuple[Outage, ...], AtMost(1000)] = Field(
-        default=(), description="Times during which every datagram is lost [s]."
-    )
+    outages: Annotated[tuple[Outage, ...], AtMost(1000)] = ()
 
     @property
     def is_identity(self) -> bool:

@@ -18,24 +18,11 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from types import TracebackType
 from typing import Self
 
+from mavlink_defs.capture import relay_loop
 from mavlink_defs.capture.impairing import Fate, new_directions
 from mavlink_defs.capture.impairment import Impairment
-from mavlink_defs.capture.relay_loop import (
-    FIRST_FRONT,
-    Need,
-    RelayState,
-    add_peer,
-    forget_peer,
-    free_row,
-    make_room,
-    new_relay_state,
-    pause,
-    peers_of,
-    run,
-)
 from mavlink_defs.capture.tap import Tap
 from mavlink_defs.capture.tap_report import OutcomeReport, TapReport
 from mavlink_defs.endpoint import EndpointError, UdpAddress, bind_udp, connect_udp, resolve
@@ -116,12 +103,7 @@ class Relay:
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Stop; datagrams still in transit are lost."""
         self._closing.set()
         if self._routes:
@@ -159,20 +141,20 @@ class Relay:
         for sock in self._wakers:
             sock.setblocking(False)
         self._state = self._new_state()
-        pause(self._state)
-        run(self._state, self._tap.counts)  # compiled before anything arrives
+        relay_loop.pause(self._state)
+        relay_loop.run(self._state, self._tap.counts)  # compiled before anything arrives
         self._start_s = self._state.state[0]["start_s"] = time.monotonic()
         self._may_run.set()
         self._thread.start()
 
-    def _new_state(self) -> RelayState:
+    def _new_state(self) -> relay_loop.RelayState:
         ways = [
             (route, f"{route.link}/{i}/{direction}", direction)
             for i, route in enumerate(self._routes)
             for direction in _DIRECTIONS
         ]
         fronts = zip(self._fronts, self._targets, strict=True)
-        state = new_relay_state(
+        state = relay_loop.new_relay_state(
             self._wakers[1].fileno(),
             [(sock.fileno(), sockaddr(target)) for sock, target in fronts],
             [self._tap.flow(route.link, direction) for route, _, direction in ways],
@@ -198,16 +180,16 @@ class Relay:
         while not self._closing.is_set():
             self._may_run.wait()
             with self._lock:
-                need = run(self._state, self._tap.counts)
-                if need == Need.PEER:
+                need = relay_loop.run(self._state, self._tap.counts)
+                if need == relay_loop.Need.PEER:
                     self._meet_peer()
-                elif need == Need.ROOM:
+                elif need == relay_loop.Need.ROOM:
                     self._tap.make_room(int(self._state.state[0]["length"]))
-                    self._state = make_room(self._state)
-            if need == Need.PAUSE:
+                    self._state = relay_loop.make_room(self._state)
+            if need == relay_loop.Need.PAUSE:
                 with contextlib.suppress(BlockingIOError):
                     self._wakers[1].recv(4096)
-            elif need == Need.GATE:
+            elif need == relay_loop.Need.GATE:
                 self._ask_gate()
 
     def _pause(self) -> None:
@@ -227,7 +209,7 @@ class Relay:
 
     def _way(self, row: int) -> int:
         """Return the way of a datagram, by the row of the socket from which it came."""
-        front = row - FIRST_FRONT
+        front = row - relay_loop.FIRST_FRONT
         if front < len(self._fronts):
             return 2 * front
         return 2 * int(self._state.peers[front - len(self._fronts)]["front"]) + 1
@@ -235,10 +217,10 @@ class Relay:
     def _meet_peer(self) -> None:
         """Open a socket for the sender of the datagram that was received."""
         state = self._state.state[0]
-        front = int(state["from_row"]) - FIRST_FRONT
-        rows = peers_of(self._state, front)
+        front = int(state["from_row"]) - relay_loop.FIRST_FRONT
+        rows = relay_loop.peers_of(self._state, front)
         if len(rows) >= _MAX_PEERS:
-            self._state = forget_peer(self._state, int(rows[0]))
+            self._state = relay_loop.forget_peer(self._state, int(rows[0]))
             self._upstream.pop(int(rows[0])).close()
         try:
             sock = connect_udp(self._targets[front])
@@ -247,9 +229,9 @@ class Relay:
             state["length"], state["allowed"] = -1, 0
             return
         sock.setblocking(False)
-        self._state, row = free_row(self._state)
+        self._state, row = relay_loop.free_row(self._state)
         self._upstream[row] = sock
-        self._state = add_peer(self._state, row, front, sock.fileno())
+        self._state = relay_loop.add_peer(self._state, row, front, sock.fileno())
 
     def _close(self) -> None:
         for sock in (*self._fronts, *self._upstream.values(), *self._wakers):

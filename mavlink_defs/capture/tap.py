@@ -30,7 +30,7 @@ from mavlink_defs.capture.tap_counts import (
     with_room,
 )
 from mavlink_defs.capture.tap_report import LinkReport, StreamReport, TapReport, UavReport
-from mavlink_defs.capture.transmissions import counted, min_intervals_s, reported
+from mavlink_defs.capture.transmissions import counted, reported
 from mavlink_defs.constants import ACTUATORS, LAST_SYSTEM, MAX_DATAGRAM
 from mavlink_defs.endpoint import UdpAddress
 from mavlink_defs.framing.drop_reason import DropReason
@@ -111,27 +111,10 @@ class Tap:
         while not count(self.counts, float(time_s), flow, self._data, length):
             self.make_room(length)
 
-    def frames(self, message: str | None = None, **where: str | int) -> int:
-        """Return the number of frames of the streams whose fields have these values.
-
-        For example ``tap.frames("HIL_ACTUATOR_CONTROLS", link="plant", system=3)``.
-        """
-        return sum(
-            int(row["frames"])
-            for stream, row in self._streams()
-            if message in {None, _name(stream.message_id)}
-            and all(getattr(stream, key) == value for key, value in where.items())
-        )
-
     def events(self, system: int, channel: str, link: str = "plant") -> int:
         """Return the number of transmissions of one actuator channel ("rudder") of one UAV."""
         uav = self._uav(link, system)
         return 0 if uav is None else int(uav["events"][ACTUATORS.index(channel)])
-
-    def min_interval_s(self, system: int, channel: str, link: str = "plant") -> float | None:
-        """Return the shortest interval of a channel [s, simulated]; None with fewer than two."""
-        uav = self._uav(link, system)
-        return None if uav is None else min_intervals_s(uav)[ACTUATORS.index(channel)]
 
     def report(self, now_s: float | None = None) -> TapReport:
         """Return everything counted.

@@ -82,9 +82,7 @@ def _channels(
 ) -> dict[str, ChannelReport]:
     return {
         name: ChannelReport(
-            events=n,
-            saving=saving(n, periods, channels=1),
-            min_interval_s=shortest_s,
+            events=n, saving=saving(n, periods, channels=1), min_interval_s=shortest_s
         )
         for name, n, shortest_s in zip(ACTUATORS, events, min_interval_s, strict=True)
     }

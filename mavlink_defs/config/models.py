@@ -27,6 +27,7 @@ from mavlink_defs.config.problems import (
 )
 from mavlink_defs.config.quantity import whole
 from mavlink_defs.constants import LAST_SYSTEM
+from mavlink_defs.docstrings import texts_of
 from mavlink_defs.endpoint import EndpointError, parse_address
 from mavlink_defs.visible import visible, visible_lines
 
@@ -50,9 +51,19 @@ __all__ = [
 
 
 class Model(BaseModel):
-    """A mapping with fixed keys; frozen, and unknown keys are refused."""
+    """A mapping with fixed keys; frozen, and unknown keys are refused.
+
+    A key's description is what "Attributes" of the docstring says of it, else its field's own.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **options: Any) -> None:
+        super().__pydantic_init_subclass__(**options)
+        for name, text in texts_of(cls.__doc__, "Attributes").items():
+            if name in cls.model_fields:
+                cls.model_fields[name].description = text
 
 
 class Renaming(Model):

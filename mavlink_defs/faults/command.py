@@ -6,13 +6,7 @@ from typing import Any
 
 from mavlink_defs.faults import FAMILIES
 from mavlink_defs.faults.fault import Fault
-from mavlink_defs.faults.kinds import (
-    ANY_LIMITS,
-    MAX_FREQUENCY_HZ,
-    Family,
-    FaultLimits,
-    Target,
-)
+from mavlink_defs.faults.kinds import ANY_LIMITS, MAX_FREQUENCY_HZ, Family, FaultLimits, Target
 from mavlink_defs.faults.sensors import AXIS_NAMES, FAILURES, Failure
 from mavlink_defs.float32 import decimal_of_float32
 

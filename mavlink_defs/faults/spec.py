@@ -10,18 +10,10 @@ from pydantic import Field, create_model, model_validator
 from mavlink_defs.config.models import Model, Problem, Problems
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.constants import Actuator
-from mavlink_defs.faults import FAMILIES
+from mavlink_defs.faults import FAMILIES, sensors
 from mavlink_defs.faults.actuators import ACTUATOR_FAULTS, BIAS, STUCK
 from mavlink_defs.faults.fault import Fault
 from mavlink_defs.faults.kinds import MAX_FREQUENCY_HZ, Family, Kind, Target
-from mavlink_defs.faults.sensors import (
-    AXIS_NAMES,
-    MAX_INSTANCES,
-    SENSOR_FAULTS,
-    Axis,
-    Failure,
-    SensorName,
-)
 from mavlink_defs.faults.window import Window
 
 
@@ -152,15 +144,15 @@ class _ActuatorKeys(Model):
 
 
 class _SensorKeys(Model):
-    sensor: SensorName = Field(description="The sensor that fails.")
+    sensor: sensors.SensorName = Field(description="The sensor that fails.")
     instance: int = whole(
-        "", "Number of the sensor, from 1; 0: all of them.", 0, ge=0, le=MAX_INSTANCES
+        "", "Number of the sensor, from 1; 0: all of them.", 0, ge=0, le=sensors.MAX_INSTANCES
     )
-    failure: Failure | None = Field(
+    failure: sensors.Failure | None = Field(
         default=None,
         description="What MAV_CMD_INJECT_FAILURE calls it; without a value, the default one.",
     )
-    axis: Axis | None = Field(
+    axis: sensors.Axis | None = Field(
         default=None, description="Axis that is wrong: of the body, of a GPS north, east, down."
     )
 
@@ -171,7 +163,7 @@ if TYPE_CHECKING:
 else:
     _ActuatorValues, _SensorValues = (
         create_model("_WithValue", __base__=keys, **_values_of(family))
-        for keys, family in ((_ActuatorKeys, ACTUATOR_FAULTS), (_SensorKeys, SENSOR_FAULTS))
+        for keys, family in ((_ActuatorKeys, ACTUATOR_FAULTS), (_SensorKeys, sensors.SENSOR_FAULTS))
     )
 
 
@@ -233,7 +225,7 @@ class SensorFaultSpec(FaultSpec, _SensorValues):
     may be left open.
     """
 
-    FAMILY: ClassVar[Family] = SENSOR_FAULTS
+    FAMILY: ClassVar[Family] = sensors.SENSOR_FAULTS
 
     @property
     def _whose(self) -> str:
@@ -259,12 +251,12 @@ class SensorFaultSpec(FaultSpec, _SensorValues):
             yield Problem(("axis",), f"expected none, as {why}, got {self.axis!r}")
 
     def _without_value(self) -> tuple[Kind, float]:
-        found = SENSOR_FAULTS.default(self.failure or "wrong", self.target)
+        found = sensors.SENSOR_FAULTS.default(self.failure or "wrong", self.target)
         assert found is not None  # every sensor can fail in every way of FAILURE_TYPE
         return found
 
     def _own(self, _: Kind) -> dict[str, Any]:
-        axis = 0 if self.axis is None else 1 + AXIS_NAMES.index(self.axis)
+        axis = 0 if self.axis is None else 1 + sensors.AXIS_NAMES.index(self.axis)
         return {"instance": self.instance, "axis": axis}
 
 

@@ -36,10 +36,7 @@ class FaultTable:
     """The faults of one family that one aircraft has."""
 
     def __init__(
-        self,
-        family: Family,
-        rows: np.ndarray,
-        instances: Mapping[str, Sequence[int]] | None = None,
+        self, family: Family, rows: np.ndarray, instances: Mapping[str, Sequence[int]] | None = None
     ) -> None:
         """Take over the rows of an aircraft.
 

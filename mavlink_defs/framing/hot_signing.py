@@ -9,26 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mavlink_defs import dialect
-from mavlink_defs.framing.codec import (
-    FOREIGN,
-    SIGNED,
-    add_checksum,
-    check,
-    identify,
-    new_buffer,
-)
+from mavlink_defs.framing.codec import FOREIGN, SIGNED, add_checksum, check, identify, new_buffer
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.header import COMPONENT, FLAGS, MESSAGE_ID, SIGNED_FLAG, SYSTEM
 from mavlink_defs.framing.key_file import KeyFile
 from mavlink_defs.framing.sha256 import signature
-from mavlink_defs.framing.signing import (
-    EPOCH_S,
-    WINDOW,
-    Keys,
-    flagged,
-    new_time,
-    open_time,
-)
+from mavlink_defs.framing.signing import EPOCH_S, WINDOW, Keys, flagged, new_time, open_time
 from mavlink_defs.runtime.jit import apart, compiled
 from mavlink_defs.runtime.native import unix_s
 

@@ -14,17 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from mavlink_defs.framing.signing import (
-    KEY_SIZE,
-    Keys,
-    Signer,
-    SigningError,
-    former_file,
-    open_time,
-    read_key,
-    time_file,
-    write_key,
-)
+from mavlink_defs.framing import signing
 
 ANNOUNCED_S = 10.0
 """Age up to which a new key is accepted but not used to sign [s]."""
@@ -45,23 +35,23 @@ def replace_key(path: Path, key: bytes | None = None) -> None:
         SigningError: There is no key to be replaced, it was replaced a moment ago, or the new one
             cannot be written; the key then stays.
     """
-    former, keys = read_key(path), KeyFile(path)
+    former, keys = signing.read_key(path), KeyFile(path)
     if keys.at(time.time()).other:
-        raise SigningError(
+        raise signing.SigningError(
             f"{path}: was replaced less than {GRACE_S:g} s ago; the key before that one is still "
             "accepted; wait"
         )
     new = path.with_name(f"{path.name}.new")
     try:
         for place, content in (
-            (former_file(path), former),
-            (path, key or secrets.token_bytes(KEY_SIZE)),
+            (signing.former_file(path), former),
+            (path, key or secrets.token_bytes(signing.KEY_SIZE)),
         ):
             new.unlink(missing_ok=True)
-            write_key(new, content)
+            signing.write_key(new, content)
             new.replace(place)
     except OSError as problem:
-        raise SigningError(f"{path}: cannot be replaced: {problem.strerror}") from None
+        raise signing.SigningError(f"{path}: cannot be replaced: {problem.strerror}") from None
 
 
 class _Version(NamedTuple):
@@ -98,17 +88,17 @@ class KeyFile:
         self._version = self._read()
         self._checked_s = 0.0
 
-    def at(self, unix_s: float) -> Keys:
+    def at(self, unix_s: float) -> signing.Keys:
         """Return the keys to use at a Unix time [s], which is about now."""
         if abs(unix_s - self._checked_s) >= _POLL_S:
             self._checked_s = unix_s
             self._check()
         age_s, version = unix_s - self._version.since_s, self._version
         if not version.former or age_s >= GRACE_S:
-            return Keys(version.key, b"")
+            return signing.Keys(version.key, b"")
         if age_s >= ANNOUNCED_S:
-            return Keys(version.key, version.former)
-        return Keys(version.former, version.key)
+            return signing.Keys(version.key, version.former)
+        return signing.Keys(version.former, version.key)
 
     def _check(self) -> None:
         try:
@@ -117,7 +107,7 @@ class KeyFile:
                 return
             self._version = self._read()
             self._seen = stamp
-        except SigningError as problem:
+        except signing.SigningError as problem:
             if str(problem) != self._problem:
                 self._problem = str(problem)
                 self._on_problem(f"{problem}; the key read before stays in force")
@@ -128,16 +118,16 @@ class KeyFile:
         except OSError as problem:
             hint = "; `gcs key FILE` makes one" if isinstance(problem, FileNotFoundError) else ""
             text = f"signing key {self.path}: {problem.strerror}{hint}"
-            raise SigningError(text) from None
+            raise signing.SigningError(text) from None
         return state.st_ino, state.st_mtime_ns
 
     def _read(self) -> _Version:
         since_s = self.path.stat().st_mtime
-        key, former = read_key(self.path), former_file(self.path)
-        return _Version(since_s, key, read_key(former) if former.exists() else b"")
+        key, former = signing.read_key(self.path), signing.former_file(self.path)
+        return _Version(since_s, key, signing.read_key(former) if former.exists() else b"")
 
 
-def load_signer(key_file: str | None) -> Signer | None:
+def load_signer(key_file: str | None) -> signing.Signer | None:
     """Return the signer of a key file for a ground station link; None without one.
 
     Raises:
@@ -145,12 +135,12 @@ def load_signer(key_file: str | None) -> Signer | None:
     """
     if key_file is None:
         return None
-    return Signer(KeyFile(key_file).at, open_time(key_file))
+    return signing.Signer(KeyFile(key_file).at, signing.open_time(key_file))
 
 
 def _last_time(key_file: Path | str) -> int:
     """Return what `open_time` keeps beside a key file, 0 if it keeps nothing yet."""
     try:
-        return int.from_bytes(Path(time_file(key_file)).read_bytes(), sys.byteorder)
+        return int.from_bytes(Path(signing.time_file(key_file)).read_bytes(), sys.byteorder)
     except OSError:
         return 0

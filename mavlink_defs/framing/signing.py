@@ -21,18 +21,9 @@ from fastcrc.crc16 import mcrf4xx
 
 from mavlink_defs import dialect
 from mavlink_defs.config.user_files import open_file
+from mavlink_defs.framing import header
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.frames import frame_size
-from mavlink_defs.framing.header import (
-    COMPONENT,
-    CRC_SIZE,
-    FLAGS,
-    HEADER_SIZE,
-    MESSAGE_ID,
-    SIGNATURE_SIZE,
-    SIGNED_FLAG,
-    SYSTEM,
-)
 
 KEY_SIZE = 32  # bytes
 EPOCH_S = 1_420_070_400  # 2015-01-01, Unix time
@@ -170,11 +161,11 @@ def open_time(path: Path | str) -> "memoryview[int]":
 
 def flagged(frame: bytes) -> bytearray:
     """Return a frame of the dialect ready for its signature: flag set, checksum updated."""
-    body = bytearray(frame[:-CRC_SIZE])
-    body[FLAGS] |= SIGNED_FLAG
-    message_id = int.from_bytes(body[MESSAGE_ID:HEADER_SIZE], "little")
+    body = bytearray(frame[: -header.CRC_SIZE])
+    body[header.FLAGS] |= header.SIGNED_FLAG
+    message_id = int.from_bytes(body[header.MESSAGE_ID : header.HEADER_SIZE], "little")
     extra = dialect.mavlink_map[message_id].crc_extra
-    return body + mcrf4xx(bytes(body[1:]) + bytes([extra])).to_bytes(CRC_SIZE, "little")
+    return body + mcrf4xx(bytes(body[1:]) + bytes([extra])).to_bytes(header.CRC_SIZE, "little")
 
 
 class Keys(NamedTuple):
@@ -242,19 +233,19 @@ class Signer:
             return wrong
         if size != len(frame):
             return DropReason.BAD_LENGTH
-        if not frame[FLAGS] & SIGNED_FLAG:
-            message_id = int.from_bytes(frame[MESSAGE_ID:HEADER_SIZE], "little")
+        if not frame[header.FLAGS] & header.SIGNED_FLAG:
+            message_id = int.from_bytes(frame[header.MESSAGE_ID : header.HEADER_SIZE], "little")
             allowed = message_id in UNSIGNED_ALLOWED
             return None if allowed else DropReason.UNSIGNED
-        link = frame[-SIGNATURE_SIZE]
+        link = frame[-header.SIGNATURE_SIZE]
         keys = self._keys(self._unix_s())
         if not any(
             key and secrets.compare_digest(_hash(key, frame[:-_HASH]), frame[-_HASH:])
             for key in keys
         ):
             return DropReason.WRONG_SIGNATURE
-        stamp = int.from_bytes(frame[-SIGNATURE_SIZE + 1 : -_HASH], "little")
-        stream, now = (link, frame[SYSTEM], frame[COMPONENT]), self._now()
+        stamp = int.from_bytes(frame[-header.SIGNATURE_SIZE + 1 : -_HASH], "little")
+        stream, now = (link, frame[header.SYSTEM], frame[header.COMPONENT]), self._now()
         newest = self._newest.get(stream, max(now - WINDOW - 1, self._start))
         if stamp <= newest or link in {PLANT_LINK, FORMATION_LINK} - {self._link}:
             return DropReason.REPLAYED

@@ -24,17 +24,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from mavlink_defs.runtime import jit
-from mavlink_defs.runtime.prebuilt import (
-    CONTENT,
-    MODULE,
-    Content,
-    Kinds,
-    Made,
-    digest_now,
-    kinds_of,
-    name_of,
-)
+from mavlink_defs.runtime import jit, prebuilt
 from mavlink_defs.runtime.sources import ROOT, resolved, version_of, with_imports
 
 GLIBC = "2.28"
@@ -51,7 +41,7 @@ class Calls:
 
     def __init__(self) -> None:
         self._functions: dict[str, Callable[..., object]] = {}
-        self._entries: dict[str, dict[Kinds, _Entry]] = {}
+        self._entries: dict[str, dict[prebuilt.Kinds, _Entry]] = {}
 
     @property
     def names(self) -> set[str]:
@@ -68,7 +58,7 @@ class Calls:
             jit.listeners.remove(self._note)
 
     def _note(self, function: Callable[..., object], arguments: tuple[Any, ...]) -> None:
-        name, kinds = name_of(function), kinds_of(arguments)
+        name, kinds = prebuilt.name_of(function), prebuilt.kinds_of(arguments)
         entries = self._entries.setdefault(name, {})
         if kinds not in entries:
             _check(name, kinds)
@@ -85,7 +75,7 @@ class Calls:
         with tempfile.TemporaryDirectory() as scratch, _c_compiler(Path(scratch), self._content()):
             warnings.filterwarnings("ignore", message=".*pycc")  # that it is to be replaced one day
             pycc: Any = import_module("numba.pycc")
-            module = pycc.CC(MODULE.rpartition(".")[2], __name__)
+            module = pycc.CC(prebuilt.MODULE.rpartition(".")[2], __name__)
             module.output_dir = str(folder)
             for name, function in self._functions.items():
                 for entry in self._entries[name].values():
@@ -102,14 +92,14 @@ class Calls:
         }
         files = sorted({file for needed in used.values() for file in needed})
         functions = {
-            name: Made(
+            name: prebuilt.Made(
                 [files.index(file) for file in used[name]],
                 [(kinds, entry.name) for kinds, entry in entries.items()],
             )
             for name, entries in self._entries.items()
         }
-        sources = [(str(file.relative_to(ROOT)), digest_now(file)) for file in files]
-        return json.dumps(Content(version_of("numba"), sources, functions))
+        sources = [(str(file.relative_to(ROOT)), prebuilt.digest_now(file)) for file in files]
+        return json.dumps(prebuilt.Content(version_of("numba"), sources, functions))
 
 
 def _check(name: str, kinds: Any) -> None:
@@ -145,7 +135,9 @@ def _c_compiler(scratch: Path, content: str) -> Iterator[None]:
     headers = headers_beside(scratch)
     compile_c, compile_cxx = (_command(language, headers) for language in ("cc", "c++"))
     source, linked = scratch / "content.c", scratch / "content.o"
-    source.write_text(f"const char {CONTENT}[] = {json.dumps(content)};\n", encoding="ascii")
+    source.write_text(
+        f"const char {prebuilt.CONTENT}[] = {json.dumps(content)};\n", encoding="ascii"
+    )
     names = {"ZIG_GLOBAL_CACHE_DIR": str(scratch), "ZIG_LOCAL_CACHE_DIR": str(scratch)}
     command = [*compile_c.split(), "-fPIC", "-c", str(source), "-o", str(linked)]
     subprocess.run(command, check=True, env=os.environ | names)

@@ -3,7 +3,6 @@
 import os
 import threading
 from collections.abc import Callable
-from types import TracebackType
 
 
 class PluginError(ValueError):
@@ -51,9 +50,7 @@ class ForeignCode:
     def __enter__(self) -> None:
         self._made, self._survived = _forks.made, _forks.survived
 
-    def __exit__(
-        self, kind: type | None, problem: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: object, problem: BaseException | None, trace: object) -> None:
         if _forks.survived != self._survived:
             os._exit(0)
         if is_ctrl_c(problem):

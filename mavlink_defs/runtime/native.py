@@ -34,11 +34,8 @@ READABLE = int(select.POLLIN)
 _MONOTONIC, _UNIX = int(time.CLOCK_MONOTONIC), int(time.CLOCK_REALTIME)
 _NOW = int(socket.MSG_DONTWAIT)
 _LOOK = _NOW | int(socket.MSG_PEEK)
-_SOCKET, _MEMORY_INFO, _LOST = (
-    int(socket.SOL_SOCKET),
-    55,
-    8,
-)  # SO_MEMINFO, SK_MEMINFO_DROPS of Linux
+_SOCKET = int(socket.SOL_SOCKET)
+_MEMORY_INFO, _LOST = 55, 8  # SO_MEMINFO, SK_MEMINFO_DROPS of Linux
 _COUNTS_LOST = sys.platform == "linux"
 SPIN_S = 1e-4
 """Longest wait that keeps the processor, offered to others [s].

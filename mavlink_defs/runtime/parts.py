@@ -122,9 +122,12 @@ def _fits(given: Any, declared: Any) -> bool:
 
 def _like_in_memory(given: Any, declared: Any) -> Any:
     """Return the type as which an argument is passed: an array in a record is an array, too."""
+    if isinstance(given, _types.BaseTuple) and isinstance(declared, _types.BaseTuple):
+        alike = map(_like_in_memory, given.types, declared.types)
+        return given if list(alike) == list(given.types) else declared
     if isinstance(given, _types.Array) and isinstance(declared, _types.Array):
-        alike = ((one.dtype, one.ndim, one.layout) for one in (given, declared))
-        return given if next(alike) == next(alike) else declared
+        shapes = ((one.dtype, one.ndim, one.layout) for one in (given, declared))
+        return given if next(shapes) == next(shapes) else declared
     return declared
 
 

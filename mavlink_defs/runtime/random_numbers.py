@@ -108,12 +108,7 @@ def uniform(generator: np.ndarray) -> float:
 
 @compiled
 def _next(generator: np.ndarray) -> int:
-    a, b, c, counter = (
-        int(generator[0]),
-        int(generator[1]),
-        int(generator[2]),
-        int(generator[3]),
-    )
+    a, b, c, counter = (int(generator[0]), int(generator[1]), int(generator[2]), int(generator[3]))
     word = (a + b + counter) & _M
     generator[0] = b ^ (b >> 9)
     generator[1] = (c + (c << 3)) & _M

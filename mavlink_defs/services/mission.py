@@ -78,10 +78,7 @@ class _MissionClient(Machine[MissionProgress | MissionFinished]):
     """One operation with one vehicle: a request is repeated until it is answered."""
 
     def __init__(
-        self,
-        own: SystemId,
-        vehicle: SystemId,
-        mission_type: int = dialect.MAV_MISSION_TYPE_MISSION,
+        self, own: SystemId, vehicle: SystemId, mission_type: int = dialect.MAV_MISSION_TYPE_MISSION
     ) -> None:
         super().__init__()
         self._own, self._vehicle, self._mission_type = own, vehicle, mission_type

@@ -27,12 +27,7 @@ from mavlink_defs.dialect import (
 from mavlink_defs.profile import MAX_ITEMS, ProfileError
 from mavlink_defs.services.command_server import LATE_S
 from mavlink_defs.services.machine import Machine, SystemId, is_for, sender_of
-from mavlink_defs.services.mission import (
-    ITEM_TIMEOUT_S,
-    MAX_RETRIES,
-    MissionItem,
-    item_as_int,
-)
+from mavlink_defs.services.mission import ITEM_TIMEOUT_S, MAX_RETRIES, MissionItem, item_as_int
 from mavlink_defs.services.mission_upload import Upload, UploadClient
 
 _MISSION, _ALL = dialect.MAV_MISSION_TYPE_MISSION, dialect.MAV_MISSION_TYPE_ALL
@@ -89,6 +84,9 @@ class MissionServer(Machine[MissionEvent]):
     up to date, and broadcasts `mission_current()` at its own rate besides.
 
     Attributes:
+        items: The mission in force, home included.
+        revision: Counts the missions that were in force.
+        current: Number of the current item.
         asking: The station that the addressed messages to send are for.
     """
 
@@ -118,43 +116,26 @@ class MissionServer(Machine[MissionEvent]):
         self._type, self._name = mission_type, _NAMES[mission_type]
         self._own, self._validate, self._max_items = own, validate, max_items
         self._home, self._guide, self._jump = home, guide, jump
-        self._items: tuple[MissionItem, ...] = ()
-        self._current = 0
+        self.items: tuple[MissionItem, ...] = ()
+        self.current = 0
         self._upload: Upload | None = None
-        self._revision = 0
-        self._readers: dict[
-            UploadClient, int
-        ] = {}  # downloads in progress: revision that they read
+        self.revision = 0
+        self._readers: dict[UploadClient, int] = {}  # of downloads: revision that they read
         self.mission_state = 0
         self.mission_mode = 0
         self.asking = 0
 
-    @property
-    def items(self) -> tuple[MissionItem, ...]:
-        """The mission in force, home included."""
-        return self._items
-
-    @property
-    def revision(self) -> int:
-        """Counts the missions that were in force."""
-        return self._revision
-
-    @property
-    def current(self) -> int:
-        """Number of the current item."""
-        return self._current
-
     def set_current(self, seq: int) -> bool:
         """Make `seq` the current item and announce it; False if there is no such item."""
-        if not 0 <= seq < len(self._items):
+        if not 0 <= seq < len(self.items):
             return False
-        self._current = seq
+        self.current = seq
         self._outbox.append(self.mission_current())
         return True
 
     def go_to(self, seq: int) -> bool:
         """Continue the mission with item `seq`; False, and all is as it was, if it cannot."""
-        if not 0 <= seq < len(self._items):
+        if not 0 <= seq < len(self.items):
             text = f"Mission has no item {seq} to go to"
             self._happened.append(MissionRefused(dialect.MAV_MISSION_INVALID_SEQUENCE, text))
             return False
@@ -165,7 +146,7 @@ class MissionServer(Machine[MissionEvent]):
     def restore(self, items: tuple[MissionItem, ...], current: int) -> None:
         """Put a mission in force again that was accepted before, without announcing it."""
         home = items[:1] if self._home is None else (self._home(),)
-        self._items, self._current = (*home, *items[1:]) if items else (), current
+        self.items, self.current = (*home, *items[1:]) if items else (), current
 
     def clear(self) -> None:
         """Drop the mission, and an upload in progress."""
@@ -174,15 +155,15 @@ class MissionServer(Machine[MissionEvent]):
 
     def refresh_home(self) -> None:
         """Let item 0 be what `home` returns now; a download in progress begins again."""
-        if self._items and self._home is not None:
-            self._items = (self._home(), *self._items[1:])
-            self._revision += 1
+        if self.items and self._home is not None:
+            self.items = (self._home(), *self.items[1:])
+            self.revision += 1
 
     def mission_current(self) -> MAVLink_mission_current_message:
         """Return the MISSION_CURRENT of the current item; home does not count in its total."""
-        total = len(self._items) - 1 if len(self._items) > 1 else _NO_MISSION
+        total = len(self.items) - 1 if len(self.items) > 1 else _NO_MISSION
         return MAVLink_mission_current_message(
-            self._current, total, self.mission_state, self.mission_mode
+            self.current, total, self.mission_state, self.mission_mode
         )
 
     def receive(self, message: MAVLink_message, now: float, station: int = 0) -> None:
@@ -338,23 +319,23 @@ class MissionServer(Machine[MissionEvent]):
         if mission_type != self._type:
             self._ack(sender, mission_type, dialect.MAV_MISSION_UNSUPPORTED)
             return
-        count = len(self._items)
+        count = len(self.items)
         self._readers.pop(sender, None)
-        self._readers[sender] = self._revision
+        self._readers[sender] = self.revision
         if len(self._readers) > _MAX_READERS:
             del self._readers[next(iter(self._readers))]
         self._outbox.append(MAVLink_mission_count_message(*sender.address, count, mission_type))
 
     def _on_request(self, seq: int, mission_type: int, sender: UploadClient) -> None:
-        if mission_type != self._type or seq >= len(self._items):
+        if mission_type != self._type or seq >= len(self.items):
             self._ack(sender, mission_type, dialect.MAV_MISSION_INVALID_SEQUENCE)
-        elif self._readers.get(sender, self._revision) != self._revision:
+        elif self._readers.get(sender, self.revision) != self.revision:
             # Until it asks for the list again: this answer can be lost, too.
             self._ack(sender, mission_type, dialect.MAV_MISSION_OPERATION_CANCELLED)
         else:
-            item = copy.copy(self._items[seq])
+            item = copy.copy(self.items[seq])
             item.target_system, item.target_component = sender.address
-            item.current = int(self._type == _MISSION and seq == self._current)
+            item.current = int(self._type == _MISSION and seq == self.current)
             self._outbox.append(item)
 
     def _on_clear(self, message: MAVLink_mission_clear_all_message, sender: UploadClient) -> None:
@@ -376,8 +357,8 @@ class MissionServer(Machine[MissionEvent]):
             upload.result = dialect.MAV_MISSION_OPERATION_CANCELLED  # by the sender itself
 
     def _replace(self, items: tuple[MissionItem, ...]) -> None:
-        self._items, self._current = items, 0
-        self._revision += 1
+        self.items, self.current = items, 0
+        self.revision += 1
         self._happened.append(MissionAccepted(items))
 
     def _request_item(self, upload: Upload, now: float) -> None:

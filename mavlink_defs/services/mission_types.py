@@ -8,11 +8,6 @@ concerns all types is answered once.
 from collections.abc import Iterator, Mapping
 
 from mavlink_defs import dialect
-from mavlink_defs.dialect import (
-    MAVLink_message,
-    MAVLink_mission_ack_message,
-    MAVLink_mission_clear_all_message,
-)
 from mavlink_defs.services.machine import SystemId, is_for, sender_of
 from mavlink_defs.services.mission_server import MissionServer
 from mavlink_defs.services.mission_upload import UploadClient
@@ -25,12 +20,12 @@ class MissionTypes:
 
     def __init__(self, own: SystemId, servers: Mapping[int, MissionServer]) -> None:
         self._own, self._servers = own, servers
-        self._answers: list[tuple[MAVLink_message, int]] = []
+        self._answers: list[tuple[dialect.MAVLink_message, int]] = []
 
-    def receive(self, message: MAVLink_message, now: float, station: int = 0) -> None:
+    def receive(self, message: dialect.MAVLink_message, now: float, station: int = 0) -> None:
         """Take in any message; arguments as of `MissionServer.receive`."""
         mission_type = getattr(message, "mission_type", None)
-        if mission_type == _ALL and isinstance(message, MAVLink_mission_clear_all_message):
+        if mission_type == _ALL and isinstance(message, dialect.MAVLink_mission_clear_all_message):
             if is_for(message, self._own):
                 self._clear_all(UploadClient(sender_of(message), station))
         elif mission_type is not None:
@@ -50,7 +45,7 @@ class MissionTypes:
         timers = (server.deadline() for server in self._servers.values())
         return min((at for at in timers if at is not None), default=None)
 
-    def messages_to_send(self) -> Iterator[tuple[MAVLink_message, int | None]]:
+    def messages_to_send(self) -> Iterator[tuple[dialect.MAVLink_message, int | None]]:
         """Hand over what is to be sent, and the number of the station; None: to all."""
         yield from self._answers
         self._answers.clear()
@@ -68,5 +63,5 @@ class MissionTypes:
         else:
             for server in servers:
                 server.clear()
-        ack = MAVLink_mission_ack_message(*sender.address, result, _ALL)
+        ack = dialect.MAVLink_mission_ack_message(*sender.address, result, _ALL)
         self._answers.append((ack, sender.station))

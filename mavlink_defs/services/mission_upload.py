@@ -34,11 +34,11 @@ class Upload:
 
     def differs(self, item: MissionItem | MAVLink_mission_item_message, index: int) -> bool:
         """Return whether an item differs from the stored one of the same number."""
-        return bool(self.items) and _content(item_as_int(item)) != _content(self.items[index])
+        return bool(self.items) and content_of(item_as_int(item)) != content_of(self.items[index])
 
 
-def _content(item: MissionItem) -> bytes:
+def content_of(item: MissionItem) -> bytes:
     """Return all that makes an item, as bytes: NaN is equal to itself there."""
     i = item
-    numbers = (i.param1, i.param2, i.param3, i.param4, i.z, i.x, i.y, i.command, i.frame)
-    return struct.pack("<5f2i2H", *numbers)
+    numbers = (i.param1, i.param2, i.param3, i.param4, i.z, i.x, i.y, i.seq, i.command, i.frame)
+    return struct.pack("<5f2i3H", *numbers)

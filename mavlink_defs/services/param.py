@@ -11,14 +11,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from mavlink_defs import dialect
-from mavlink_defs.dialect import (
-    MAVLink_message,
-    MAVLink_param_error_message,
-    MAVLink_param_request_list_message,
-    MAVLink_param_request_read_message,
-    MAVLink_param_set_message,
-    MAVLink_param_value_message,
-)
 from mavlink_defs.float32 import decimal_of_float32
 from mavlink_defs.services.machine import SLOW_S, Machine, SystemId, is_for, sender_of
 from mavlink_defs.visible import visible
@@ -101,14 +93,14 @@ class _ParamClient(Machine[ParamProgress | ParamFinished]):
         self._retries = 0
         self._ask([self._request()], RESPONSE_TIMEOUT_S, now)
 
-    def receive(self, message: MAVLink_message, now: float) -> None:
+    def receive(self, message: dialect.MAVLink_message, now: float) -> None:
         """Take in a message of the vehicle."""
         if self._deadline is None or sender_of(message) != self._vehicle:
             return
-        if isinstance(message, MAVLink_param_value_message):
+        if isinstance(message, dialect.MAVLink_param_value_message):
             self._take(message, now)
         elif (
-            isinstance(message, MAVLink_param_error_message)
+            isinstance(message, dialect.MAVLink_param_error_message)
             and is_for(message, self._own)
             and self._concerns(message)
         ):
@@ -133,7 +125,9 @@ class _ParamClient(Machine[ParamProgress | ParamFinished]):
     def _repeat(self, now: float) -> None:
         self._ask([self._request()], RESPONSE_TIMEOUT_S, now)
 
-    def _ask(self, requests: Iterable[MAVLink_message], timeout_s: float, now: float) -> None:
+    def _ask(
+        self, requests: Iterable[dialect.MAVLink_message], timeout_s: float, now: float
+    ) -> None:
         self._outbox += map(copy.copy, requests)
         self._deadline = now + timeout_s
 
@@ -142,13 +136,13 @@ class _ParamClient(Machine[ParamProgress | ParamFinished]):
         self._happened.append(ParamFinished(error, tuple(params)))
 
     @abstractmethod
-    def _request(self) -> MAVLink_message: ...
+    def _request(self) -> dialect.MAVLink_message: ...
 
     @abstractmethod
-    def _take(self, message: MAVLink_param_value_message, now: float) -> None: ...
+    def _take(self, message: dialect.MAVLink_param_value_message, now: float) -> None: ...
 
     @abstractmethod
-    def _concerns(self, message: MAVLink_param_error_message) -> bool: ...
+    def _concerns(self, message: dialect.MAVLink_param_error_message) -> bool: ...
 
 
 class ParamLister(_ParamClient):
@@ -159,8 +153,8 @@ class ParamLister(_ParamClient):
         self._count: int | None = None
         self._params: dict[int, Param] = {}
 
-    def _request(self) -> MAVLink_message:
-        return MAVLink_param_request_list_message(*self._vehicle)
+    def _request(self) -> dialect.MAVLink_message:
+        return dialect.MAVLink_param_request_list_message(*self._vehicle)
 
     def _repeat(self, now: float) -> None:
         if self._count is None:
@@ -168,11 +162,12 @@ class ParamLister(_ParamClient):
             return
         missing = [i for i in range(self._count) if i not in self._params][:MAX_TOGETHER]
         requests = [
-            MAVLink_param_request_read_message(*self._vehicle, b"", index) for index in missing
+            dialect.MAVLink_param_request_read_message(*self._vehicle, b"", index)
+            for index in missing
         ]
         self._ask(requests, RESPONSE_TIMEOUT_S, now)
 
-    def _take(self, message: MAVLink_param_value_message, now: float) -> None:
+    def _take(self, message: dialect.MAVLink_param_value_message, now: float) -> None:
         if message.param_index == NOT_LISTED or message.param_index >= message.param_count:
             return
         if message.param_count != self._count:
@@ -189,7 +184,7 @@ class ParamLister(_ParamClient):
             params = (param for _, param in sorted(self._params.items()))
             self._finish(dialect.MAV_PARAM_ERROR_NO_ERROR, params)
 
-    def _concerns(self, message: MAVLink_param_error_message) -> bool:
+    def _concerns(self, message: dialect.MAVLink_param_error_message) -> bool:
         return not message.param_id
 
 
@@ -206,14 +201,14 @@ class ParamReader(_ParamClient):
         self._name = name
         self._raw = raw_name(name)
 
-    def _request(self) -> MAVLink_message:
-        return MAVLink_param_request_read_message(*self._vehicle, self._raw, -1)
+    def _request(self) -> dialect.MAVLink_message:
+        return dialect.MAVLink_param_request_read_message(*self._vehicle, self._raw, -1)
 
-    def _take(self, message: MAVLink_param_value_message, now: float) -> None:
+    def _take(self, message: dialect.MAVLink_param_value_message, now: float) -> None:
         if message.param_id == self._name:
             self._finish(dialect.MAV_PARAM_ERROR_NO_ERROR, [_param(message)])
 
-    def _concerns(self, message: MAVLink_param_error_message) -> bool:
+    def _concerns(self, message: dialect.MAVLink_param_error_message) -> bool:
         return bool(message.param_id == self._name)
 
 
@@ -242,12 +237,12 @@ class ParamSetter(_ParamClient):
         self._raw = raw_name(param.name)
         self._mismatches: set[int] = set()  # retries after which another value has come
 
-    def _request(self) -> MAVLink_message:
-        return MAVLink_param_set_message(
+    def _request(self) -> dialect.MAVLink_message:
+        return dialect.MAVLink_param_set_message(
             *self._vehicle, self._raw, float(self._requested.value), self._requested.type
         )
 
-    def _take(self, message: MAVLink_param_value_message, now: float) -> None:
+    def _take(self, message: dialect.MAVLink_param_value_message, now: float) -> None:
         if message.param_id != self._requested.name:
             return
         held = _param(message)
@@ -258,7 +253,7 @@ class ParamSetter(_ParamClient):
         if len(self._mismatches) > 1:
             self._finish(dialect.MAV_PARAM_ERROR_PERMISSION_DENIED, [held])
 
-    def _concerns(self, message: MAVLink_param_error_message) -> bool:
+    def _concerns(self, message: dialect.MAVLink_param_error_message) -> bool:
         return bool(message.param_id == self._requested.name)
 
 
@@ -274,7 +269,7 @@ def raw_name(name: str) -> bytes:
     return raw
 
 
-def _param(message: MAVLink_param_value_message) -> Param:
+def _param(message: dialect.MAVLink_param_value_message) -> Param:
     value: float = decimal_of_float32(message.param_value)
     if message.param_type not in _REALS and abs(value) < float("inf"):
         value = int(value)

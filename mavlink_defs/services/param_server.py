@@ -14,14 +14,6 @@ from typing import TypeAlias
 
 from mavlink_defs import dialect
 from mavlink_defs.constants import INT32_MAX
-from mavlink_defs.dialect import (
-    MAVLink_message,
-    MAVLink_param_error_message,
-    MAVLink_param_request_list_message,
-    MAVLink_param_request_read_message,
-    MAVLink_param_set_message,
-    MAVLink_param_value_message,
-)
 from mavlink_defs.float32 import decimal_of_float32, float32s
 from mavlink_defs.services.machine import Machine, SystemId, is_for, sender_of
 from mavlink_defs.services.param import MAX_NAME, NOT_LISTED, raw_name
@@ -138,17 +130,17 @@ class ParamServer(Machine[ParamEvent]):
         self._remaining = 0
         self._deadline = -math.inf  # of the next burst; stays after the last one
 
-    def receive(self, message: MAVLink_message, now: float) -> None:
+    def receive(self, message: dialect.MAVLink_message, now: float) -> None:
         """Take in any message; the parameter protocol for us is answered."""
         if not is_for(message, self._own):
             return
         match message:
-            case MAVLink_param_request_list_message():
+            case dialect.MAVLink_param_request_list_message():
                 self._remaining = len(self._parameters)
                 self.handle_timer(now)
-            case MAVLink_param_request_read_message():
+            case dialect.MAVLink_param_request_read_message():
                 self._on_read(message)
-            case MAVLink_param_set_message():
+            case dialect.MAVLink_param_set_message():
                 self._on_set(message)
 
     def handle_timer(self, now: float) -> None:
@@ -165,7 +157,7 @@ class ParamServer(Machine[ParamEvent]):
         """Return the time of the next burst [s]."""
         return self._deadline if self._remaining else None
 
-    def _on_read(self, message: MAVLink_param_request_read_message) -> None:
+    def _on_read(self, message: dialect.MAVLink_param_request_read_message) -> None:
         by_name = message.param_index < 0
         index = self._index_of(message.param_id) if by_name else message.param_index
         if 0 <= index < len(self._parameters):
@@ -175,7 +167,7 @@ class ParamServer(Machine[ParamEvent]):
             error = dialect.MAV_PARAM_ERROR_DOES_NOT_EXIST
             self._send_error(sender_of(message), name, message.param_index, error)
 
-    def _on_set(self, message: MAVLink_param_set_message) -> None:
+    def _on_set(self, message: dialect.MAVLink_param_set_message) -> None:
         name, sender = message.param_id, sender_of(message)
         index = self._index_of(name)
         if index < 0:
@@ -204,7 +196,7 @@ class ParamServer(Machine[ParamEvent]):
             self._happened.append(ParamRenamed(name, now))
         return self._indices.get(now, -1)
 
-    def _decoded(self, message: MAVLink_param_set_message, parameter: Parameter) -> float:
+    def _decoded(self, message: dialect.MAVLink_param_set_message, parameter: Parameter) -> float:
         """Return the value in a PARAM_SET.
 
         Raises:
@@ -234,9 +226,11 @@ class ParamServer(Machine[ParamEvent]):
         (value,) = float32s((value,))
         name, place = (asked, NOT_LISTED) if asked in self._renamed else (parameter.name, index)
         count = len(self._parameters)
-        message = MAVLink_param_value_message(name.encode(), value, parameter.type, count, place)
+        message = dialect.MAVLink_param_value_message(
+            name.encode(), value, parameter.type, count, place
+        )
         self._outbox.append(message)
 
     def _send_error(self, sender: SystemId, name: str, index: int, error: int) -> None:
         raw = name.encode("ascii", "replace")[:MAX_NAME]
-        self._outbox.append(MAVLink_param_error_message(*sender, raw, index, error))
+        self._outbox.append(dialect.MAVLink_param_error_message(*sender, raw, index, error))

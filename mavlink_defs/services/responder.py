@@ -4,14 +4,7 @@ https://mavlink.io/en/services/ping.html, timesync.html, ftp.html; the log downl
 ArduPilot's. Requests for files or logs are answered at once with "none", so that no client waits.
 """
 
-from mavlink_defs.dialect import (
-    MAVLink_file_transfer_protocol_message,
-    MAVLink_log_entry_message,
-    MAVLink_log_request_list_message,
-    MAVLink_message,
-    MAVLink_ping_message,
-    MAVLink_timesync_message,
-)
+from mavlink_defs import dialect
 from mavlink_defs.services.machine import Machine, SystemId, is_for, sender_of
 
 _FTP_SIZE = 251
@@ -28,7 +21,7 @@ class Responder(Machine[None]):
         super().__init__()
         self._own = own
 
-    def receive(self, message: MAVLink_message, now: float) -> None:
+    def receive(self, message: dialect.MAVLink_message, now: float) -> None:
         """Take in any message; answer those that need only an answer.
 
         Args:
@@ -39,16 +32,16 @@ class Responder(Machine[None]):
             return
         sender = sender_of(message)
         match message:
-            case MAVLink_ping_message(target_system=0, target_component=0):
-                answer = MAVLink_ping_message(message.time_usec, message.seq, *sender)
+            case dialect.MAVLink_ping_message(target_system=0, target_component=0):
+                answer = dialect.MAVLink_ping_message(message.time_usec, message.seq, *sender)
                 self._outbox.append(answer)
-            case MAVLink_timesync_message(tc1=0):
+            case dialect.MAVLink_timesync_message(tc1=0):
                 own_ns = min(max(round(now * 1e9), 1), _MAX_NS)
-                self._outbox.append(MAVLink_timesync_message(own_ns, message.ts1))
-            case MAVLink_file_transfer_protocol_message():
+                self._outbox.append(dialect.MAVLink_timesync_message(own_ns, message.ts1))
+            case dialect.MAVLink_file_transfer_protocol_message():
                 self._refuse_file(message, sender)
-            case MAVLink_log_request_list_message():
-                self._outbox.append(MAVLink_log_entry_message(0, 0, 0, 0, 0))
+            case dialect.MAVLink_log_request_list_message():
+                self._outbox.append(dialect.MAVLink_log_entry_message(0, 0, 0, 0, 0))
 
     def handle_timer(self, now: float) -> None:
         """Do nothing: nothing is ever due."""
@@ -58,7 +51,7 @@ class Responder(Machine[None]):
         return None
 
     def _refuse_file(
-        self, message: MAVLink_file_transfer_protocol_message, sender: SystemId
+        self, message: dialect.MAVLink_file_transfer_protocol_message, sender: SystemId
     ) -> None:
         sequence, session, opcode = (
             message.payload[0] | message.payload[1] << 8,
@@ -71,4 +64,4 @@ class Responder(Machine[None]):
         head = [following & 0xFF, following >> 8, session, _FTP_NAK, 1, opcode, 0, 0]
         payload = [*head, 0, 0, 0, 0, _FTP_UNKNOWN_COMMAND]
         payload += [0] * (_FTP_SIZE - len(payload))
-        self._outbox.append(MAVLink_file_transfer_protocol_message(0, *sender, payload))
+        self._outbox.append(dialect.MAVLink_file_transfer_protocol_message(0, *sender, payload))

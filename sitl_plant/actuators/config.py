@@ -4,8 +4,6 @@ Everything is ideal by default. Delays and sampling periods are whole numbers of
 so that nothing changes its value within an integration step but what is solved exactly.
 """
 
-from pydantic import Field
-
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.periods import Found, period_problems
 from mavlink_defs.config.quantity import quantity
@@ -49,12 +47,19 @@ class EngineServo(Servo):
 
 
 class ActuatorServos(Model):
-    """The servos of one aircraft, by actuator."""
+    """The servos of one aircraft, by actuator.
 
-    aileron: SurfaceServo = Field(default=SurfaceServo(), description="Of the aileron.")
-    elevator: SurfaceServo = Field(default=SurfaceServo(), description="Of the elevator.")
-    rudder: SurfaceServo = Field(default=SurfaceServo(), description="Of the rudder.")
-    throttle: EngineServo = Field(default=EngineServo(), description="Of the throttle.")
+    Attributes:
+        aileron: Of the aileron.
+        elevator: Of the elevator.
+        rudder: Of the rudder.
+        throttle: Of the throttle.
+    """
+
+    aileron: SurfaceServo = SurfaceServo()
+    elevator: SurfaceServo = SurfaceServo()
+    rudder: SurfaceServo = SurfaceServo()
+    throttle: EngineServo = EngineServo()
 
     def with_engine_lag(self, lag_s: float) -> "ActuatorServos":
         """Return the servos with an engine's own lag [s], of which and theirs the larger counts."""
@@ -65,21 +70,21 @@ class ActuatorServos(Model):
 
 
 class Servos(Model):
-    """The servos of an aircraft as a scenario has them: one for all surfaces, or by surface."""
+    """The servos of an aircraft as a scenario has them: one for all surfaces, or by surface.
 
-    surfaces: SurfaceServo = Field(
-        default=SurfaceServo(), description="Of every surface that has no servo of its own here."
-    )
-    aileron: SurfaceServo | None = Field(
-        default=None, description="Of the aileron, in place of `surfaces`."
-    )
-    elevator: SurfaceServo | None = Field(
-        default=None, description="Of the elevator, in place of `surfaces`."
-    )
-    rudder: SurfaceServo | None = Field(
-        default=None, description="Of the rudder, in place of `surfaces`."
-    )
-    throttle: EngineServo = Field(default=EngineServo(), description="Of the throttle.")
+    Attributes:
+        surfaces: Of every surface that has no servo of its own here.
+        aileron: Of the aileron, in place of `surfaces`.
+        elevator: Of the elevator, in place of `surfaces`.
+        rudder: Of the rudder, in place of `surfaces`.
+        throttle: Of the throttle.
+    """
+
+    surfaces: SurfaceServo = SurfaceServo()
+    aileron: SurfaceServo | None = None
+    elevator: SurfaceServo | None = None
+    rudder: SurfaceServo | None = None
+    throttle: EngineServo = EngineServo()
 
     def by_actuator(self) -> ActuatorServos:
         """Return the servo of each actuator."""

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Discriminator, Tag
 
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import quantity
@@ -20,20 +20,29 @@ _NONE = Sinusoid(rate_rad_s=0.0)
 
 
 class Axes(Model):
-    """One sinusoid for each body axis."""
+    """One sinusoid for each body axis.
 
-    x: Sinusoid = Field(default=_NONE, description="Along x, forward.")
-    y: Sinusoid = Field(default=_NONE, description="Along y, to the right.")
-    z: Sinusoid = Field(default=_NONE, description="Along z, down.")
+    Attributes:
+        x: Along x, forward.
+        y: Along y, to the right.
+        z: Along z, down.
+    """
+
+    x: Sinusoid = _NONE
+    y: Sinusoid = _NONE
+    z: Sinusoid = _NONE
 
 
 class Disturbance(Model):
-    """Disturbances d_v and d_omega of eqs. (2) and (4), functions of simulation time."""
+    """Disturbances d_v and d_omega of eqs. (2) and (4), functions of simulation time.
 
-    acceleration_m_s2: Axes = Field(default=Axes(), description="d_v of (2) [m/s^2].")
-    angular_acceleration_rad_s2: Axes = Field(
-        default=Axes(), description="d_omega of (4) [rad/s^2]."
-    )
+    Attributes:
+        acceleration_m_s2: d_v of (2) [m/s^2].
+        angular_acceleration_rad_s2: d_omega of (4) [rad/s^2].
+    """
+
+    acceleration_m_s2: Axes = Axes()
+    angular_acceleration_rad_s2: Axes = Axes()
 
 
 class SteadyWind(Model):
@@ -83,16 +92,20 @@ def _form(value: object) -> str:
 
 
 class Wind(Model):
-    """Motion of the air; the parts add up."""
+    """Motion of the air; the parts add up.
 
-    steady: SteadyWind = Field(default=SteadyWind(), description="Wind that does not change.")
-    shear: Shear = Field(default=Shear(), description="Wind that grows with altitude.")
-    gust: Gust | None = Field(default=None, description="One gust.")
+    Attributes:
+        steady: Wind that does not change.
+        shear: Wind that grows with altitude.
+        gust: One gust.
+        turbulence: By MIL-F-8785C at the initial altitude, or parameters of a Dryden model.
+    """
+
+    steady: SteadyWind = SteadyWind()
+    shear: Shear = Shear()
+    gust: Gust | None = None
     turbulence: Annotated[
         Annotated[Literal["none", "light", "moderate", "severe"], Tag("<name>")]
         | Annotated[Dryden, Tag("<parameters>")],
         Discriminator(_form),
-    ] = Field(
-        default="none",
-        description="By MIL-F-8785C at the initial altitude, or parameters of a Dryden model.",
-    )
+    ] = "none"

@@ -27,12 +27,7 @@ def philox(
     k0, k1 = key
     for _ in range(10):
         p0, p1 = _FACTOR_0 * c0, _FACTOR_1 * c2
-        c0, c1, c2, c3 = (
-            (p1 >> _SHIFT) ^ c1 ^ k0,
-            p1 & _LOW,
-            (p0 >> _SHIFT) ^ c3 ^ k1,
-            p0 & _LOW,
-        )
+        c0, c1, c2, c3 = ((p1 >> _SHIFT) ^ c1 ^ k0, p1 & _LOW, (p0 >> _SHIFT) ^ c3 ^ k1, p0 & _LOW)
         k0, k1 = (k0 + _STEP_0) & _LOW, (k1 + _STEP_1) & _LOW
     return c0, c1, c2, c3
 

@@ -18,7 +18,7 @@ from sitl_plant.airframe.aircraft import AircraftRecord
 from sitl_plant.vec3 import Mat3, Vec3, add, mul, mul_t, norm, scale
 
 STILL_M_S = 1e-9
-"""An airspeed below this one counts as this one, from ahead: there are no forces [m/s]."""
+"""An airspeed below this one counts as this one: there are no forces [m/s]."""
 
 
 class Aerodynamics(NamedTuple):
@@ -48,9 +48,7 @@ def aerodynamics(v: Vec3, omega: Vec3, aircraft: AircraftRecord) -> Aerodynamics
         omega: Angular velocity, body axes [rad/s].
         aircraft: The aircraft.
     """
-    V = norm(v)
-    if V < STILL_M_S:
-        V, v = STILL_M_S, (STILL_M_S, 0.0, 0.0)
+    V = max(norm(v), STILL_M_S)
     alpha = math.atan2(v[2], v[0])
     beta = math.asin(v[1] / V)
     b, c_bar = aircraft["b"], aircraft["c_bar"]

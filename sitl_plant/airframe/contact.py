@@ -15,9 +15,9 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import apart, compiled
 from sitl_plant.airframe.aerodynamics import aerodynamics, force
-from sitl_plant.airframe.aircraft import AircraftRecord
+from sitl_plant.airframe.aircraft import AIRCRAFT, AircraftRecord
 from sitl_plant.airframe.rigid_body import R1, Air, State, load_state
 from sitl_plant.vec3 import (
     Mat3,
@@ -116,11 +116,15 @@ def height_above_ground(position: Vec3, gear: np.void) -> float:
     return -dot(vec3(gear["normal"]), position)
 
 
-@compiled
+@apart(x=np.zeros(12), gear=GEAR)
 def note_nearness(x: np.ndarray, dt: float, gear: np.void) -> None:
-    """Note whether an aircraft with a state of shape (12,) may touch the ground in a period [s]."""
-    if gear["has"] == 0:
-        return
+    """Note whether an aircraft with gear, its state of shape (12,), may touch the ground.
+
+    Args:
+        x: The state, in the order of `State`.
+        dt: In a period of this length [s].
+        gear: Its gear.
+    """
     height = height_above_ground(vec3(x[0:3]), gear)
     gear["near"] = height < gear["reach"] + 2.0 * dt * norm(vec3(x[3:6]))
     if gear["near"] == 0:
@@ -234,7 +238,7 @@ def _wheel_axes(n: Vec3, heading: float) -> tuple[Vec3, Vec3]:
     return along, cross(n, along)
 
 
-@compiled
+@apart(aircraft=AIRCRAFT, gear=GEAR)
 def beside_the_ground(
     state: State,
     delta: Vec3,
@@ -380,7 +384,7 @@ def _note_place(place: Vec3, gear: np.void) -> None:
         gear["off_runway"] = 1
 
 
-@compiled
+@apart(x=np.zeros(12), aircraft=AIRCRAFT, gear=GEAR, felt=np.zeros(3))
 def launch(
     x: np.ndarray,
     dt: float,

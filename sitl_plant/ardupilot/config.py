@@ -20,11 +20,16 @@ Pulse = Annotated[float, quantity("us", "Length of a pulse.", ge=500.0, le=2500.
 
 
 class ThrottleOutput(Model):
-    """The output that commands the thrust, from none to full."""
+    """The output that commands the thrust, from none to full.
+
+    Attributes:
+        min_us: Pulse of no thrust, as SERVO3_MIN.
+        max_us: Pulse of full thrust, as SERVO3_MAX.
+    """
 
     channel: Channel = 3
-    min_us: Pulse = Field(default=1000.0, description="Pulse of no thrust, as SERVO3_MIN.")
-    max_us: Pulse = Field(default=2000.0, description="Pulse of full thrust, as SERVO3_MAX.")
+    min_us: Pulse = 1000.0
+    max_us: Pulse = 2000.0
 
     @model_validator(mode="after")
     def _in_order(self) -> "ThrottleOutput":
@@ -35,15 +40,20 @@ class ThrottleOutput(Model):
 
 
 class SurfaceOutput(Model):
-    """An output that moves a surface; longer pulses turn the aircraft right, or its nose up."""
+    """An output that moves a surface; longer pulses turn the aircraft right, or its nose up.
+
+    Attributes:
+        min_us: Pulse at one stop, as SERVOn_MIN.
+        trim_us: Pulse in the middle, as SERVOn_TRIM.
+        max_us: Pulse at the other stop, as SERVOn_MAX.
+        reversed: Longer pulses turn left, or the nose down.
+    """
 
     channel: Channel
-    min_us: Pulse = Field(default=1000.0, description="Pulse at one stop, as SERVOn_MIN.")
-    trim_us: Pulse = Field(default=1500.0, description="Pulse in the middle, as SERVOn_TRIM.")
-    max_us: Pulse = Field(default=2000.0, description="Pulse at the other stop, as SERVOn_MAX.")
-    reversed: bool = Field(
-        default=False, strict=True, description="Longer pulses turn left, or the nose down."
-    )
+    min_us: Pulse = 1000.0
+    trim_us: Pulse = 1500.0
+    max_us: Pulse = 2000.0
+    reversed: bool = Field(default=False, strict=True)
 
     @model_validator(mode="after")
     def _in_order(self) -> "SurfaceOutput":
@@ -54,25 +64,21 @@ class SurfaceOutput(Model):
 
 
 class ArduPilot(Model):
-    """What an ArduPilot SITL needs to fly the aircraft in place of the scenario's law."""
+    """What an ArduPilot SITL needs to fly the aircraft in place of the scenario's law.
 
-    aileron: SurfaceOutput = Field(
-        default=SurfaceOutput(channel=1), description="Output of the aileron."
-    )
-    elevator: SurfaceOutput = Field(
-        default=SurfaceOutput(channel=2), description="Output of the elevator."
-    )
-    rudder: SurfaceOutput = Field(
-        default=SurfaceOutput(channel=4), description="Output of the rudder."
-    )
-    throttle: ThrottleOutput = Field(
-        default=ThrottleOutput(), description="Output of the throttle."
-    )
-    hold: bool = Field(
-        default=True,
-        strict=True,
-        description="Hold the aircraft on a launcher until ArduPilot commands thrust.",
-    )
+    Attributes:
+        aileron: Output of the aileron.
+        elevator: Output of the elevator.
+        rudder: Output of the rudder.
+        throttle: Output of the throttle.
+        hold: Hold the aircraft on a launcher until ArduPilot commands thrust.
+    """
+
+    aileron: SurfaceOutput = SurfaceOutput(channel=1)
+    elevator: SurfaceOutput = SurfaceOutput(channel=2)
+    rudder: SurfaceOutput = SurfaceOutput(channel=4)
+    throttle: ThrottleOutput = ThrottleOutput()
+    hold: bool = Field(default=True, strict=True)
     launch_throttle: float = quantity(
         "", "Share of the thrust above which it is launched.", 0.05, ge=0.0, lt=1.0
     )

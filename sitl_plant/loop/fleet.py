@@ -36,6 +36,7 @@ from sitl_plant.loop.period import (
     Environment,
     actuators_over,
     describe_loss,
+    force_near_ground,
     is_lost,
     is_lost_on_ground,
     specific_force_at,
@@ -237,6 +238,8 @@ def observe(fleet: PlantState, i: int, step: int, step_us: int) -> None:
     air = vec3(uav["air"][:3]), vec3(uav["air"][3:])
     if uav["outside"]["flies"] == 1 or uav["gear"]["launch_s"] >= 0.0:
         force = vec3(uav["outside"]["specific_force"])
+    elif uav["gear"]["near"] == 1:
+        force = force_near_ground(x, step, step_us, d_v, air, around)
     else:
         force = specific_force_at(x, step, step_us, d_v, air, around)
     for k in range(3):
@@ -287,9 +290,9 @@ def _begin(fleet: PlantState, step: int, step_us: int) -> bool:
         gear = uav["gear"]
         if gear["has"] == 1:
             outside["grounded"] = gear["crash"] != 0
+            note_nearness(uav["state"], dt, gear)
         else:
             outside["grounded"] = height_above_ground(vec3(uav["state"][0:3]), gear) < 0.0
-        note_nearness(uav["state"], dt, gear)
         commanded = uav["message"]["actuator_time_usec"] != _NOTHING_APPLIED
         begin_period(
             uav["servos"], fleet.sent[i], uav["controls"], uav["faults"], step, t, commanded

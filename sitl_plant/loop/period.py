@@ -11,14 +11,25 @@ from typing import NamedTuple
 import numpy as np
 
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.faults.actuators import MAX_FAULTS
+from mavlink_defs.faults.table import FAULT
+from mavlink_defs.runtime.jit import apart, compiled, inlined
 from sitl_plant.actuators.faults import apply_faults
-from sitl_plant.actuators.servo import end_period, positions
+from sitl_plant.actuators.servo import SERVOS, end_period, positions
 from sitl_plant.air.disturbance import Disturbances
-from sitl_plant.air.wind import air_around
+from sitl_plant.air.turbulence import TURBULENCE
+from sitl_plant.air.wind import WIND, air_around
 from sitl_plant.airframe.aerodynamics import aerodynamics
-from sitl_plant.airframe.aircraft import AircraftRecord
-from sitl_plant.airframe.contact import beside_the_ground, hold_points, note_contact, rudder_share
+from sitl_plant.airframe.aircraft import AIRCRAFT, AircraftRecord
+from sitl_plant.airframe.contact import (
+    GEAR,
+    beside_the_ground,
+    hold_points,
+    launch,
+    note_contact,
+    note_nearness,
+    rudder_share,
+)
 from sitl_plant.airframe.rigid_body import (
     R1,
     Air,
@@ -54,7 +65,7 @@ def time_s(step: int, step_us: int) -> float:
     return step * step_us / 1e6
 
 
-@compiled
+@inlined
 def rk4_step(
     state: State,
     t: float,
@@ -62,6 +73,7 @@ def rk4_step(
     disturbed: tuple[Disturbances, Disturbances, Disturbances],
     environment: Environment,
     begun: float,
+    near: bool,
 ) -> State:
     """Integrate eqs. (1) to (4) from t to t + dt [s].
 
@@ -73,31 +85,33 @@ def rk4_step(
             aircraft, so that it is evaluated once.
         environment: The aircraft and what acts on it.
         begun: When the control period began [s].
+        near: Whether the ground may be touched; a constant, which costs nothing in the air.
     """
     middle = t + 0.5 * dt
     at_start, at_middle, at_end = disturbed
-    k1 = _slope(state, t, begun, at_start, environment)
-    k2 = _slope(advance(state, 0.5 * dt, k1), middle, begun, at_middle, environment)
-    k3 = _slope(advance(state, 0.5 * dt, k2), middle, begun, at_middle, environment)
-    k4 = _slope(advance(state, dt, k3), t + dt, begun, at_end, environment)
+    k1 = _slope(state, t, begun, at_start, environment, near)
+    k2 = _slope(advance(state, 0.5 * dt, k1), middle, begun, at_middle, environment, near)
+    k3 = _slope(advance(state, 0.5 * dt, k2), middle, begun, at_middle, environment, near)
+    k4 = _slope(advance(state, dt, k3), t + dt, begun, at_end, environment, near)
     state = advance(advance(state, dt / 6.0, k1), dt / 3.0, k2)
     return advance(advance(state, dt / 3.0, k3), dt / 6.0, k4)
 
 
-@compiled
+@inlined
 def _slope(
     state: State,
     t: float,
     interval_start: float,
     disturbed: Disturbances,
     environment: Environment,
+    near: bool,
 ) -> State:
     aircraft = environment.aircraft
     moved = positions(environment.servos, t - interval_start)
     da, de, dr, thrust = apply_faults(moved, t, interval_start, environment.faults, aircraft)
     d_v, d_omega = disturbed
     air = air_around(environment.wind, environment.turbulence, state[0], state[2], t)
-    if environment.gear["near"] == 1:
+    if near:
         d_v, d_omega, air = beside_the_ground(
             state, (da, de, dr), d_v, d_omega, air, aircraft, environment.gear
         )
@@ -116,6 +130,9 @@ def step_aircraft(
 ) -> None:
     """Advance one aircraft and its servos in place by one control period.
 
+    Near the ground it is advanced in steps that its gear is slow against; disturbances act in each
+    of these as over the whole period.
+
     Args:
         x: State, shape (12,), in the order of `State`.
         t: Start of the period [s].
@@ -131,14 +148,24 @@ def step_aircraft(
         applied[i] = real[i]
     applied[THROTTLE] = made_thrust(real[THROTTLE], V, environment.aircraft)
     if environment.gear["near"] == 1:
-        _step_on_ground(x, t, dt, disturbed, environment)
+        step_near_ground(x, t, dt, disturbed, environment)
     else:
-        store_state(rk4_step(load_state(x), t, dt, disturbed, environment, t), x)
+        store_state(rk4_step(load_state(x), t, dt, disturbed, environment, t, False), x)
     end_period(environment.servos, dt)
 
 
-@compiled
-def _step_on_ground(
+_ANY = Environment(
+    np.zeros(1, SERVOS)[0],
+    np.zeros(MAX_FAULTS, FAULT),
+    np.zeros(1, WIND)[0],
+    np.zeros(1, TURBULENCE)[0],
+    np.zeros(1, AIRCRAFT)[0],
+    np.zeros(1, GEAR)[0],
+)
+
+
+@apart(x=np.zeros(12), environment=_ANY)
+def step_near_ground(
     x: np.ndarray,
     t: float,
     dt: float,
@@ -155,7 +182,7 @@ def _step_on_ground(
     h, state = dt / count, load_state(x)
     for k in range(count):
         before, now = state, t + k * h
-        state = rk4_step(before, now, h, disturbed, environment, t)
+        state = rk4_step(before, now, h, disturbed, environment, t, True)
         moved = positions(environment.servos, (k + 1) * h)
         real = apply_faults(moved, now + h, t, environment.faults, aircraft)
         load = hold_points(state, rudder_share(real[RUDDER], aircraft), gear)
@@ -219,12 +246,27 @@ def specific_force_at(
     moved = servos["output"][0], servos["output"][1], servos["output"][2], servos["output"][3]
     real = apply_faults(moved, t, time_s(step - 1, step_us), environment.faults, aircraft)
     delta = real[AILERON], real[ELEVATOR], real[RUDDER]
-    if environment.gear["near"] == 1:
-        d_v, _, surrounding = beside_the_ground(
-            load_state(x), delta, d_v, (0.0, 0.0, 0.0), surrounding, aircraft, environment.gear
-        )
     air = aerodynamics(sub(v, surrounding[0]), sub(omega, surrounding[1]), aircraft)
     return add(specific_force(air, delta, real[THROTTLE], aircraft), d_v)
+
+
+@apart(x=np.zeros(12), environment=_ANY)
+def force_near_ground(
+    x: np.ndarray, step: int, step_us: int, d_v: Vec3, surrounding: Air, environment: Environment
+) -> Vec3:
+    """Return what accelerometers feel near the ground, as `specific_force_at` does."""
+    t, aircraft, servos = time_s(step, step_us), environment.aircraft, environment.servos
+    moved = servos["output"][0], servos["output"][1], servos["output"][2], servos["output"][3]
+    real = apply_faults(moved, t, time_s(step - 1, step_us), environment.faults, aircraft)
+    delta = real[AILERON], real[ELEVATOR], real[RUDDER]
+    d_v, _, surrounding = beside_the_ground(
+        load_state(x), delta, d_v, (0.0, 0.0, 0.0), surrounding, aircraft, environment.gear
+    )
+    return specific_force_at(x, step, step_us, d_v, surrounding, environment)
+
+
+GROUND_PARTS = (note_nearness, launch, step_near_ground, beside_the_ground, force_near_ground)
+"""What an aircraft with gear needs near the ground."""
 
 
 @compiled

@@ -233,21 +233,25 @@ class NavigationSensors(Model):
     """The sensors that an autopilot navigates by, of every aircraft.
 
     The grade fills in what is not given of a sensor.
+
+    Attributes:
+        grade: Class of the sensors: consumer, tactical, or ideal, which have no errors.
+        gyro: The gyro of each IMU.
+        accelerometer: The accelerometer of each IMU.
+        magnetometer: The magnetometer.
+        barometer: The barometer.
+        pitot: The pitot tube.
+        gnss: The GNSS receiver.
     """
 
-    grade: Grade = Field(
-        default="consumer",
-        description="Class of the sensors: consumer, tactical, or ideal, which have no errors.",
-    )
+    grade: Grade = "consumer"
     imus: int = whole("", "IMUs, each a gyro and accelerometer.", 2, ge=1, le=MAX_IMUS)
-    gyro: Gyro = Field(default=Gyro(), description="The gyro of each IMU.")
-    accelerometer: Accelerometer = Field(
-        default=Accelerometer(), description="The accelerometer of each IMU."
-    )
-    magnetometer: Magnetometer = Field(default=Magnetometer(), description="The magnetometer.")
-    barometer: Barometer = Field(default=Barometer(), description="The barometer.")
-    pitot: Pitot = Field(default=Pitot(), description="The pitot tube.")
-    gnss: Gnss = Field(default=Gnss(), description="The GNSS receiver.")
+    gyro: Gyro = Gyro()
+    accelerometer: Accelerometer = Accelerometer()
+    magnetometer: Magnetometer = Magnetometer()
+    barometer: Barometer = Barometer()
+    pitot: Pitot = Pitot()
+    gnss: Gnss = Gnss()
 
     @model_validator(mode="before")
     @classmethod
@@ -300,17 +304,20 @@ class Sensors(Model):
 
     From the ones in `navigation` it estimates its state. The others are on top of the true
     state that it is handed instead; its position and velocity over ground have no error.
+
+    Attributes:
+        gyro_deg_s: Angular velocity [deg/s].
+        accelerometer_m_s2: Specific force [m/s^2].
+        attitude_deg: Roll, pitch, yaw [deg].
+        airspeed_m_s: Airspeed [m/s]; the direction of the air has no error.
+        navigation: What an estimated state comes from.
     """
 
-    gyro_deg_s: Sensor = Field(default=Sensor(), description="Angular velocity [deg/s].")
-    accelerometer_m_s2: Sensor = Field(default=Sensor(), description="Specific force [m/s^2].")
-    attitude_deg: Sensor = Field(default=Sensor(), description="Roll, pitch, yaw [deg].")
-    airspeed_m_s: Sensor = Field(
-        default=Sensor(), description="Airspeed [m/s]; the direction of the air has no error."
-    )
-    navigation: NavigationSensors = Field(
-        default=NavigationSensors(), description="What an estimated state comes from."
-    )
+    gyro_deg_s: Sensor = Sensor()
+    accelerometer_m_s2: Sensor = Sensor()
+    attitude_deg: Sensor = Sensor()
+    airspeed_m_s: Sensor = Sensor()
+    navigation: NavigationSensors = NavigationSensors()
 
     @property
     def of_true_state(self) -> dict[str, Sensor]:

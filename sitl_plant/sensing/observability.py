@@ -9,11 +9,7 @@ from sitl_plant.sensing.units import periods_between
 def fitted(sensors: NavigationSensors) -> list[str]:
     """Return the keys of the sensors that there are."""
     optional = ("magnetometer", "barometer", "pitot", "gnss")
-    return [
-        "gyro",
-        "accelerometer",
-        *(name for name in optional if getattr(sensors, name).fitted),
-    ]
+    return ["gyro", "accelerometer", *(name for name in optional if getattr(sensors, name).fitted)]
 
 
 def unobservable(sensors: NavigationSensors) -> Found:

@@ -1,11 +1,8 @@
-"""The World Magnetic Model 2025: Gauss coefficients of the main field at its epoch.
+"""The World Magnetic Model 2025: Gauss coefficients of the main field at 2025.0.
 
 NOAA National Centers for Environmental Information and British Geological Survey, World Magnetic
 Model 2025, 13 November 2024, https://doi.org/10.25921/aqfd-sd83; in the public domain.
 """
-
-EPOCH = 2025.0
-"""Year at which the coefficients hold."""
 
 REFERENCE_RADIUS_KM = 6371.2
 """Radius of the sphere that the coefficients belong to."""

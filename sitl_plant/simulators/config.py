@@ -10,9 +10,13 @@ from mavlink_defs.config.quantity import quantity, whole
 
 
 class OwnPlant(Model):
-    """The plant's own equations fly the scenario's aircraft."""
+    """The plant's own equations fly the scenario's aircraft.
 
-    kind: Literal["own"] = Field(default="own", description="The plant's own equations.")
+    Attributes:
+        kind: The plant's own equations.
+    """
+
+    kind: Literal["own"] = "own"
 
 
 def _form(value: object) -> str | None:
@@ -36,37 +40,39 @@ def is_own(aircraft: str) -> bool:
 
 
 class JsbSimPlant(Model):
-    """JSBSim flies an aircraft of its own; the scenario's is the nominal one."""
+    """JSBSim flies an aircraft of its own; the scenario's is the nominal one.
 
-    kind: Literal["jsbsim"] = Field(description="JSBSim.")
-    aircraft: Title = Field(
-        min_length=1,
-        description="One that comes with JSBSim, such as c172p, or one's own: a folder ./NAME with "
-        "NAME.xml in it, or the file.",
-    )
-    thrust: Literal["force", "engine"] = Field(
-        default="force",
-        description="A force along x at the centre of gravity, or JSBSim's engine by its throttle.",
-    )
+    Attributes:
+        kind: JSBSim.
+        aircraft: One that comes with JSBSim, such as c172p, or one's own: a folder ./NAME with
+            NAME.xml in it, or the file.
+        thrust: A force along x at the centre of gravity, or JSBSim's engine by its throttle.
+        patch: Elements of the file to change, or an attribute (@unit) of one: path under
+            fdm_config, and the new value.
+    """
+
+    kind: Literal["jsbsim"]
+    aircraft: Title = Field(min_length=1)
+    thrust: Literal["force", "engine"] = "force"
     step_us: int | None = whole(
         "us", "Step of JSBSim; none: the control period.", None, ge=1, le=100_000
     )
-    patch: Annotated[dict[str, _Replaced], AtMost(100)] = Field(
-        default={},
-        description="Elements of the file to change, or an attribute (@unit) of one: path under "
-        "fdm_config, and the new value.",
-    )
+    patch: Annotated[dict[str, _Replaced], AtMost(100)] = Field(default={})
 
 
 class PluginPlant(Model):
-    """A simulator of another package, which registers it in the group ftc_sitl.simulators."""
+    """A simulator of another package, which registers it in the group ftc_sitl.simulators.
 
-    kind: Literal["plugin"] = Field(description="A simulator of another package.")
-    name: Title = Field(min_length=1, description="Name under which it is registered.")
+    Attributes:
+        kind: A simulator of another package.
+        name: Name under which it is registered.
+        options: What it takes, as its documentation says.
+    """
+
+    kind: Literal["plugin"]
+    name: Title = Field(min_length=1)
     step_us: int | None = whole("us", "Its step; none: the control period.", None, ge=1, le=100_000)
-    options: Annotated[dict[str, Any], AtMost(100)] = Field(
-        default={}, description="What it takes, as its documentation says."
-    )
+    options: Annotated[dict[str, Any], AtMost(100)] = Field(default={})
 
 
 def _kind(value: Any) -> Any:

@@ -102,12 +102,10 @@ class JsbSim:
         self._wind = [
             self._node(f"atmosphere/wind-{axis}-fps") for axis in ("north", "east", "down")
         ]
-        self._still = True
         self._ground_ft = _NO_GROUND_FT
         self._wheels = [self._node(f"fcs/{name}-cmd-norm", True) for name in _ON_WHEELS]
         self._thrust = self._node(f"{jsbsim_aircraft.THRUST}/magnitude")
-        self._position = 0.0, 0.0
-        self._yaw = 0.0
+        self._position, self._yaw = (0.0, 0.0), 0.0
         self._surfaces: Sequence[Surface] = ()
         at_rest: Vec3 = (0.0, 0.0, 0.0)
         place, ahead = (0.0, 0.0, -altitude_m), (_TEST_AIRSPEED_M_S, 0.0, 0.0)

@@ -95,7 +95,9 @@ def _step(
     """Call `control_step` with the types that a flight has: its machine code is in the cache."""
     seen = Seen(motion, ahead, links, int(after_gap))
     inputs = Inputs(time[0], time[1], motion, seen, guidance["command"], edges, math.inf)
-    records = Records(aircraft, parameters, state, actuators["controls"], signals)
+    records = Records(
+        aircraft, parameters, state, actuators["controls"], signals, guidance["runway"]
+    )
     control_step(inputs, records, True)
 
 

@@ -111,5 +111,7 @@ def _step_alone(
     """Call `control_step` with the types that a flight has: its machine code is in the cache."""
     seen = Seen(motion, 0, 0, 0)
     inputs = Inputs(0.0, 1e-3, motion, seen, guidance["command"], edges, math.inf)
-    records = Records(aircraft, parameters, state, actuators["controls"], signals)
+    records = Records(
+        aircraft, parameters, state, actuators["controls"], signals, guidance["runway"]
+    )
     control_step(inputs, records, True)

@@ -55,7 +55,7 @@ def python_loop(monkeypatch: pytest.MonkeyPatch) -> None:
         (stepping, "_note_known"),
         (stepping, "_control"),
         (stepping, "control_step"),
-        (controller, "finish_step"),
+        (controller, "_step"),
         (controller, "evaluate"),
         (all_laws, "proposed_law"),
     )

@@ -23,7 +23,7 @@ EDITS = {
             "    def energy(self) -> MAVLink_message:\n"
             "        u, v, w = self._hot.measured['velocity'].tolist()\n"
             "        energy = 0.5 * (u * u + v * v + w * w)\n"
-            "        return dialect.MAVLink_ftc_energy_message(self._time_ms, energy)\n\n",
+            "        return dialect.MAVLink_ftc_energy_message(self._hot.time_ms, energy)\n\n",
         )
     ],
     "gcs/tui/wire_panel.py": [

@@ -213,9 +213,8 @@ def _place(now: Situation, path: np.void) -> _PathPlace:
     """Return how the UAV moves along its path."""
     ground_speed = hypot(now.velocity[0], now.velocity[1])
     course = math.atan2(now.velocity[1], now.velocity[0])
-    room = max(
-        1.0 - now.off * now.here.curvature, 0.2
-    )  # beyond it, the centre of the arc is too near
+    # beyond it, the centre of the arc is too near
+    room = max(1.0 - now.off * now.here.curvature, 0.2)
     s_dot = ground_speed * math.cos(course - now.here.course) / room
     ahead = point_at(path, now.s + 3.0 / now.bandwidth * s_dot)
     return _PathPlace(s_dot, now.off - now.coordination.slot[1], ground_speed, course, ahead)

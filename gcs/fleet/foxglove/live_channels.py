@@ -41,11 +41,7 @@ message, which need not be called if nobody reads the channel."""
 
 _LEVELS = {  # of foxglove.Log, by MAV_SEVERITY
     **dict.fromkeys(
-        (
-            dialect.MAV_SEVERITY_EMERGENCY,
-            dialect.MAV_SEVERITY_ALERT,
-            dialect.MAV_SEVERITY_CRITICAL,
-        ),
+        (dialect.MAV_SEVERITY_EMERGENCY, dialect.MAV_SEVERITY_ALERT, dialect.MAV_SEVERITY_CRITICAL),
         5,
     ),
     dialect.MAV_SEVERITY_ERROR: 4,

@@ -7,24 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ftc_autopilot.guidance.path import point_at
+from gcs.reports.figures import style
 from gcs.reports.figures.flown import PlottedFlight
 from gcs.reports.figures.overview import draw_command
-from gcs.reports.figures.style import (
-    GREY,
-    SMALL,
-    draw_curve,
-    draw_legend,
-    fit_margins,
-    frame,
-    mark_loss,
-    new_figure,
-    note,
-    save,
-    shade_faults,
-    style,
-    tidy,
-    usual_range,
-)
 from gcs.results.path_following import PathErrors
 from gcs.results.quantities import PAPER_ORDER
 from gcs.results.recording import Recording
@@ -53,7 +38,7 @@ def draw_mission(
     folder: Path,
 ) -> None:
     """Draw the mission as `mission.png` and `mission.svg`; arguments as of `mission_figure`."""
-    save(mission_figure(recording, scenario, paths, leaders), folder, "mission")
+    style.save(mission_figure(recording, scenario, paths, leaders), folder, "mission")
 
 
 def mission_figure(
@@ -72,7 +57,7 @@ def mission_figure(
         leaders: As for `gcs.results.path_following.PathErrors`.
     """
     flight = PlottedFlight(scenario.name, scenario, recording)
-    figure = new_figure(8.6, layout=None)
+    figure = style.new_figure(8.6, layout=None)
     grid = figure.add_gridspec(4, 4, height_ratios=(1.0, 1.0, 1.0, 0.9))
     below = [figure.add_subplot(grid[3, k]) for k in range(4)]
     beside: list[Axes] = [figure.add_subplot(grid[k, 2:], sharex=below[0]) for k in range(3)]
@@ -83,13 +68,13 @@ def mission_figure(
     for axis, channel in zip(below, PAPER_ORDER, strict=True):
         draw_command(axis, flight, channel)
     for axis in (*beside, *below):
-        shade_faults(axis, [flight])
-        mark_loss(axis, flight)
-        tidy(axis, scenario.duration_s)
+        style.shade_faults(axis, [flight])
+        style.mark_loss(axis, flight)
+        style.tidy(axis, scenario.duration_s)
     figure.align_ylabels(beside)
-    lines = draw_legend(figure)
+    lines = style.draw_legend(figure)
     for _ in range(2):  # the numbers of the map depend on its size, and its size on them
-        fit_margins(figure, lines)
+        style.fit_margins(figure, lines)
         _equal_scales(chart)
     return figure
 
@@ -102,16 +87,16 @@ def _draw_errors(
     first = errors["slot"] if in_formation else errors["cross_track"]
     for axis, shown in zip(axes, (first, errors["height"]), strict=False):
         for i, curve in enumerate(shown.T):
-            draw_curve(axis, t, curve, **style(i).thin)
-        frame(axis, list(shown.T), *usual_range(list(shown.T), flight.step_s))
+            style.draw_curve(axis, t, curve, **style.style(i).thin)
+        style.frame(axis, list(shown.T), *style.usual_range(list(shown.T), flight.step_s))
     axes[0].set_ylabel("from slot [m]" if in_formation else "cross-track [m]")
     axes[1].set_ylabel("height error [m]")
     axes[2].set_ylabel("least separation [m]")
     if np.isfinite(distances).any():
-        draw_curve(axes[2], t, distances, color="black", lw=0.9)
-        frame(axes[2], [distances], *usual_range([distances], flight.step_s))
+        style.draw_curve(axes[2], t, distances, color="black", lw=0.9)
+        style.frame(axes[2], [distances], *style.usual_range([distances], flight.step_s))
         axes[2].set_ylim(bottom=0.0)
-        note(axes[2], f"min {distances[np.isfinite(distances)].min():.1f} m")
+        style.note(axes[2], f"min {distances[np.isfinite(distances)].min():.1f} m")
 
 
 def _draw_map(axis: "Axes", flight: PlottedFlight, paths: np.ndarray) -> None:
@@ -121,12 +106,12 @@ def _draw_map(axis: "Axes", flight: PlottedFlight, paths: np.ndarray) -> None:
             _draw_path(axis, path, float(np.nanmax(flight.recording.signals["path_position"])))
     _draw_faults(axis, flight)
     for i, name in enumerate(flight.names):
-        axis.plot(*_thinned(tracks[:, i]).T, label=name, **style(i).thin)
+        axis.plot(*_thinned(tracks[:, i]).T, label=name, **style.style(i).thin)
     axis.plot(0.0, 0.0, "+", color="black", ms=9.0, mew=1.2, label="origin")
     axis.margins(0.18)
     axis.set_xlabel("east [m]")
     axis.set_ylabel("north [m]")
-    tidy(axis)
+    style.tidy(axis)
     _draw_formations(axis, flight, tracks)
 
 
@@ -147,13 +132,13 @@ def _draw_path(axis: "Axes", path: np.void, flown_m: float) -> None:
     end_m = flown_m if np.isfinite(flown_m) else float(path["start"][path["count"] - 1])
     found = [point_at(path, s) for s in np.linspace(0.0, max(end_m, 1.0), _PATH_POINTS)]
     points = np.array([(point.east, point.north) for point in found])
-    over: dict[str, Any] = {"color": GREY, "zorder": 2.5}  # the tracks
+    over: dict[str, Any] = {"color": style.GREY, "zorder": 2.5}  # the tracks
     axis.plot(*points.T, ls=(0.0, (4.0, 3.0)), lw=0.8, label="path", **over)
     items = path["item"][[point.leg for point in found]]
     for k in np.flatnonzero(np.diff(items)):
         axis.plot(*points[k], "o", ms=3.0, **over)
         inwards = points.mean(axis=0) - points[k]
-        _write(axis, str(items[k]), points[k], inwards, 9.0, GREY)
+        _write(axis, str(items[k]), points[k], inwards, 9.0, style.GREY)
 
 
 def _write(
@@ -166,7 +151,7 @@ def _write(
         (float(at[0]), float(at[1])),
         xytext=(float(offset[0]), float(offset[1])),
         textcoords="offset points",
-        size=SMALL,
+        size=style.SMALL,
         ha="center",
         va="center",
         color=colour,
@@ -207,12 +192,12 @@ def _draw_formations(axis: "Axes", flight: PlottedFlight, tracks: np.ndarray) ->
                 axis.plot(*drawn[[a, b]].T, color="0.5", lw=0.6, zorder=3)
         for i in range(len(flight.names)):
             corners = _aircraft(drawn[i], yaw[step, i], _AIRCRAFT * size)
-            axis.fill(*corners.T, style(i).colour, zorder=4)
+            axis.fill(*corners.T, style.style(i).colour, zorder=4)
         outwards = middle - np.nanmean(middles[:, 0], axis=0)
         text = f"{flight.recording.time_s[step]:.0f} s"
         _write(axis, text, middle, outwards, _CLEAR, "black")
     if larger > 1.0:
-        note(axis, f"formation drawn {larger:g} times larger")
+        style.note(axis, f"formation drawn {larger:g} times larger")
 
 
 def _round_factor(factor: float) -> float:

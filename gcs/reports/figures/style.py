@@ -25,33 +25,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = [
-    "GREY",
-    "REFERENCE",
-    "SINGLE",
-    "SMALL",
-    "STYLES",
-    "PlottedFlight",
-    "Style",
-    "decimated",
-    "draw_curve",
-    "draw_legend",
-    "fit_margins",
-    "frame",
-    "letter",
-    "load_matplotlib",
-    "logarithmic_if_wide",
-    "logarithmic_intervals",
-    "mark_loss",
-    "new_figure",
-    "note",
-    "save",
-    "shade_faults",
-    "style",
-    "tidy",
-    "usual_range",
-]
-
 WIDTH_IN = 10.0
 """Width of a figure [in]."""
 

@@ -6,20 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gcs.reports.figures import style
 from gcs.reports.figures.flown import PlottedFlight, fault_windows
-from gcs.reports.figures.style import (
-    REFERENCE,
-    draw_curve,
-    draw_legend,
-    frame,
-    letter,
-    mark_loss,
-    new_figure,
-    shade_faults,
-    style,
-    tidy,
-    usual_range,
-)
 from gcs.results.quantities import QUANTITIES
 
 if TYPE_CHECKING:
@@ -56,7 +44,7 @@ def fig6(flight: PlottedFlight) -> "Figure":
     The error axes fit the errors after the first second, but for brief transients, within ±5 m/s
     or deg; a note above a panel gives the extremes of what leaves it.
     """
-    figure = new_figure(7.4)
+    figure = style.new_figure(7.4)
     axes = figure.subplots(3, len(QUANTITIES), sharex=True)
     t = flight.recording.time_s
     uavs = list(enumerate(flight.names))
@@ -66,8 +54,8 @@ def fig6(flight: PlottedFlight) -> "Figure":
     _draw_errors(axes[2], synchronisation, "sync. error")
     _finish(figure, axes, [flight])
     for axis in axes.flat:
-        mark_loss(axis, flight)
-    draw_legend(figure)
+        style.mark_loss(axis, flight)
+    style.draw_legend(figure)
     return figure
 
 
@@ -105,7 +93,7 @@ def _compare(
     flights: Sequence[PlottedFlight], uav_id: int, seen_s: tuple[float, float] | None
 ) -> "Figure":
     """Compare flights of one UAV; errors within a time window [s], or over the whole flight."""
-    figure = new_figure(5.3)
+    figure = style.new_figure(5.3)
     axes = figure.subplots(2, len(QUANTITIES), sharex="row")
     responses, errors, references = [], [], []
     for flight in flights:
@@ -121,22 +109,24 @@ def _compare(
     _finish(figure, axes, flights, uav_id)
     if seen_s is not None:
         axes[1, 0].set_xlim(*seen_s)
-    draw_legend(figure)
+    style.draw_legend(figure)
     return figure
 
 
 def _draw_responses(axes: Sequence["Axes"], curves: Sequence[_Curves], reference: _Curves) -> None:
     for k, quantity in enumerate(QUANTITIES):
         for i, one in enumerate(curves):
-            draw_curve(axes[k], one.t, one.values[:, k], label=one.name, **style(i).line)
+            style.draw_curve(
+                axes[k], one.t, one.values[:, k], label=one.name, **style.style(i).line
+            )
         target = reference.values[:, k]
-        draw_curve(axes[k], reference.t, target, label=reference.name, **REFERENCE)
+        style.draw_curve(axes[k], reference.t, target, label=reference.name, **style.REFERENCE)
         shown = [target, *(one.values[:, k] for one in curves)]
         if np.isfinite(target).any():
-            low, high = usual_range(shown, reference.step_s)
+            low, high = style.usual_range(shown, reference.step_s)
             least, most = np.nanmin(target), np.nanmax(target)
             low, high = min(max(low, least - _BEYOND), least), max(min(high, most + _BEYOND), most)
-            frame(axes[k], shown, low, high)
+            style.frame(axes[k], shown, low, high)
         axes[k].set_ylabel(f"{quantity} [{UNITS[quantity]}]")
 
 
@@ -146,16 +136,18 @@ def _draw_errors(
     for k, quantity in enumerate(QUANTITIES):
         settled = []
         for i, one in enumerate(curves):
-            line = style(i).line
+            line = style.style(i).line
             if zoom:
                 line["lw"] *= 0.6
-            draw_curve(axes[k], one.t, one.values[:, k], label=one.name, **line)
+            style.draw_curve(axes[k], one.t, one.values[:, k], label=one.name, **line)
             settled.append(one.values[one.t >= _SETTLING_S, k])
-        low, high = usual_range(settled, curves[0].step_s)
+        low, high = style.usual_range(settled, curves[0].step_s)
         if not zoom:
             low, high = min(low, 0.0), max(high, 0.0)
             axes[k].axhline(0.0, color="black", lw=0.5)
-        frame(axes[k], [one.values[:, k] for one in curves], max(low, -_ASTRAY), min(high, _ASTRAY))
+        style.frame(
+            axes[k], [one.values[:, k] for one in curves], max(low, -_ASTRAY), min(high, _ASTRAY)
+        )
         axes[k].set_ylabel(f"{quantity} {name} [{UNITS[quantity]}]")
 
 
@@ -170,9 +162,9 @@ def _finish(
     figure: "Figure", axes: np.ndarray, flights: Sequence[PlottedFlight], uav_id: int | None = None
 ) -> None:
     for k, axis in enumerate(axes.flat):
-        letter(axis, k)
-        shade_faults(axis, flights, uav_id)
-        tidy(axis, _duration_s(flights))
+        style.letter(axis, k)
+        style.shade_faults(axis, flights, uav_id)
+        style.tidy(axis, _duration_s(flights))
     figure.align_ylabels()
 
 

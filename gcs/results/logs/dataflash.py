@@ -7,7 +7,7 @@ a time. Messages and units are as in ArduPilot 4.6, https://ardupilot.org/plane/
 import contextlib
 import io
 from collections.abc import Iterator
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +16,26 @@ import numpy as np
 from gcs.console.errors import BadInput
 from gcs.console.extras import TOOLS_PACKAGES, check_packages
 from gcs.results.logs import names
-from gcs.results.logs.clocks import longest_stretch
-from gcs.results.logs.fields import Fields, Values, channels_of, numbered, vector, with_course
+from gcs.results.logs.clocks import longest_span, utc
+from gcs.results.logs.fields import (
+    Fields,
+    Values,
+    between,
+    channels_of,
+    numbered,
+    rows,
+    vector,
+    with_course,
+)
+from gcs.results.logs.reading import reading
 from gcs.results.logs.table import FlightTable, LogChannel, LogText, by_name
 from mavlink_defs.config.user_files import open_file
 from mavlink_defs.visible import visible
 
 _HEADER = 3  # bytes of a message before its fields
 _INFO, _ERROR = 6, 3
-_GPS_EPOCH = datetime(1980, 1, 6, tzinfo=UTC)
+_GPS_EPOCH_S = datetime(1980, 1, 6, tzinfo=UTC).timestamp()
+_WEEK_S = 604_800.0
 _LEAP_S = 18  # of GPS time before UTC, since 2017
 _KINDS = {"ArduPlane": 1, "ArduCopter": 2, "ArduRover": 10, "ArduSub": 12}  # MAV_TYPE
 
@@ -70,6 +81,8 @@ _OLDER = {"NKF1": "XKF1", "NKF2": "XKF2", "CURR": "BAT"}
 """Messages before, of the same fields."""
 _INSTANCES = ("I", "C", "Inst", "Instance")
 """Fields that say which of several sensors or cores a message is of; the first one is read."""
+_TEXTS = ("Name", "Message")
+_TRAVELS = ("Ail", "Elev", "Rudd")
 
 
 def read_dataflash(path: Path) -> FlightTable:
@@ -79,100 +92,81 @@ def read_dataflash(path: Path) -> FlightTable:
         BadInput: It cannot be read, is none, or has nothing of a flight.
     """
     messages, remarks = _Messages.of(path)
-    time_s = {name: messages.time_s(name) for name in (*_FIELDS, *_OLDER, "MSG", "MODE", "ERR")}
-    span = _span(path, time_s, remarks)
+    kinds = {**_FIELDS, **{older: _FIELDS[name] for older, name in _OLDER.items()}}
+    logged = {name: messages.values(name) for name in (*kinds, "MSG", "MODE", "ERR")}
+    flown = {name: logged[name] for name in kinds if "time_s" in logged[name]}
+    begin, end, jumps = longest_span(values["time_s"] for values in flown.values())
     channels = by_name(
         one
-        for name, fields in (*_FIELDS.items(), *((a, _FIELDS[b]) for a, b in _OLDER.items()))
-        if len(time_s[name])
-        for one in _channels(name, fields, time_s[name], messages.values(name), span)
+        for name, values in flown.items()
+        for one in _channels(name, kinds[name], between(values, begin, end, begin))
     )
     if not channels:
         raise BadInput(f"{path} has no message of a flight, such as ATT, IMU or GPS")
-    parameters = messages.strings("PARM", "Name"), messages.values("PARM").get("Value", ())
-    texts = [
-        *_texts(time_s["MSG"] - span[0], messages.strings("MSG", "Message")),
-        *_errors(time_s["ERR"] - span[0], messages.values("ERR")),
-    ]
+    whole = (begin, end) if jumps else (-np.inf, np.inf)  # what was set before the flight, too
+    beside = {name: between(logged[name], *whole, begin) for name in ("MSG", "MODE", "ERR", "GPS")}
+    texts = [*_texts(beside["MSG"]), *_errors(beside["ERR"])]
     return FlightTable(
         title=visible(path.name),
         kind="bin",
         channels=channels,
-        modes=_modes(time_s["MODE"] - span[0], messages.values("MODE"), texts),
+        modes=tuple(_modes(beside["MODE"], texts)),
         texts=tuple(sorted(texts, key=lambda one: one.time_s)),
-        parameters={name: float(value) for name, value in zip(*parameters, strict=True)},
-        started=_started(time_s["GPS"] - span[0], messages.values("GPS")),
-        remarks=tuple(remarks),
+        parameters={
+            name.decode("utf-8", "replace"): value
+            for name, value in rows(messages.values("PARM"), "Name", "Value")
+        },
+        started=_started(beside["GPS"]),
+        remarks=(*remarks, *jumps),
     )
 
 
-def _channels(
-    name: str, fields: Fields, time_s: np.ndarray, values: Values, span: tuple[float, float]
-) -> Iterator[LogChannel | None]:
-    rows = (time_s >= span[0]) & (time_s <= span[1])
+def _channels(name: str, fields: Fields, values: Values) -> Iterator[LogChannel | None]:
+    chosen = np.ones(len(values["time_s"]), bool)
     for field in _INSTANCES:
-        if field in values:
-            rows &= values[field] == values[field].min()
+        if field in values and len(chosen):
+            chosen &= values[field] == values[field].min()
             break
     if name == "GPS":
         values = with_course(values, "Spd", "GCrs")
-        rows &= values.get("Status", np.full(len(rows), 3)) >= 2
+        chosen &= values.get("Status", np.full(len(chosen), 3)) >= 2
     if name == "AETR":  # 4500 is the whole travel, of the throttle 100
-        values = {one: column / (1.0 if one == "Thr" else 45.0) for one, column in values.items()}
+        values = {
+            one: column / (45.0 if one in _TRAVELS else 1.0) for one, column in values.items()
+        }
     if name.startswith("RCO"):
-        values = {one: np.where(column > 0.0, column, np.nan) for one, column in values.items()}
-    values = {one: column[rows] for one, column in values.items()}
-    yield from channels_of(name, fields, time_s[rows] - span[0], values, "boot")
+        pulses = {one: column for one, column in values.items() if one.startswith("C")}
+        values = {**values, **{one: np.where(p > 0.0, p, np.nan) for one, p in pulses.items()}}
+    values = {one: column[chosen] for one, column in values.items()}
+    yield from channels_of(name, fields, values["time_s"], values, "boot")
 
 
-def _span(path: Path, time_s: dict[str, np.ndarray], remarks: list[str]) -> tuple[float, float]:
-    """Return begin and end of what is read: the longest time without a jump of the clock [s]."""
-    fastest = max((times for name, times in time_s.items() if name in _FIELDS), key=len)
-    if not len(fastest):
-        raise BadInput(f"{path} has no message of a flight, such as ATT, IMU or GPS")
-    stretch, jump = longest_stretch(fastest)
-    remarks += [jump] if jump else []
-    return float(fastest[stretch].min()), float(fastest[stretch].max()) + 1.0
+def _texts(values: Values) -> Iterator[LogText]:
+    for at, text in rows(values, "time_s", "Message"):
+        yield LogText(at, _INFO, visible(text.decode("utf-8", "replace")))
 
 
-def _texts(time_s: np.ndarray, texts: list[str]) -> Iterator[LogText]:
-    for at, text in zip(time_s.tolist(), texts, strict=True):
-        yield LogText(at, _INFO, visible(text))
-
-
-def _errors(time_s: np.ndarray, values: Values) -> Iterator[LogText]:
-    columns = (values.get(name, ()) for name in ("Subsys", "ECode"))
-    for at, subsystem, code in zip(time_s.tolist(), *columns, strict=True):
+def _errors(values: Values) -> Iterator[LogText]:
+    for at, subsystem, code in rows(values, "time_s", "Subsys", "ECode"):
         yield LogText(at, _ERROR, f"error {code:.0f} of subsystem {subsystem:.0f}")
 
 
-def _modes(
-    time_s: np.ndarray, values: Values, texts: list[LogText]
-) -> tuple[tuple[float, str], ...]:
+def _modes(values: Values, texts: list[LogText]) -> Iterator[tuple[float, str]]:
     from pymavlink.mavutil import mode_mapping_bynumber
 
     said = " ".join(one.text for one in texts)
     kind = next((number for name, number in _KINDS.items() if name in said), _KINDS["ArduPlane"])
     known = mode_mapping_bynumber(kind) or {}
-    numbers = values.get("ModeNum", values.get("Mode", np.empty(0)))
-    return tuple(
-        (at, known.get(int(number), f"mode {number:.0f}"))
-        for at, number in zip(time_s.tolist(), numbers, strict=True)
-    )
+    for at, number in rows(values, "time_s", "ModeNum" if "ModeNum" in values else "Mode"):
+        yield at, known.get(number, f"mode {number:.0f}")
 
 
-def _started(time_s: np.ndarray, gps: Values) -> datetime | None:
+def _started(gps: Values) -> datetime | None:
     """Return when the flight's time was 0, by the first message with GPS time."""
-    week, ms = gps.get("GWk", np.empty(0)), gps.get("GMS", np.empty(0))
-    known = np.flatnonzero(week > 0)
-    if not len(known) or len(time_s) != len(ms):
-        return None
-    first = known[0]
-    return _GPS_EPOCH + timedelta(
-        weeks=float(week[first]),
-        milliseconds=float(ms[first]),
-        seconds=-_LEAP_S - float(time_s[first]),
-    )
+    for at, week, ms in rows(gps, "time_s", "GWk", "GMS"):
+        if week > 0:
+            return utc(_GPS_EPOCH_S + _WEEK_S * week + ms / 1e3 - _LEAP_S - at)
+    return None
 
 
 class _Messages:
@@ -186,11 +180,8 @@ class _Messages:
     @classmethod
     def of(cls, path: Path) -> "tuple[_Messages, list[str]]":
         """Open a log; return it with remarks."""
-        try:
-            with open_file(path) as file:
-                head = file.read(2)
-        except OSError as problem:
-            raise BadInput(f"cannot read {path}: {problem.strerror}") from None
+        with reading(path), open_file(path) as file:
+            head = file.read(2)
         if head != b"\xa3\x95":
             what = "is empty" if not head else "is no log of ArduPilot: it does not begin as one"
             raise BadInput(f"{path} {what}", "logs are downloaded as .bin, of telemetry as .tlog")
@@ -204,45 +195,40 @@ class _Messages:
                 """Leave it: it would read every message, one by one."""
 
         said = io.StringIO()
-        try:
-            with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-                reader = Indexed(str(path))
-        except Exception as problem:  # of formats that are broken: struct.error, KeyError, ...
-            text = f"{path} is a broken log of ArduPilot: {type(problem).__name__}: {problem}"
-            raise BadInput(text) from None
+        broken = reading(path, "is a broken log of ArduPilot")
+        with broken, contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+            reader = Indexed(str(path))
         bad = said.getvalue().count("bad header")
         remarks = [f"{bad} bytes between its messages are none"] if bad else []
         reader.close()
         return cls(reader, np.fromfile(path, np.uint8)), remarks
 
-    def time_s(self, name: str) -> np.ndarray:
-        """Return the times of all messages of a kind [s], shape (n,)."""
-        values = self.values(name)
-        if "TimeUS" in values:
-            return np.asarray(values["TimeUS"] / 1e6)
-        return np.asarray(values.get("TimeMS", np.empty(0)) / 1e3)
-
     def values(self, name: str) -> Values:
-        """Return the fields of numbers of all messages of a kind, in the units of the log."""
-        rows, of = self._rows(name)
-        found = {}
-        for column, scale in zip(of.columns, of.msg_mults, strict=False) if of else ():
-            if rows.dtype[column].kind in "iuf":
-                found[column] = rows[column] * (scale or 1.0)
-        return found
+        """Return the fields of all messages of a kind, in the units of the log.
 
-    def strings(self, name: str, column: str) -> list[str]:
-        """Return a field of text of all messages of a kind."""
-        rows, of = self._rows(name)
-        if of is None or column not in of.columns:
-            return []
-        return [one.decode("utf-8", "replace") for one in rows[column].tolist()]
+        `time_s` is their time [s], if they have one; texts are bytes.
+        """
+        found: dict[str, np.ndarray] = {}
+        stored, of = self._rows(name)
+        for column, scale in zip(of.columns, of.msg_mults, strict=False) if of else ():
+            kind = stored.dtype[column].kind
+            if column in _TEXTS and kind == "S":
+                found[column] = stored[column]
+            elif column not in _TEXTS and kind in "iuf":
+                found[column] = stored[column] * (scale or 1.0)
+        for field, unit_s in (("TimeUS", 1e-6), ("TimeMS", 1e-3)):
+            if field in found:
+                return {**found, "time_s": found[field] * unit_s}
+        return found
 
     def _rows(self, name: str) -> tuple[np.ndarray, Any]:
         of = self._formats.get(name)
         if of is None:
             return np.empty(0), None
-        dtype = np.dtype(list(zip(of.columns, map(_numpy_type, of.format), strict=False)))
+        types = list(zip(of.columns, map(_numpy_type, of.format), strict=False))
+        if len({name for name, _ in types if name}) < len(types):  # of a damaged format
+            return np.empty(0), None
+        dtype = np.dtype(types)
         at = np.asarray(self._offsets[of.type], np.int64)
         at = at[at + of.len <= len(self._data)]
         if dtype.itemsize != of.len - _HEADER or not len(at):

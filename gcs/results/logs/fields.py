@@ -1,6 +1,7 @@
 """Fields of a log's messages as channels."""
 
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -39,6 +40,27 @@ def channels_of(
         if field in values:
             numbers = values[field] * (factor(unit, UNITS[name]) or 1.0)
             yield channel(name, time_s, numbers, f"{message}.{field}", clock)
+
+
+def between(values: Values, begin_s: float, end_s: float, zero_s: float) -> Values:
+    """Return the messages from one time to another.
+
+    Args:
+        values: Their fields, of which `time_s` says when they are; without it none is returned.
+        begin_s: First time [s].
+        end_s: Last time [s].
+        zero_s: From which the times returned count [s].
+    """
+    time_s = values.get("time_s", np.empty(0))
+    inside = (time_s >= begin_s) & (time_s <= end_s)
+    found = {name: one[inside] for name, one in values.items()} if len(time_s) else {}
+    return {**found, "time_s": time_s[inside] - zero_s}
+
+
+def rows(values: Values, *names: str) -> Iterator[tuple[Any, ...]]:
+    """Yield some fields of each message; nothing if one of them is missing."""
+    if all(one in values for one in names):
+        yield from zip(*(values[one].tolist() for one in names), strict=True)
 
 
 def euler(q: np.ndarray) -> np.ndarray:

@@ -4,8 +4,10 @@ import contextlib
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from gcs.console.errors import BadInput
-from gcs.results.logs.judgement import shortcomings
+from gcs.results.logs.shortcomings import shortcomings
 from gcs.results.logs.table import FlightTable
 from gcs.results.store import TRAJECTORY
 from mavlink_defs.config.user_files import open_file
@@ -64,7 +66,10 @@ def read_flight(path: Path, uav: int | None = None, columns: Path | None = None)
     kind = kind_of(path)
     if columns is not None and kind not in {"csv", "parquet", "mat"}:
         raise BadInput(f"--columns is of tables: csv, parquet and mat, and {path} is none")
-    flight = _read(path, kind, uav, columns)
+    if uav is not None and kind in {"bin", "ulg"}:
+        raise BadInput(f"--uav is {uav}, and {path} is of one vehicle", "leave it out")
+    with np.errstate(all="ignore"):  # of damaged numbers
+        flight = _read(path, kind, uav, columns)
     return replace(flight, remarks=(*flight.remarks, *shortcomings(flight)))
 
 
@@ -91,6 +96,6 @@ def _read(path: Path, kind: str | None, uav: int | None, columns: Path | None) -
             text = f"{path} is a folder without a recording"
             raise BadInput(f"{text}, expected a run folder or a log: {expected}")
         case _:
-            from gcs.results.logs.columns import read_columns
+            from gcs.results.logs.number_tables import read_columns
 
             return read_columns(path, kind, uav, columns)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from gcs.console.errors import BadInput
+from gcs.results.logs.reading import chosen_vehicle
 from gcs.results.logs.table import FlightTable, by_name, channel
 from gcs.results.store import TRAJECTORY, is_complete, read_table
 from mavlink_defs.visible import visible
@@ -27,9 +28,7 @@ def read_recorded(path: Path, uav: int | None) -> FlightTable:
         raise BadInput(f"{file} has no rows")
     uavs = table.column("uav").to_numpy()
     ids = np.unique(uavs).tolist()
-    if uav is not None and uav not in ids:
-        raise BadInput(f"--uav is {uav}, expected one of {', '.join(map(str, ids))}, as in {file}")
-    chosen = ids[0] if uav is None else uav
+    chosen, remarks = chosen_vehicle(file, ids, uav, ids[0])
     rows = uavs == chosen
     time_s = table.column("time_s").to_numpy()[rows]
     channels = by_name(
@@ -44,9 +43,7 @@ def read_recorded(path: Path, uav: int | None) -> FlightTable:
         if name not in {"time_s", "uav"}
     )
     names = json.loads(table.schema.metadata.get(b"names", b"{}"))
-    others = ", ".join(str(one) for one in ids if one != chosen)
     called = f" ({names[str(chosen)]})" if names.get(str(chosen)) else ""
-    remarks = [f"of UAV {chosen}; it has {others}, too (--uav)"] if others else []
     if not is_complete(file):
         remarks.append("the recording is torn: what was recorded before is read")
     return FlightTable(

@@ -13,6 +13,8 @@ from mavlink_defs.visible import visible
 
 _GAP_STEPS, _GAP_S = 5.0, 0.5
 """A gap is longer than so many of a channel's usual steps, and than this [s]."""
+_MOST_TIMES = 10_000_000
+"""Rows of a grid: 1000 Hz for some 3 h. More is of a damaged log."""
 _SAME_S = 1e-6
 """Times that are closer are one: logs have microseconds [s]."""
 
@@ -190,7 +192,7 @@ class FlightTable:
                 the whole flight.
 
         Raises:
-            BadInput: The log has no such channel, or they have no common time.
+            BadInput: The log has no such channel, they have no common time, or it is too long.
         """
         chosen = list(self.channels.values()) if names is None else [self[name] for name in names]
         rate = rate_hz or max(one.rate_hz for one in chosen)
@@ -202,7 +204,11 @@ class FlightTable:
             listed = ", ".join(one.name for one in chosen[:5])
             raise BadInput(f"{self.title}: {listed} have no time in common")
         step = max(round(1.0 / rate / _SAME_S), 1) * _SAME_S
-        return np.asarray(begin + np.arange(int((end - begin + _SAME_S) / step) + 1) * step)
+        count = int((end - begin + _SAME_S) / step) + 1
+        if count > _MOST_TIMES:
+            text = f"{self.title} has {end - begin:.6g} s at {1.0 / step:.6g} Hz: {count:.3g} rows"
+            raise BadInput(f"{text}, expected {_MOST_TIMES:.0e} at most", "npz has it as it is")
+        return np.asarray(begin + np.arange(count) * step)
 
     def on(self, time_s: np.ndarray, names: Iterable[str]) -> dict[str, np.ndarray]:
         """Return channels at common times, as `LogChannel.at`; BadInput if one is not there."""

@@ -5,17 +5,20 @@ messages without one are placed by what was heard around them.
 """
 
 from collections.abc import Iterator, Mapping
-from datetime import UTC, datetime
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
 
 from gcs.console.errors import BadInput
 from gcs.console.extras import TOOLS_PACKAGES, missing
-from gcs.results.logs.clocks import longest_stretch
-from gcs.results.logs.heard import HeardSystem, layout_of, read_systems
+from gcs.results.logs.clocks import longest_stretch, utc
+from gcs.results.logs.fields import rows
+from gcs.results.logs.reading import chosen_vehicle
 from gcs.results.logs.table import FlightTable, LogText, by_name
 from gcs.results.logs.telemetry_fields import ARDUPILOT, MESSAGES, PX4, message_channels
+from gcs.results.logs.telemetry_systems import HeardSystem, layout_of, read_systems
 from mavlink_defs import dialect
 from mavlink_defs.constants import MODE_NAMES
 from mavlink_defs.services.statustext import TextAssembler
@@ -36,10 +39,8 @@ def read_telemetry(path: Path, uav: int | None) -> FlightTable:
         BadInput: It cannot be read, is none, or has no such vehicle.
     """
     systems, remarks = read_systems(path)
-    chosen = _choose(path, systems, uav)
-    others = ", ".join(str(one) for one in sorted(systems) if one != chosen)
-    if others:
-        remarks.append(f"of system {chosen}; {others} are in it, too (--uav)")
+    chosen, others = _choose(path, systems, uav)
+    remarks += others
     heard = systems[chosen]
     clock = _Clock.of(heard, remarks)
     channels = by_name(
@@ -60,32 +61,24 @@ def read_telemetry(path: Path, uav: int | None) -> FlightTable:
         modes=tuple(_modes(heard, clock)),
         texts=tuple(_texts(heard, clock)),
         parameters=_parameters(heard),
-        started=datetime.fromtimestamp(clock.heard_at_0, UTC)
-        if clock.heard_at_0 > _UNIX_S
-        else None,
+        started=utc(clock.heard_at_0) if clock.heard_at_0 > _UNIX_S else None,
         remarks=tuple(remarks),
     )
 
 
-def _choose(path: Path, systems: dict[int, HeardSystem], uav: int | None) -> int:
-    """Return the system to read, and leave ground stations out of the others."""
+def _choose(path: Path, systems: dict[int, HeardSystem], uav: int | None) -> tuple[int, list[str]]:
+    """As `chosen_vehicle`, which no ground station is."""
     for system in list(systems):
         if systems[system].heartbeat.get("type") == dialect.MAV_TYPE_GCS:
             del systems[system]
     if not systems:
         raise BadInput(f"{path} has frames of ground stations only")
-    if uav is not None and uav not in systems:
-        known = ", ".join(map(str, sorted(systems)))
-        raise BadInput(f"--uav is {uav}, expected one of {known}, as in {path}")
 
     def attitudes(system: int) -> tuple[int, int]:
-        kinds = systems[system].kinds
-        own = [
-            len(kinds[name].places) for name in ("ATTITUDE", "ATTITUDE_QUATERNION") if name in kinds
-        ]
-        return max(own, default=0), -system
+        kinds = [systems[system].kinds.get(f"ATTITUDE{one}") for one in ("", "_QUATERNION")]
+        return max(len(one.places) for one in kinds if one) if any(kinds) else 0, -system
 
-    return max(systems, key=attitudes) if uav is None else uav
+    return chosen_vehicle(path, systems, uav, max(systems, key=attitudes))
 
 
 class _Clock:
@@ -115,13 +108,13 @@ class _Clock:
         places = np.concatenate([heard.kinds[one].places for one in kinds])
         own = np.concatenate([np.asarray(heard.own_s(one)) for one in kinds])
         order = np.argsort(places, kind="stable")
-        stretch, jump = longest_stretch(own[order])
-        remarks += [jump] if jump else []
+        stretch, jumps = longest_stretch(own[order])
+        remarks += jumps
         rows = order[stretch]
         own = own[rows]
         begin = 0.0 if name == "simulated" else float(own.min())
         found = cls(name, heard.time_s[places[rows]], np.maximum.accumulate(own), begin)
-        found.has_jumped = bool(jump)
+        found.has_jumped = bool(jumps)
         return found
 
     def times(self, heard: HeardSystem, name: str) -> tuple[np.ndarray, str]:
@@ -136,15 +129,15 @@ class _Clock:
             own = own + np.nanmedian(placed + self._begin - own)
         return np.where(np.isfinite(placed), own - self._begin, np.nan), self.name
 
-    def placed(self, heard_s: np.ndarray) -> np.ndarray:
-        """Return the flight's time when something was heard [s]; NaN before and after."""
-        return self._placed(heard_s, np.nan)
+    def placed(self, heard_s: np.ndarray, *, whole: bool = False) -> np.ndarray:
+        """Return the flight's time when something was heard [s].
 
-    def placed_in(self, heard_s: np.ndarray) -> np.ndarray:
-        """Return the same of what has no other time: before and after at the flight's ends."""
-        return self._placed(heard_s, np.nan if self.has_jumped else None)
-
-    def _placed(self, heard_s: np.ndarray, ends: float | None) -> np.ndarray:
+        Args:
+            heard_s: When, shape (n,) [s].
+            whole: What is before and after is at the flight's ends, unless the clock jumps; else it
+                is NaN.
+        """
+        ends = None if whole and not self.has_jumped else np.nan
         order = np.argsort(self._heard, kind="stable")
         own = self._own[order] - self._begin
         return np.asarray(np.interp(heard_s, self._heard[order], own, ends, ends))
@@ -153,13 +146,12 @@ class _Clock:
 def _modes(heard: HeardSystem, clock: _Clock) -> Iterator[tuple[float, str]]:
     if "HEARTBEAT" not in heard.kinds:
         return
-    numbers = heard.values("HEARTBEAT")["custom_mode"]
-    time_s = clock.placed_in(heard.heard_s("HEARTBEAT"))
-    at, numbers = time_s[np.isfinite(time_s)], numbers[np.isfinite(time_s)].astype(int)
-    last = np.append(np.diff(at) > 0.0, True)[: len(at)]  # of several at one time
-    at, numbers = at[last], numbers[last]
-    for k in np.flatnonzero(np.append(True, np.diff(numbers) != 0)[: len(at)]).tolist():
-        yield float(at[k]), _mode_name(int(numbers[k]), heard.heartbeat)
+    time_s = clock.placed(heard.heard_s("HEARTBEAT"), whole=True).tolist()
+    numbers = heard.values("HEARTBEAT")["custom_mode"].tolist()
+    last_of = dict(zip(time_s, numbers, strict=True))  # several are at one time
+    known = ((at, number) for at, number in last_of.items() if np.isfinite(at))
+    for number, same in groupby(known, itemgetter(1)):
+        yield next(same)[0], _mode_name(number, heard.heartbeat)
 
 
 def _mode_name(number: int, heartbeat: Mapping[str, int]) -> str:
@@ -176,14 +168,11 @@ def _mode_name(number: int, heartbeat: Mapping[str, int]) -> str:
 def _texts(heard: HeardSystem, clock: _Clock) -> Iterator[LogText]:
     if "STATUSTEXT" not in heard.kinds:
         return
-    time_s = clock.placed_in(heard.heard_s("STATUSTEXT"))
-    values, assembler = heard.values("STATUSTEXT"), TextAssembler()
-    columns = (values[name].tolist() for name in ("severity", "text", "id", "chunk_seq"))
-    for at, severity, text, number, chunk in zip(time_s.tolist(), *columns, strict=True):
-        if np.isnan(at):
-            continue
-        message = dialect.MAVLink_statustext_message(severity, text, number, chunk)
-        for one in assembler.receive(message, at):
+    time_s = clock.placed(heard.heard_s("STATUSTEXT"), whole=True)
+    values, assembler = {**heard.values("STATUSTEXT"), "time_s": time_s}, TextAssembler()
+    for at, *fields in rows(values, "time_s", "severity", "text", "id", "chunk_seq"):
+        message = dialect.MAVLink_statustext_message(*fields)
+        for one in assembler.receive(message, at) if np.isfinite(at) else ():
             yield LogText(at, one.severity, one.text)
 
 

@@ -14,29 +14,25 @@ from gcs.results.logs.fields import (
     with_angles,
     with_course,
 )
-from gcs.results.logs.heard import HeardSystem
 from gcs.results.logs.table import LogChannel
+from gcs.results.logs.telemetry_systems import HeardSystem
 from gcs.results.quantities import QUANTITIES
 from mavlink_defs import dialect
 
 ARDUPILOT, PX4 = dialect.MAV_AUTOPILOT_ARDUPILOTMEGA, dialect.MAV_AUTOPILOT_PX4
 _OURS = "FTC_TRACKING"
 
+_ATTITUDE: Fields = {
+    **vector(names.ATTITUDE, "roll pitch yaw", "rad"),
+    **vector(names.RATES, "rollspeed pitchspeed yawspeed", "rad/s"),
+}
+_SCALED_IMU: Fields = {
+    **vector(names.FORCE, "xacc yacc zacc", "mg"),
+    **vector(names.MAGNETIC, "xmag ymag zmag", "mgauss"),
+}
 MESSAGES: tuple[tuple[str, Fields], ...] = (
-    (
-        "ATTITUDE",
-        {
-            **vector(names.ATTITUDE, "roll pitch yaw", "rad"),
-            **vector(names.RATES, "rollspeed pitchspeed yawspeed", "rad/s"),
-        },
-    ),
-    (
-        "ATTITUDE_QUATERNION",
-        {
-            **vector(names.ATTITUDE, "roll pitch yaw", "rad"),
-            **vector(names.RATES, "rollspeed pitchspeed yawspeed", "rad/s"),
-        },
-    ),
+    ("ATTITUDE", _ATTITUDE),
+    ("ATTITUDE_QUATERNION", _ATTITUDE),
     (
         "HIGHRES_IMU",
         {
@@ -47,20 +43,8 @@ MESSAGES: tuple[tuple[str, Fields], ...] = (
             "baro_height": ("pressure_alt", "m"),
         },
     ),
-    (
-        "SCALED_IMU",
-        {
-            **vector(names.FORCE, "xacc yacc zacc", "mg"),
-            **vector(names.MAGNETIC, "xmag ymag zmag", "mgauss"),
-        },
-    ),
-    (
-        "RAW_IMU",  # scaled as well by ArduPilot
-        {
-            **vector(names.FORCE, "xacc yacc zacc", "mg"),
-            **vector(names.MAGNETIC, "xmag ymag zmag", "mgauss"),
-        },
-    ),
+    ("SCALED_IMU", _SCALED_IMU),
+    ("RAW_IMU", _SCALED_IMU),  # scaled as well by ArduPilot
     (
         "SCALED_PRESSURE",
         {"static_pressure": ("press_abs", "hPa"), "dynamic_pressure": ("press_diff", "hPa")},

@@ -6,7 +6,9 @@ Topics and fields are as in PX4 1.12 to 1.16, https://github.com/PX4/PX4-Autopil
 import contextlib
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import datetime
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +17,17 @@ import numpy as np
 from gcs.console.errors import BadInput
 from gcs.console.extras import load_package
 from gcs.results.logs import names
-from gcs.results.logs.clocks import longest_stretch
-from gcs.results.logs.fields import Fields, Values, channels_of, vector, with_angles
+from gcs.results.logs.clocks import longest_span, utc
+from gcs.results.logs.fields import (
+    Fields,
+    Values,
+    between,
+    channels_of,
+    rows,
+    vector,
+    with_angles,
+)
+from gcs.results.logs.reading import reading
 from gcs.results.logs.table import FlightTable, LogChannel, LogText, by_name, channel
 from mavlink_defs.config.user_files import open_file
 from mavlink_defs.constants import ACTUATORS
@@ -128,19 +139,15 @@ def read_ulog(path: Path) -> FlightTable:
     log = _open(path)
     ours = log.msg_info_dict.get("sys_name") == "ftc-sitl"
     topics = _OUR_TOPICS if ours else _TOPICS
-    data = {
-        one.name: one.data
+    logged = {
+        one.name: {**one.data, "time_s": one.data["timestamp"] / 1e6}
         for one in reversed(log.data_list)
         if one.multi_id == 0 and "timestamp" in one.data
     }
-    begin, end, remarks = _span(path, data, {name for name, _ in topics})
-    shift = 0.0 if ours else begin
-    rows = {
-        name: (times >= begin) & (times <= end)
-        for name, values in data.items()
-        for times in [_time_s(values)]
-    }
-    used = {name: {k: v[rows[name]] for k, v in values.items()} for name, values in data.items()}
+    flown = [logged[name]["time_s"] for name in dict(topics) if name in logged]
+    begin, end, jumps = longest_span(flown)
+    zero = 0.0 if ours else begin
+    used = {name: between(values, begin, end, zero) for name, values in logged.items()}
     clock = "simulated" if ours else "boot"
     channels = by_name(
         [
@@ -148,34 +155,33 @@ def read_ulog(path: Path) -> FlightTable:
             for name, fields in topics
             if name in used
             for one in channels_of(
-                name, fields, _time_s(used[name]) - shift, _prepared(name, used[name], ours), clock
+                name, fields, used[name]["time_s"], _prepared(name, used[name], ours), clock
             )
         ]
-        + list(_events(used.get("ftc_event")))
+        + list(_events(used.get("ftc_event", {})))
     )
     if not channels:
         raise BadInput(f"{path} has no topic of a flight, such as vehicle_attitude")
-    status = used.get("vehicle_status")
     return FlightTable(
         title=visible(", ".join(filter(None, (path.name, log.msg_info_dict.get("vehicle"))))),
         kind="ulg",
         channels=channels,
-        modes=() if status is None else tuple(_modes(_time_s(status) - shift, status)),
-        texts=tuple(_texts(log, shift)),
+        modes=tuple(_modes(used.get("vehicle_status", {}))),
+        texts=tuple(_texts(log, zero)),
         parameters={
             name: float(value)
             for name, value in log.initial_parameters.items()
             if isinstance(value, int | float)
         },
-        started=_started(data, shift),
-        remarks=(*remarks, *_losses(log)),
+        started=_started(used),
+        remarks=(*jumps, *_losses(log)),
     )
 
 
-def _texts(log: Any, shift: float) -> Iterator[LogText]:
+def _texts(log: Any, zero_s: float) -> Iterator[LogText]:
     for one in log.logged_messages:
-        level = one.log_level - ord("0")
-        yield LogText(one.timestamp / 1e6 - shift, level, visible(one.message.strip()))
+        level = min(max(one.log_level - ord("0"), 0), 7)
+        yield LogText(one.timestamp / 1e6 - zero_s, level, visible(one.message.strip()))
 
 
 def _losses(log: Any) -> Iterator[str]:
@@ -189,41 +195,15 @@ def _losses(log: Any) -> Iterator[str]:
 
 def _open(path: Path) -> Any:
     asked = sorted({name for name, _ in _TOPICS} | set(_OTHER_TOPICS))
-    try:
-        with open_file(path) as file:
-            if file.read(len(_MAGIC)) != _MAGIC:
-                file.seek(0, 2)
-                what = "is no ULog file: it does not begin as one" if file.tell() else "is empty"
-                raise BadInput(f"{path} {what}")
-            file.seek(0)
-            pyulog = load_package("pyulog", f"{path.name}, a ULog file,", "logs")
-            with contextlib.redirect_stdout(None):
-                return pyulog.ULog(file, asked)
-    except OSError as problem:
-        raise BadInput(f"cannot read {path}: {problem.strerror}") from None
-    except BadInput:
-        raise
-    except Exception as problem:  # of a file that is broken: ULogException, struct.error, ...
-        text = f"{path} is a broken ULog file: {type(problem).__name__}: {problem}"
-        raise BadInput(text) from None
-
-
-def _time_s(values: Values) -> np.ndarray:
-    return np.asarray(values["timestamp"] / 1e6)
-
-
-def _span(
-    path: Path, data: Mapping[str, Values], known: set[str]
-) -> tuple[float, float, list[str]]:
-    """Return begin and end of the longest stretch without a jump of the clock [s], and remarks."""
-    flown = [_time_s(values) for name, values in data.items() if name in known]
-    if not any(map(len, flown)):
-        raise BadInput(f"{path} has no topic of a flight, such as vehicle_attitude")
-    stretch, jump = longest_stretch(max(flown, key=len))
-    chosen = max(flown, key=len)[stretch]
-    if jump:
-        return float(chosen.min()), float(chosen.max()), [jump]
-    return min(float(one.min()) for one in flown if len(one)), float("inf"), []
+    with reading(path, "is a broken ULog file"), open_file(path) as file:
+        if file.read(len(_MAGIC)) != _MAGIC:
+            file.seek(0, 2)
+            what = "is no ULog file: it does not begin as one" if file.tell() else "is empty"
+            raise BadInput(f"{path} {what}")
+        file.seek(0)
+        pyulog = load_package("pyulog", f"{path.name}, a ULog file,", "logs")
+        with contextlib.redirect_stdout(None):
+            return pyulog.ULog(file, asked)
 
 
 def _prepared(name: str, values: Values, ours: bool) -> Values:
@@ -233,41 +213,40 @@ def _prepared(name: str, values: Values, ours: bool) -> Values:
     if name == "vehicle_attitude_setpoint":
         return with_angles(values, "q_d[0] q_d[1] q_d[2] q_d[3]")
     if name == "actuator_outputs" and not ours:
-        number = int(values["noutputs"].max(initial=0)) if "noutputs" in values else 16
-        pulses = {field: values[field] for field in (f"output[{k}]" for k in range(number))}
-        return {one: np.where(p >= _LEAST_PULSE, p, np.nan) for one, p in pulses.items()}
+        number = values.get("noutputs", np.array(16))
+        pulses = {k: values.get(f"output[{k}]", np.empty(0)) for k in range(16)}
+        return {
+            f"output[{k}]": np.where((p >= _LEAST_PULSE) & (k < number), p, np.nan)
+            for k, p in pulses.items()
+            if len(p)
+        }
     if name in {"vehicle_gps_position", "sensor_gps"} and "fix_type" in values:
         has_fix = values["fix_type"] >= 2
         return {field: np.where(has_fix, column, np.nan) for field, column in values.items()}
     return values
 
 
-def _events(values: Values | None) -> Iterator[LogChannel | None]:
+def _events(values: Values) -> Iterator[LogChannel | None]:
     """Yield the commands held of our own exports: each transmission of one."""
-    if values is None:
+    if not {"actuator", "value"} <= values.keys():
         return
     for number, name in enumerate(ACTUATORS):
-        rows = values["actuator"] == number
-        sent = np.asarray(values["value"][rows], float)
+        own = values["actuator"] == number
+        sent = np.asarray(values["value"][own], float)
         held = sent if name == "throttle" else np.radians(sent)
-        times = _time_s(values)[rows]
-        one = channel(f"held_{name}", times, held, "ftc_event.value", "simulated")
+        one = channel(f"held_{name}", values["time_s"][own], held, "ftc_event.value", "simulated")
         yield None if one is None else replace(one, by_event=True)
 
 
-def _modes(time_s: np.ndarray, status: Values) -> Iterator[tuple[float, str]]:
-    states = status["nav_state"]
-    for k in np.flatnonzero(np.append(True, np.diff(states) != 0)[: len(states)]).tolist():
-        yield float(time_s[k]), _MODES.get(int(states[k]), f"mode {states[k]}")
+def _modes(status: Values) -> Iterator[tuple[float, str]]:
+    for state, same in groupby(rows(status, "time_s", "nav_state"), itemgetter(1)):
+        yield next(same)[0], _MODES.get(state, f"mode {state}")
 
 
-def _started(data: Mapping[str, Values], shift_s: float) -> datetime | None:
+def _started(logged: Mapping[str, Values]) -> datetime | None:
     """Return when the flight's time was 0, by the date of a GNSS receiver."""
     for name in ("vehicle_gps_position", "sensor_gps"):
-        if name in data and "time_utc_usec" in data[name]:
-            known = np.flatnonzero(data[name]["time_utc_usec"])
-            if len(known):
-                utc_s = float(data[name]["time_utc_usec"][known[0]]) / 1e6
-                at = float(_time_s(data[name])[known[0]]) - shift_s
-                return datetime.fromtimestamp(utc_s - at, UTC)
+        for at, utc_us in rows(logged.get(name, {}), "time_s", "time_utc_usec"):
+            if utc_us:
+                return utc(utc_us / 1e6 - at)
     return None

@@ -19,6 +19,7 @@ from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.signals import SIGNALS
 from ftc_autopilot.control.step import Seen
 from ftc_autopilot.control.triggers.static import PerChannel
+from ftc_autopilot.guidance.runway_phases import RUNWAY_STATE
 from gcs.scenario.model import Scenario
 from mavlink_defs.framing.codec import NEIGHBOUR, SIM_STATE
 from sitl_plant.airframe.rigid_body import gravity_body
@@ -93,8 +94,8 @@ def signals_of(case: Any, vectors: Any, scenario: Scenario, nominal: np.void, i:
     command = state["reference"][:, 0].copy()
     seen = Seen(motions[i], 0, 0, 0)
     inputs = Inputs(0.0, DT, motions[i], seen, command, edges_of(reports, weights), math.inf)
-    controls = np.zeros(16, np.float32)
-    control_step(inputs, Records(nominal, parameters, state, controls, signals))
+    controls, runway = np.zeros(16, np.float32), np.zeros(1, RUNWAY_STATE)[0]
+    control_step(inputs, Records(nominal, parameters, state, controls, signals, runway))
     return signals
 
 

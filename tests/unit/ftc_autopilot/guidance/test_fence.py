@@ -5,6 +5,7 @@ import math
 from collections.abc import Sequence
 from fractions import Fraction
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,10 +16,18 @@ from ftc_autopilot.common.geography import Origin, place_of
 from ftc_autopilot.guidance.fence import (
     Fence,
     FenceArea,
+    FenceWatch,
     crossing_edges,
     decode_fence,
     decode_rally,
-    leaves_at,
+)
+from ftc_autopilot.guidance.fence_parameters import (
+    ALT_MAX,
+    ALT_MIN,
+    AROUND_HOME,
+    FenceParameters,
+    RallyParameters,
+    fence_records,
 )
 from ftc_autopilot.guidance.mission_places import Home
 from ftc_autopilot.guidance.path import point_at
@@ -91,7 +100,8 @@ def test_clearance_is_the_distance_to_the_edge(
     assume(distances.min() > 1e-3)
     inside = abs(winding(corners, (north, east))) > math.pi
     expected = distances.min() if inside == stay_in else -distances.min()
-    found = FenceArea(0, stay_in, corners).clearance((north, east))
+    other = FenceArea(9, True, np.array([(0.0, 0.0)]), 1e5)  # far away
+    (found, _) = Fence((other, FenceArea(0, stay_in, corners), other)).nearest((north, east))
     assert math.copysign(1.0, found) == math.copysign(1.0, expected)
     assert found == pytest.approx(expected, abs=0.4)  # of two samples, half apart
 
@@ -100,7 +110,7 @@ def test_clearance_is_the_distance_to_the_edge(
 def test_clearance_of_a_circle(north: float, east: float, radius: float, stay_in: bool) -> None:
     area = FenceArea(0, stay_in, np.array([(3.0, -4.0)]), radius)
     inside = radius - math.dist((north, east), (3.0, -4.0))
-    assert area.clearance((north, east)) == pytest.approx(inside if stay_in else -inside)
+    assert Fence((area,)).nearest((north, east))[0] == pytest.approx(inside if stay_in else -inside)
 
 
 def share_a_point(a: Corners, b: Corners) -> bool:
@@ -218,7 +228,28 @@ def test_a_fence_is_all_inclusions_and_no_exclusion() -> None:
 def test_a_polygon_may_be_closed_by_its_first_corner() -> None:
     items = numbered(polygon([*SQUARE, SQUARE[0]]))
     (area,) = decode_fence(items, ORIGIN, Home()).areas
-    assert area.clearance((0.0, 0.0)) == pytest.approx(900.0, abs=0.1)
+    assert Fence((area,)).nearest((0.0, 0.0))[0] == pytest.approx(900.0, abs=0.1)
+
+
+def test_edges_on_one_line_with_a_gap_between_them_do_not_meet() -> None:
+    ends = [(0, 0), (3, 0), (3, 1), (1, 1), (1, 2), (3, 2), (3, 3), (0, 3)]
+    assert crossing_edges(np.array(ends, float)) is None
+
+
+def test_an_edge_shorter_than_a_metre_counts() -> None:
+    corners = np.array([(0.0, 0.0), (100.0, 0.0), (100.0, 0.4), (0.0, 50.0)])
+    fence = Fence((FenceArea(0, stay_in=True, corners=corners),))
+    assert fence.nearest((100.01, 0.2))[0] == pytest.approx(-0.01)
+
+
+def test_what_is_nearest_of_all_that_is_watched_counts() -> None:
+    both = watch(type=ALT_MAX | AROUND_HOME, alt_max_m=50.0, radius_m=300.0)
+    both = both._replace(home=Home(100.0, 0.0, 20.0))
+    place = (200.0, 0.0, 60.0)
+    assert (both.clearance(place), both.room(place)) == (10.0, 200.0)
+    floor, ground = watch(type=ALT_MIN, alt_min_m=30.0), (0.0, 0.0, 0.0)
+    assert floor.objection(ground, stands=True) is None
+    assert floor.objection(ground, stands=False) == "outside the fence: below 30 m"
 
 
 def test_home_outside_is_no_matter_for_a_fence_that_was_accepted_before() -> None:
@@ -253,8 +284,8 @@ def test_a_path_that_leaves_is_noticed(north: float, east: float, radius: float)
     area = FenceArea(0, stay_in=False, corners=np.array([(north, east)]), radius=radius)
     end = float(path()["start"][path()["count"] - 1])  # of the way to the last circle
     points = [point_at(path(), s) for s in np.linspace(0.0, end, 3000)]
-    clear = np.array([area.clearance((p.north, p.east)) for p in points])
-    found = leaves_at(path(), lambda n, e, _: area.clearance((n, e)))
+    clear = np.array([Fence((area,)).nearest((p.north, p.east))[0] for p in points])
+    found = watch(Fence((area,))).left_by(path())
     if clear.min() < -10.0:
         assert found is not None
         assert found <= path()["item"][points[int(np.argmax(clear < -10.0))].leg]
@@ -274,6 +305,27 @@ def path() -> np.void:
     return read_scenario(find_scenario("paper/scenario1")).planner().path(items)
 
 
+def test_a_small_area_on_the_way_is_noticed() -> None:
+    area = FenceArea(0, stay_in=False, corners=np.array([(1000.0, 0.0)]), radius=12.0)
+    assert watch(Fence((area,))).left_by(path()) == 1
+
+
 def test_a_path_that_climbs_too_high_is_noticed() -> None:
-    assert leaves_at(path(), lambda n, e, height: 120.0 - height) is None
-    assert leaves_at(path(), lambda n, e, height: 99.0 - height) == 1
+    assert watch(type=ALT_MAX, alt_max_m=120.0).left_by(path()) is None
+    assert watch(type=ALT_MAX, alt_max_m=99.0).left_by(path()) == 1
+
+
+def test_a_path_may_be_below_the_least_height_on_a_runway_alone() -> None:
+    floor, record = watch(type=ALT_MIN, alt_min_m=150.0), path().copy()
+    assert floor.left_by(record) == 1
+    record["take_off"] = record["start"][record["count"] - 1]
+    assert floor.left_by(record) == record["item"][record["count"] - 1]
+    record["take_off"], record["final"] = 0.0, 1e-9
+    assert floor.left_by(record) == 1
+    record["final"] = -1.0  # all is landing
+    assert floor.left_by(record) is None
+
+
+def watch(fence: Fence = Fence(), **parameters: Any) -> FenceWatch:  # noqa: B008 - frozen
+    record = fence_records(FenceParameters(**parameters), RallyParameters()).fence[0]
+    return FenceWatch(fence, record)

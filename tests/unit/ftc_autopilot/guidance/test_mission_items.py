@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from ftc_autopilot.common.geography import Origin, place_of, position_of
 from ftc_autopilot.guidance.limits import FlightLimits
-from ftc_autopilot.guidance.mission_commands import ANNOUNCED, command_text, remarks_on
-from ftc_autopilot.guidance.mission_items import MissionTarget, decode_items
+from ftc_autopilot.guidance.mission_commands import ANNOUNCED, command_text
+from ftc_autopilot.guidance.mission_items import MissionTarget, decode_items, remarks_on
 from ftc_autopilot.guidance.mission_places import Home
 from mavlink_defs import dialect
 from mavlink_defs.constants import INT32_MAX
@@ -111,14 +111,14 @@ def test_relative_altitudes_count_from_the_home_that_the_mission_sets() -> None:
         (item(31, 1.0, 1e9), "INVALID_PARAM2", "radius 1e+09, must be at most 100000 m"),
         (item(114, -1.0), "INVALID_PARAM1", "distance -1, must be 0 to 100000 m"),
         (item(601, 3.0), "INVALID_PARAM1", "jump to tag 3, must be one of a JUMP_TAG (600)"),
-        (item(178, 0.0, -3.0), "INVALID_PARAM2", "speed -3, must be 25 to 60 m/s"),
+        (item(178, 0.0, -3.0), "INVALID_PARAM2", "speed -3, must be above 0 m/s, -1 (as"),
         (item(53100), "UNSUPPORTED", "a mission is a profile of segments or a path, not both"),
         (item(16, frame=8), "UNSUPPORTED_FRAME", "frame 8 is not supported"),
         (item(16, 0.0, -1.0), "INVALID_PARAM2", "acceptance radius -1, must be >= 0 m"),
         (item(17, 0.0, 0.0, 1e9), "INVALID_PARAM3", "radius 1e+09, must be at most 100000 m"),
         (item(18, 0.0), "INVALID_PARAM1", "turns 0, must be"),
         (item(19, -1.0), "INVALID_PARAM1", "time -1, must be 0 to 86400 s"),
-        (item(178, 0.0, 80.0), "INVALID_PARAM2", "speed 80, must be 25 to 60 m/s"),
+        (item(178, 0.0, 0.0), "INVALID_PARAM2", "speed 0, must be above 0 m/s"),
         (item(178, 3.0, 40.0), "INVALID_PARAM1", "speed type 3, must be 0"),
         (item(177, 2.0, -1.0), "INVALID_PARAM1", "jump to item 2, must be 1 to 1"),
         (item(177, 1.0, 0.5), "INVALID_PARAM2", "jumps 0.5, must be -1"),
@@ -211,6 +211,23 @@ def test_remarks_say_what_is_flown_otherwise() -> None:
         "1 altitude above terrain counted from home: the ground is flat",
         "1 payload command announced only",
     ]
+
+
+def test_a_place_on_the_ground_is_remarked_on_but_no_landing() -> None:
+    home = mission_item(0, 16, (), *HERE, 20.0, ABSOLUTE)
+    low = [item(16, z=0.0), item(18, z=20.0, frame=ABSOLUTE), item(21, z=0.0), item(20, z=0.0)]
+    high = [
+        item(16, z=1.0),
+        item(16, z=20.5, frame=ABSOLUTE),
+        mission_item(5, 17),
+        item(16, z=math.nan),
+    ]
+    assert not list(remarks_on((home, *high, *low[2:])))
+    assert list(remarks_on((home, *high, low[1]))) == [
+        "item 1 not above home: that is on the ground, if it is flat"
+    ]
+    (remark,) = remarks_on((home, *low))
+    assert remark.startswith("item 1 and 1 more not above home")
 
 
 @pytest.mark.parametrize(

@@ -23,9 +23,11 @@ from ftc_autopilot.guidance.runway_phases import (
     STOPPED,
 )
 from gcs.fleet import in_process
+from gcs.fleet.remarks import remarks_of
 from gcs.results.recording import Steps
 from gcs.scenario.model import scenario_of, scenario_tree
 from mavlink_defs.config.models import ConfigError
+from mavlink_defs.mission_files import mission_item
 
 _LOOK_STEPS = 100
 CIRCUIT = Path("scenarios/runway/circuit.yaml")
@@ -98,6 +100,21 @@ def test_a_circuit_is_flown_from_standstill_to_standstill(
     assert abs(math.degrees(worst["bank"])) <= 5.0
 
 
+def test_a_line_too_short_for_a_landing_is_flown_over_and_around_to_a_longer_one(
+    fly: Callable[..., Flown],
+) -> None:
+    start = {"north_m": -900.0, "east_m": 0.0, "altitude_m": 40.0, "airspeed_m_s": 40.0}
+    near = {"waypoint": {"north_m": -300.0, "east_m": 0.0, "height_m": 40.0}}
+    changes = {"uavs.0.initial": start, "mission.items": [near, LAND], "duration_s": 200.0}
+    landed = fly(**changes)
+    assert landed.phases == [FLYING, FINAL, FLARE, ROLL_OUT, STOPPED]
+    assert abs(landed.gear["worst"]["position"][1]) <= 3.0
+    assert abs(landed.position[0]) <= 300.0
+    remarks = remarks_of(scenario_of(CIRCUIT, edit(scenario_tree(CIRCUIT), changes)))
+    begin = "mission: item 2: an approach of 300 m is too short for 40 m of height at 35.9 m/s"
+    assert any(remark.startswith(begin) for remark in remarks)
+
+
 def test_a_take_off_without_thrust_is_rejected(fly: Callable[..., Flown]) -> None:
     """Half of the thrust is more than a take-off takes of the paper's aircraft; a tenth is not."""
     fault = {"uav": 1, "actuator": "throttle", "effectiveness": 0.1, "start_s": 0.0}
@@ -134,9 +151,7 @@ def test_an_approach_that_is_not_stable_is_given_up_and_flown_again(
         ({"aircraft.gear.kind": "belly"}, "neither wheels nor a launcher"),
         ({"navigation": "estimated"}, "flights by sensors begin in the air"),
         ({"runway.length_m": 100.0}, "the runway is 100 m long, a take-off takes"),
-        ({"mission.items.0": {"take_off": {"height_m": 3.0}}}, "must be >= 10 m"),
         ({"mission.items.4.waypoint.height_m": 1.0}, "raise the item before"),
-        ({"mission.items.4.waypoint.north_m": -200.0}, "too short for 60 m of height"),
         ({"mission": None, "profile": [{"start_s": 0.0}]}, "a profile begins in the air"),
     ],
 )
@@ -148,6 +163,23 @@ def test_what_cannot_be_flown_is_refused_before_the_flight(
         changes["profile"] = [{"start_s": 0.0, **angles}]
     with pytest.raises(ConfigError, match=text):
         scenario_of(CIRCUIT, edit(scenario_tree(CIRCUIT), changes))
+
+
+@pytest.mark.parametrize(
+    ("height_m", "remark"),
+    [
+        (-3.0, ["item 6: touchdown 3 m below the ground; flown on it"]),
+        (0.5, []),
+        (30.0, ["item 6: touchdown 30 m above home: that is in the air, if it is flat"]),
+    ],
+)
+def test_a_landing_that_is_not_on_the_ground_is_remarked_on(
+    height_m: float, remark: list[str]
+) -> None:
+    scenario = scenario_of(CIRCUIT, scenario_tree(CIRCUIT))
+    *before, land = scenario.mission_items()
+    lands = mission_item(6, 21, (), land.x, land.y, height_m)
+    assert list(scenario.planner().remarks((*before, lands))) == remark
 
 
 def test_an_aircraft_without_gear_does_not_land() -> None:

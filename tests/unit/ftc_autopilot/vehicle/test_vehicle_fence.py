@@ -1,114 +1,34 @@
 """A vehicle with a fence and rally points: what it says of a breach, and what it flies then."""
 
 import math
-from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import pytest
-from vehicle_bench import ACCEPTED, ARM, DENIED, START, UAV, Bench, of_type
-from vehicle_requests import second_process
-
-from ftc_autopilot.common.geography import Origin, place_of
-from gcs.scenario.model import Scenario
-from mavlink_defs import dialect
-from mavlink_defs.constants import AUTO, GUIDED, LOITER, RTL
-from mavlink_defs.mission_files import mission_item
-from mavlink_defs.services.mission import MissionItem
-
-ORIGIN = Origin()
-FENCE, RALLY = dialect.MAV_MISSION_TYPE_FENCE, dialect.MAV_MISSION_TYPE_RALLY
-ENABLE, SET_MODE = dialect.MAV_CMD_DO_FENCE_ENABLE, dialect.MAV_CMD_DO_SET_MODE
-SET_HOME = dialect.MAV_CMD_DO_SET_HOME
-CIRCLE = dialect.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION
-NO_GO = dialect.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION
-RETURN_POINT, RALLY_POINT = (
-    dialect.MAV_CMD_NAV_FENCE_RETURN_POINT,
-    dialect.MAV_CMD_NAV_RALLY_POINT,
+from fence_bench import (
+    AROUND,
+    CIRCLE,
+    ENABLE,
+    FAILED,
+    FENCE,
+    GEOFENCE,
+    ORIGIN,
+    RALLY,
+    RALLY_POINT,
+    RETURN_POINT,
+    SET_HOME,
+    SET_MODE,
+    FenceBench,
+    item,
+    texts,
 )
-FAILED = dialect.MAV_RESULT_FAILED
-GEOFENCE = dialect.MAV_SYS_STATUS_GEOFENCE
+from vehicle_bench import ACCEPTED, ARM, DENIED, UAV, of_type
 
-
-def item(
-    seq: int, command: int, north: float, east: float, param: float = 0.0, height: float = 0.0
-) -> MissionItem:
-    place = place_of(ORIGIN, north, east, 0.0)[:2]
-    return mission_item(seq, command, (param,), *place, height)
-
-
-AROUND = (item(0, CIRCLE, 0.0, 0.0, 1000.0),)
-
-
-class FenceBench(Bench):
-    """A vehicle that flies, and is where it is put."""
-
-    def __init__(self, scenario: Scenario) -> None:
-        super().__init__(scenario)
-        self.plan, self.modes = self.vehicle._plan, self.vehicle.modes
-        self.position(0.0, 0.0)
-
-    def position(self, north: float, east: float, height: float = 100.0) -> None:
-        self.hot.measured["position"] = (north, east, -height)
-
-    def put(self, north: float, east: float = 0.0, height: float = 100.0) -> str:
-        """Put the aircraft somewhere, and let a check pass; return what the vehicle says."""
-        self.position(north, east, height)
-        self.hot.step = (max(self.hot.step, 0) // 1000 + 1) * 1000
-        self.hot.measured["time_usec"] = self.hot.step * 1000
-        self.now += 1.0
-        self.vehicle.handle_timer(self.now)
-        return texts(self.vehicle.gcs_messages())
-
-    def upload_type(self, mission_type: int, items: Sequence[MissionItem]) -> tuple[int, str]:
-        """Upload a list of a type; return MAV_MISSION_RESULT, and what the vehicle says."""
-        answers = self.say(dialect.MAVLink_mission_count_message(UAV, 1, len(items), mission_type))
-        while requests := of_type(answers, "MISSION_REQUEST_INT"):
-            one = items[requests[0].seq]
-            one.target_system, one.target_component, one.mission_type = UAV, 1, mission_type
-            answers = self.say(one)
-        (ack,) = of_type(answers, "MISSION_ACK")
-        assert ack.mission_type == mission_type
-        return ack.type, texts(answers)
-
-    def set(self, **params: float) -> str:
-        said = ""
-        for name, value in params.items():
-            said += texts(
-                self.say(dialect.MAVLink_param_set_message(UAV, 1, name.encode(), value, 9))
-            )
-        return said
-
-    def fly(self) -> None:
-        assert self.command(ARM, 1.0) == ACCEPTED
-        self.run()
-
-    def made(self, message: type[Any]) -> Any:
-        return self.vehicle.telemetry[0].make(message.id)
-
-    @property
-    def status(self) -> tuple[int, int, int]:
-        """What FENCE_STATUS says: whether there is a breach, how many there were, of which type."""
-        status = self.made(dialect.MAVLink_fence_status_message)
-        return status.breach_status, status.breach_count, status.breach_type
-
-    def goal(self) -> tuple[float, float, float]:
-        """Centre and height of the circle that the path ends in."""
-        path = self.modes.path.record
-        last = int(path["count"]) - 1
-        north, east, course, curvature, height = (
-            float(path[name][last]) for name in ("north", "east", "course", "curvature", "height")
-        )
-        side = course + math.pi / 2.0
-        place = north + math.cos(side) / curvature, east + math.sin(side) / curvature
-        return round(place[0]), round(place[1]), round(height)
-
-
-def texts(messages: list[Any]) -> str:
-    joined = ""
-    for message in of_type(messages, "STATUSTEXT"):
-        joined += message.text + ("" if len(message.text) == 50 else "\n")
-    return joined
+from ftc_autopilot.common.geography import place_of
+from ftc_autopilot.guidance.runway_phases import AROUND as GOING_AROUND
+from ftc_autopilot.guidance.runway_phases import CLIMBING, FINAL, FLARE, FLYING, ROLLING
+from gcs.scenario.model import Scenario, load_scenario
+from mavlink_defs import dialect
+from mavlink_defs.constants import GUIDED, LOITER, RTL
 
 
 @pytest.fixture
@@ -118,12 +38,7 @@ def bench(scenario1: Scenario) -> FenceBench:
 
 @pytest.fixture
 def fenced(bench: FenceBench) -> FenceBench:
-    """One in LOITER, in a circle of 1000 m around home."""
-    result, said = bench.upload_type(FENCE, AROUND)
-    assert (result, said) == (ACCEPTED, "fence of 1 circle held, FENCE_ENABLE is 0\n")
-    assert bench.command(ENABLE, 1.0) == ACCEPTED
-    bench.fly()
-    assert bench.put(0.0) == ""
+    bench.fly_fenced()
     return bench
 
 
@@ -253,6 +168,24 @@ def test_the_floor_alone_can_be_left_out(bench: FenceBench) -> None:
     assert "below 50 m" in bench.put(0.0, height=20.0)
 
 
+def test_the_least_height_is_not_watched_on_the_ground_on_takeoff_and_landing() -> None:
+    bench = FenceBench(load_scenario("runway/circuit"))
+    bench.set(FENCE_TYPE=8, FENCE_ALT_MIN=50)
+    bench.command(ENABLE, 1.0)
+    bench.position(0.0, 0.0, 1.0)
+    assert bench.command(ARM, 1.0) == DENIED
+    velocity = bench.hot.measured["velocity"].copy()
+    bench.hot.measured["velocity"] = 0.0
+    bench.fly()
+    bench.hot.measured["velocity"] = velocity
+    runway = bench.controllers.uavs[0]["guidance"]["runway"]
+    for phase in (ROLLING, CLIMBING, FINAL, FLARE, GOING_AROUND):
+        runway["phase"] = phase
+        assert "fence" not in bench.put(0.0, height=20.0)
+    runway["phase"] = FLYING
+    assert "below 50 m" in bench.put(0.0, height=20.0)
+
+
 def test_the_circle_around_home_follows_it(bench: FenceBench) -> None:
     bench.set(FENCE_TYPE=2, FENCE_RADIUS=800)
     bench.command(ENABLE, 1.0)
@@ -318,104 +251,6 @@ def test_a_fence_that_is_cleared_ends_its_breach(fenced: FenceBench) -> None:
     assert fenced.put(2000.0) == "inside the fence\n"
 
 
-def test_rtl_leads_to_the_nearest_rally_point(bench: FenceBench) -> None:
-    points = (
-        item(0, RALLY_POINT, 4000.0, 0.0, height=80.0),
-        item(1, RALLY_POINT, 0.0, 3000.0, height=120.0),
-    )
-    assert bench.upload_type(RALLY, points) == (ACCEPTED, "2 rally points in force\n")
-    bench.fly()
-
-    def flown() -> tuple[float, float, float]:
-        bench.command(SET_MODE, 1.0, LOITER)
-        bench.command(SET_MODE, 1.0, RTL)
-        return bench.goal()
-
-    bench.position(0.0, 1000.0)
-    assert flown() == (0, 3000, 120)
-    bench.position(3000.0, 0.0)
-    assert flown() == (4000, 0, 80)
-    bench.position(1500.0, 100.0)
-    assert flown() == (4000, 0, 80)
-    bench.set(RALLY_INCL_HOME=1)
-    assert flown() == (0, 0, 100)
-    bench.set(RALLY_INCL_HOME=0, RALLY_LIMIT_KM=2)
-    assert flown() == (0, 0, 100)
-    bench.set(RALLY_LIMIT_KM=0)
-    bench.position(-50_000.0, 0.0)
-    assert flown() == (0, 3000, 120)
-
-
-def test_a_rally_point_outside_the_fence_is_not_used(fenced: FenceBench) -> None:
-    points = (
-        item(0, RALLY_POINT, 1500.0, 0.0, height=80.0),
-        item(1, RALLY_POINT, -900.0, 0.0, height=80.0),
-    )
-    said = fenced.upload_type(RALLY, points)[1]
-    assert "rally point 0 is outside the fence, not used while that is enabled\n" in said
-    assert "the circle around rally point 1, 449 m, leaves the fence\n" in said
-    assert "home" not in said
-    assert "RTL leads to rally point 1\n" in fenced.put(1001.0)
-    assert fenced.goal() == (-900, 0, 80)
-    fenced.command(ENABLE, 0.0)
-    fenced.command(SET_MODE, 1.0, LOITER)
-    fenced.command(SET_MODE, 1.0, RTL)
-    assert fenced.goal() == (1500, 0, 80)
-
-
-def mission(height: float = 100.0) -> list[MissionItem]:
-    places = ((800.0, 0.0), (800.0, 1500.0))
-    items = [
-        item(seq, dialect.MAV_CMD_NAV_WAYPOINT, *place, height=height)
-        for seq, place in enumerate(places, start=1)
-    ]
-    return [mission_item(0, 16), *items]
-
-
-def test_a_mission_that_leaves_the_fence_is_taken_and_told(fenced: FenceBench) -> None:
-    told = "the mission leaves the fence on the way to item 2\n"
-    result, said = fenced.upload_type(dialect.MAV_MISSION_TYPE_MISSION, mission())
-    assert (result, told in said) == (ACCEPTED, True)
-    assert fenced.upload_type(FENCE, (item(0, CIRCLE, 0.0, 0.0, 9000.0),))[1].count("leaves") == 0
-    assert told in fenced.upload_type(FENCE, AROUND)[1]
-
-
-def test_home_moved_outside_is_told(fenced: FenceBench) -> None:
-    latitude, longitude = (x / 1e7 for x in place_of(ORIGIN, 2000.0, 0.0, 0.0)[:2])
-    place = (0.0, 0.0, 0.0, 0.0, latitude, longitude, 584.0)
-    answers = fenced.say(dialect.MAVLink_command_long_message(UAV, 1, SET_HOME, 0, *place))
-    assert "home is outside the fence\n" in texts(answers)
-
-
-def test_a_second_process_has_fence_rally_points_and_the_breach(
-    fenced: FenceBench, scenario1: Scenario, tmp_path: Path
-) -> None:
-    assert fenced.upload_items(mission()) == ACCEPTED
-    fenced.upload_type(RALLY, (item(0, RALLY_POINT, 500.0, 0.0, height=60.0),))
-    fenced.set(FENCE_ACTION=4, RALLY_LIMIT_KM=7)
-    fenced.command(START)
-    fenced.put(1001.0)
-    fenced.command(SET_MODE, 1.0, AUTO)
-    before, _ = fenced.vehicle.mission_checkpoint()
-    second = second_process(fenced, scenario1, tmp_path)
-    plan = second.vehicle._plan
-    assert len(plan.mission.server.items) == 3
-    assert [i.command for i in plan.fence.server.items] == [CIRCLE]
-    assert [i.command for i in plan.rally.server.items] == [RALLY_POINT]
-    values = {p.name: p.get() for p in second.vehicle._params._parameters}
-    assert (values["FENCE_ENABLE"], values["FENCE_ACTION"]) == (1.0, 4.0)
-    assert values["RALLY_LIMIT_KM"] == 7.0
-    second.run()
-    second.hot.step = fenced.hot.step + 1000
-    second.hot.measured["position"] = (1100.0, 0.0, -100.0)
-    second.vehicle.handle_timer(second.now + 1.0)
-    assert second.vehicle.modes.mode == AUTO
-    status: Any = second.vehicle.telemetry[0].make(dialect.MAVLINK_MSG_ID_FENCE_STATUS)
-    assert (status.breach_status, status.breach_count) == (1, 1)
-    fenced.put(0.0)
-    assert fenced.vehicle.mission_checkpoint()[0] != before
-
-
 def test_another_flight_begins_without_breaches(fenced: FenceBench) -> None:
     fenced.put(1001.0)
     fenced.vehicle.restart()
@@ -428,9 +263,3 @@ def test_no_fence_means_no_checks(bench: FenceBench) -> None:
     bench.fly()
     bench.put(50_000.0)
     assert bench.vehicle.next_check_step() > 10**12
-
-
-def test_a_circle_around_home_that_leaves_the_fence_is_told(bench: FenceBench) -> None:
-    said = bench.upload_type(FENCE, (item(0, CIRCLE, 100.0, 0.0, 500.0),))[1]
-    assert said.endswith("the circle around home, 449 m, leaves the fence\n")
-    assert "circle around" not in bench.upload_type(FENCE, AROUND)[1]

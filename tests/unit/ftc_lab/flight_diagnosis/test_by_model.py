@@ -1,6 +1,7 @@
 """What each actuator did, by a model: from recordings of our own, whole and as an exported log."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -73,6 +74,20 @@ def test_its_export_says_the_same(run: Path, tmp_path: Path) -> None:
     assert status == 1
     assert finding["surface"] == "aileron"
     assert finding["onset_s"] == pytest.approx(FAULT_S, abs=0.4)
+
+
+def test_on_the_ground_nothing_is_judged_and_by_hand_all(run: Path) -> None:
+    flight = read_flight(run, 1)
+    taxiing = {
+        name: replace(one, values=np.where(one.time_s < 4.0, 0.02 * one.values, one.values))
+        for name, one in flight.channels.items()
+        if name in {"u", "V"}
+    }
+    grounded = replace(flight, channels={**flight.channels, **taxiing}, modes=((0.0, "MANUAL"),))
+    relations = relations_by_model(grounded, load_aircraft("paper"))
+    for one in relations.relations:
+        assert np.isnan(one.measured[relations.time_s < 5.9]).all()
+        assert np.isfinite(one.measured[relations.time_s > 6.4]).all()
 
 
 @pytest.mark.parametrize("missing", ["held_aileron", "wind_u", "p"])

@@ -55,6 +55,21 @@ def test_help(
                 assert len(named) == len(set(named))
 
 
+def test_every_option_and_argument_says_what_it_is() -> None:
+    found: list[tuple[tuple[str, ...], Any]] = [(("gcs",), whole_command())]
+    silent = []
+    for names, command in found:
+        inner = getattr(command, "commands", {})
+        found += [((*names, name), one) for name, one in inner.items()]
+        silent += [
+            f"{' '.join(names)} {one.name}"
+            for one in command.params
+            if not (one.help or getattr(one, "hidden", False))
+        ]
+    assert len(found) > 40
+    assert silent == []
+
+
 def test_help_in_a_pipe_is_folded(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -169,6 +170,20 @@ def test_what_cannot_be_exported(
     with pytest.raises(BadInput, match="does not say where it was"):
         run("export", TLOG, "--to", "kml", "--out", tmp_path)
     assert sorted(one.name for one in tmp_path.iterdir()) == ["circle.csv"]
+
+
+@pytest.mark.parametrize("option", ["--uav", "--columns"])
+def test_options_of_logs_are_of_no_run(option: str, tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match=f"{option} is of logs"):
+        run("export", tmp_path, "--to", "csv", option, "1")
+
+
+def test_values_that_no_message_has_are_left_out_of_the_replay(flight: FlightTable) -> None:
+    huge = channel("V", TIMES, np.where(TIMES < 10.0, 20.0, 1e200))
+    assert huge is not None
+    frames = frames_of(replace(flight, channels={**flight.channels, "V": huge}))
+    [vehicle] = replayed(frames).fleet.vehicles.values()
+    assert vehicle.airspeed_m_s == 20.0
 
 
 def test_a_log_is_opened_as_a_flight(flight: FlightTable, tmp_path: Path) -> None:

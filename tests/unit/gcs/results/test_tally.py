@@ -61,7 +61,7 @@ def test_it_does_not_matter_how_the_steps_arrive(
     commands, reference = flight.error("command"), flight.error("reference")
     for i, own in enumerate(tally.uavs):
         assert own["missing"] == np.count_nonzero(flight.missing[:, i])
-        assert own["active"] == np.count_nonzero(flight.active[:, i])
+        assert own["active"] == np.count_nonzero(np.isfinite(flight.signals["command"][:, i, 0]))
         for against, error in enumerate((commands[:, i], reference[:, i])):
             expected = integrated_error(error, STEP_US)
             found = own["sum"][against] * STEP_US / 1e6 if own["counted"][against] else np.nan

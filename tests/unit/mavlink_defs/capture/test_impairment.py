@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmarks.impairer import Impairer
 from mavlink_defs import dialect
-from mavlink_defs.capture.impairing import MEMORY, Impairer
+from mavlink_defs.capture.impairing import MEMORY
 from mavlink_defs.capture.impairment import Bursts, Impairment, Outage
 from mavlink_defs.config.files import validate
 from mavlink_defs.config.models import ConfigError

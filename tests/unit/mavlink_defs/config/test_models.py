@@ -56,6 +56,30 @@ def test_a_number_is_declared_with_names_or_in_order() -> None:
     assert repr(whole("", "Count.", 3, ge=1)) == repr(whole("", ge=1, default=3, doc="Count."))
 
 
+def test_a_docstring_describes_the_keys() -> None:
+    class Tail(Model):
+        """A tail.
+
+        Attributes:
+            shape: Its shape, which may
+                take two lines.
+            span_m: Another text than the field's: the docstring counts.
+        """
+
+        shape: Literal["v", "t"] = "t"
+        span_m: float = quantity("m", "Span.")
+        area_m2: float = quantity("m^2", "Area.")
+        name: str = Field(default="tail", description="Name.")
+
+    said = {name: field.description for name, field in Tail.model_fields.items()}
+    assert said == {
+        "shape": "Its shape, which may take two lines.",
+        "span_m": "Another text than the field's: the docstring counts.",
+        "area_m2": "Area.",
+        "name": "Name.",
+    }
+
+
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     return tmp_path / "craft.yaml"

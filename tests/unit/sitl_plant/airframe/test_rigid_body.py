@@ -60,6 +60,7 @@ def tumble(omega: Vec3, J: np.ndarray, steps: int, dt: float) -> np.ndarray:
             (UNDISTURBED, UNDISTURBED, UNDISTURBED),
             Environment(IDLE, faults, STILL[0], NO_EDDIES[0], body, NO_GEAR),
             k * dt,
+            False,
         )
         # only the rotation is looked at: keep the velocity and the attitude where they began
         state = (load_state(x)[0], load_state(x)[1], load_state(x)[2], state[3])

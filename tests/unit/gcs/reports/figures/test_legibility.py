@@ -30,6 +30,7 @@ from ftc_lab.figures.events import fig7, fig8, fig9
 from ftc_lab.figures.trajectories import fig5
 from gcs.fleet.in_process import fly_in_process
 from gcs.reports.figures import mission, overview
+from gcs.reports.figures import style as style_module
 from gcs.reports.figures.flown import PlottedFlight
 from gcs.reports.figures.style import (
     REFERENCE,
@@ -106,7 +107,7 @@ def preview_of(flight: PlottedFlight) -> tuple[Recording, Preview]:
 def overview_of(flight: PlottedFlight) -> Figure:
     shown, preview = preview_of(flight)
     draw = overview.draw_flight
-    return captured(overview, lambda: draw(shown, flight.scenario, preview.gaps(), Path()))
+    return captured(style_module, lambda: draw(shown, flight.scenario, preview.gaps(), Path()))
 
 
 def mission_of(flight: PlottedFlight) -> Figure:
@@ -119,7 +120,7 @@ def mission_of(flight: PlottedFlight) -> Figure:
     signals["slot"] = 0
     shown = replace(flight.recording, signals=signals)
     draw = mission.draw_mission
-    return captured(mission, lambda: draw(shown, scenario, paths, leaders, Path()))
+    return captured(style_module, lambda: draw(shown, scenario, paths, leaders, Path()))
 
 
 def findings(folder: Path, **changes: Any) -> Findings:

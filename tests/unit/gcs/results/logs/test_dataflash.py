@@ -118,27 +118,40 @@ def test_bytes_that_are_no_message_are_told(path: Path) -> None:
     assert any("bytes between its messages are none" in one for one in flight.remarks)
 
 
-def test_a_second_boot_in_a_log_is_told(path: Path) -> None:
-    log = fly(fly(described(), 3.0, 90_000_000), 8.0)
-    flight = read_flight(log.save(path))
-    assert flight.duration_s == pytest.approx(7.98, abs=0.03)
-    assert any("the clock jumps by -8" in one for one in flight.remarks)
-
-
 @pytest.mark.parametrize(
-    ("content", "problem"),
+    ("whole", "damaged"),
     [
-        (b"", "is empty"),
-        (b"a text" * 20, "is no log of ArduPilot"),
-        (b"\xa3\x95", "has no message of a flight"),
-        (b"\xa3\x95\x80" + bytes(300), "has no message of a flight|is a broken log"),
+        (b"TimeUS,Message", b"TimeUS,TimeUS\0"),  # two fields of one name
+        (b"TimeUS,Mode,", b"TimeUS,,ode,"),  # one without a name
+        (b"TimeUS,Subsys", b"TimeXX,Subsys"),  # no time
+        (b"\x00\x00\x00\x3f", b"\x01\x00\xa0\x7f"),  # no number: a signalling NaN
     ],
 )
-def test_what_is_no_log_is_refused_in_a_line(content: bytes, problem: str, path: Path) -> None:
-    path.write_bytes(content)
-    with pytest.raises(BadInput, match=problem) as refused:
-        read_flight(path)
-    assert "\n" not in str(refused.value)
+def test_what_is_damaged_does_not_reach_the_rest(whole: bytes, damaged: bytes, path: Path) -> None:
+    log = described()
+    log.add("MSG", BOOT_US, b"ArduPlane V4.6.0 (x)")
+    log.add("MODE", BOOT_US, 10, 10, 1)
+    log.add("ERR", BOOT_US, 11, 2)
+    fly(log).save(path)
+    data = path.read_bytes()
+    assert whole in data
+    path.write_bytes(data.replace(whole, damaged))
+    flight = read_flight(path)
+    assert flight.duration_s == pytest.approx(9.98)
+    assert len(flight["p"].values) >= 499
+
+
+def test_a_second_boot_in_a_log_is_told(path: Path) -> None:
+    log = described()
+    log.add("MODE", 91_000_000, 0, 0, 1)
+    fly(log, 3.0, 90_000_000)
+    log.add("MODE", BOOT_US + 1_000_000, 10, 10, 1)
+    flight = read_flight(fly(log, 8.0).save(path))
+    assert flight.duration_s == pytest.approx(7.98, abs=0.03)
+    assert any("the clock jumps by -8" in one for one in flight.remarks)
+    assert flight.modes == ((1.0, "AUTO"),)  # and not by hand, as in the first one
+    assert flight.started is not None
+    assert flight.started.isoformat() == "2024-02-03T23:59:43+00:00"
 
 
 def test_a_log_without_a_flight_is_refused(path: Path) -> None:

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from gcs.console.errors import BadInput
-from gcs.results.logs.clocks import longest_stretch
-from gcs.results.logs.judgement import shortcomings
+from gcs.results.logs.clocks import longest_span, longest_stretch
 from gcs.results.logs.names import UNITS, factor
+from gcs.results.logs.shortcomings import shortcomings
 from gcs.results.logs.table import FlightTable, LogChannel, by_name, channel
 
 
@@ -78,6 +78,12 @@ def test_a_grid_spans_what_channels_have_in_common() -> None:
         flight(made("p", [0.0, 1.0], [0, 0]), made("q", [2.0, 3.0], [0, 0])).grid(names=("p", "q"))
 
 
+def test_a_grid_that_no_memory_holds_is_refused() -> None:
+    bursts = np.add.outer(10.0 * np.arange(60.0), 1e-6 * np.arange(100.0)).ravel()
+    with pytest.raises(BadInput, match=r"590 s at 1e\+06 Hz: 5.9e\+08 rows"):
+        flight(made("p", bursts, np.ones(6000))).grid()
+
+
 def test_a_place_at_zero_north_and_east_is_none() -> None:
     place = [made("latitude", [0, 1, 2], [0, 0, 45]), made("longitude", [0, 1, 2], [0, 0, 9])]
     found = by_name([*place, made("altitude", [0, 1, 2], [0, 0, 300])])
@@ -96,10 +102,20 @@ def test_a_place_at_zero_north_and_east_is_none() -> None:
 def test_the_longest_stretch_of_a_clock_that_jumps(
     times: list[float], stretch: slice, text: str
 ) -> None:
-    found, remark = longest_stretch(np.array(times, float))
+    found, remarks = longest_stretch(np.array(times, float))
     assert found == stretch
-    assert text in remark
-    assert bool(remark) == bool(text)
+    assert text in "".join(remarks)
+    assert bool(remarks) == bool(text)
+
+
+def test_slow_messages_may_begin_earlier_and_those_of_another_boot_do_not_count() -> None:
+    fast = np.append(np.arange(0.0, 1.0, 0.1), np.arange(500.0, 510.0, 0.1) - 400.0)
+    fast[:10] += 7000.0
+    slow = np.array([7000.0, 7001.0, 99.4, 104.0, 110.2, 7e8])
+    begin, end, jumps = longest_span([fast, slow, np.empty(0)])
+    assert (begin, end) == (99.4, 110.2)
+    assert len(jumps) == 1
+    assert longest_span([np.empty(0)]) == (0.0, 0.0, [])
 
 
 def test_what_a_log_cannot_say() -> None:

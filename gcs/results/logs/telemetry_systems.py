@@ -1,7 +1,7 @@
 """What a telemetry log has of each system: messages of one kind together, as arrays."""
 
 from collections import Counter, defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
@@ -12,6 +12,7 @@ from fastcrc.crc16 import mcrf4xx
 
 from gcs.console.errors import BadInput
 from gcs.results.logs.fields import Values
+from gcs.results.logs.reading import reading
 from mavlink_defs import dialect
 from mavlink_defs.capture.tlog import TlogError, read_frames
 from mavlink_defs.framing.header import CRC_SIZE, HEADER_SIZE, V2_MAGIC
@@ -85,7 +86,7 @@ def read_systems(path: Path) -> tuple[dict[int, HeardSystem], list[str]]:
     wrong: Counter[str] = Counter()
     remarks = []
     try:
-        for time_us, frame in read_frames(path, complain=True):
+        for time_us, frame in _frames(path):
             times.append(time_us)
             if frame[0] == V2_MAGIC:
                 begin, size, system = HEADER_SIZE, frame[1], frame[5]
@@ -104,8 +105,6 @@ def read_systems(path: Path) -> tuple[dict[int, HeardSystem], list[str]]:
             places, payloads = found[system].setdefault(kind.msgname, MessageKind([], []))
             places.append(len(times) - 1)
             payloads.append(frame[begin:end])
-    except OSError as problem:
-        raise BadInput(f"cannot read {path}: {problem.strerror}") from None
     except TlogError as problem:
         if not found:
             raise BadInput(str(problem), "telemetry logs are .tlog of a ground station") from None
@@ -115,6 +114,11 @@ def read_systems(path: Path) -> tuple[dict[int, HeardSystem], list[str]]:
     remarks += [f"{number} of {len(times)} frames {what}" for what, number in wrong.items()]
     time_s = np.array(times) / 1e6
     return {system: HeardSystem(time_s, kinds) for system, kinds in found.items()}, remarks
+
+
+def _frames(path: Path) -> Iterator[tuple[int, bytes]]:
+    with reading(path):
+        yield from read_frames(path, complain=True)
 
 
 @cache

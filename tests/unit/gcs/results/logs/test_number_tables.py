@@ -122,6 +122,25 @@ def test_a_mat_file_of_structures(tmp_path: Path) -> None:
     assert flight["latitude"].values == pytest.approx(np.degrees(np.cos(time_s)))
 
 
+def test_columns_of_other_lengths_are_left_out(tmp_path: Path) -> None:
+    columns = {"time_s": np.arange(9.0), "roll": np.arange(9.0), "V": np.ones(4), "uav": np.ones(5)}
+    savemat(tmp_path / "a.mat", columns)
+    assert set(read_flight(tmp_path / "a.mat").channels) == {"roll"}
+
+
+def test_dates_in_numbers_are_no_simulated_time(tmp_path: Path) -> None:
+    text = "time_s,uav,roll\n" + "".join(f"{1.7e9 + k},1,0\n" for k in range(5))
+    flight = read_flight(rows(tmp_path / "a.csv", text))
+    assert (flight["roll"].clock, flight.begin_s, flight.end_s) == ("log", 0.0, 4.0)
+
+
+def test_a_date_is_no_value_of_a_channel(tmp_path: Path) -> None:
+    text = "t,when\n1,2018-09-11 18:55:44\n2,2018-09-11 18:55:45\n"
+    place = rows(tmp_path / "m.yaml", "time: {column: t}\nchannels: {V: {column: when}}")
+    with pytest.raises(BadInput, match="has no numbers in its columns"):
+        read_flight(rows(tmp_path / "a.csv", text), columns=place)
+
+
 def test_a_clock_that_jumps_is_told(tmp_path: Path, column_map: Path) -> None:
     at = [*range(0, 3000, 100), *range(0, 9000, 100)]
     text = "t,bank,ps\n" + "".join(f"{k},{k % 7},1\n" for k in at)
@@ -134,16 +153,17 @@ def test_a_clock_that_jumps_is_told(tmp_path: Path, column_map: Path) -> None:
     ("name", "content", "problem"),
     [
         ("a.csv", b"", "is no table of numbers"),
-        ("a.csv", b"t,bank,ps\n", "has no rows"),
-        ("a.csv", b"t,bank,ps\n1,2\n1,2\n", "has no rows"),
+        ("a.csv", b"t,bank,ps\n1,2\n1,2\n", "has no column of numbers"),
+        ("a.csv", b"t;bank\n1,5;2,5\n2,5;3,5\n", "has no column of numbers"),
         ("a.csv", b"t,b\n1,2\n", "has no column of numbers 'bank', 'ps', which .*map.yaml"),
         ("a.csv", b"t,bank,ps\n,2,3\n,2,3\n", "no column of numbers 't'"),
         ("a.csv", b"t,bank,ps\n1,2,3\n,2,3\n,2,3\n", "column 't' is no time"),
         ("a.csv.xz", lzma.compress(b"t,bank,ps\n1,2,3\n" * 99)[:40], "is cut off"),
-        ("a.csv.gz", b"t,bank,ps\n1,2,3\n", "cannot read .*[Nn]ot a gzip"),
+        ("a.csv.gz", b"t,bank,ps\n1,2,3\n", "not packed as its name says: .*[Nn]ot a gzip"),
         ("a.mat", b"MATLAB 5.0 MAT-file" + bytes(200), "is no MAT file, or is cut off"),
         ("a.mat", b"t,bank\n1,2\n", "is no MAT file, or is cut off"),
         ("a.parquet", b"t,bank\n1,2\n", "is no Parquet file"),
+        ("a.parquet", b"PAR1" + bytes(99) + b"\x40\0\0\0PAR1", "is no Parquet file"),
     ],
 )
 def test_bad_tables_are_refused_in_a_line(

@@ -5,7 +5,6 @@ import gzip
 import io
 import lzma
 from collections.abc import Callable, Iterator, Mapping
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -13,9 +12,10 @@ import numpy as np
 
 from gcs.console.errors import BadInput
 from gcs.console.extras import check_packages
-from gcs.results.logs.clocks import longest_stretch
+from gcs.results.logs.clocks import longest_stretch, utc
 from gcs.results.logs.column_map import ColumnMap, MappedColumn, TimeColumn, bundled_maps, read_map
 from gcs.results.logs.names import UNITS, factor
+from gcs.results.logs.reading import chosen_vehicle, reading
 from gcs.results.logs.table import FlightTable, LogChannel, by_name, channel
 from mavlink_defs.config.problems import counted
 from mavlink_defs.config.user_files import open_file
@@ -31,6 +31,7 @@ _PACKED: Mapping[str, Callable[[BinaryIO], Any]] = {
 }
 _SEPARATORS = ",;\t"
 _LEAST_NUMBERS = 0.5  # of a column; else it is one of texts
+_LONGEST_S = 2**32 / 1e3  # simulated time in messages; what is more is a date
 _SHOWN = 12  # columns that a message names
 
 _Columns = Mapping[str, np.ndarray]
@@ -55,22 +56,24 @@ def read_columns(path: Path, kind: str, uav: int | None, map_file: Path | None) 
     else:
         columns = _of_parquet(path) if kind == "parquet" else _of_mat(path)
     if not any(map(len, columns.values())):
-        raise BadInput(f"{path} has no rows")
+        text = f"{path} has no column of numbers"
+        raise BadInput(text, "rows of numbers, apart by , ; or tabs, with decimal points, in UTF-8")
     chosen = _map_of(path, columns, map_file)
+    columns = _beside(chosen.time.column, columns)
     columns = _of_one(path, columns, uav, remarks)
     time_s, clock, since_s = _times(path, columns, chosen.time)
     absent = [one.column for one in chosen.channels.values() if one.column not in columns]
     if absent:
         remarks.append(f"it has no column {', '.join(map(repr, absent))}")
     rows = np.flatnonzero(np.isfinite(time_s))
-    stretch, jump = longest_stretch(time_s[rows])
+    stretch, jumps = longest_stretch(time_s[rows])
     rows = rows[stretch]
-    remarks += [jump] if jump else []
+    remarks += jumps
     begin = 0.0 if clock == "simulated" else float(time_s[rows[0]])
     channels = by_name(
         _channel(name, one, time_s[rows] - begin, columns[one.column][rows], clock)
         for name, one in chosen.channels.items()
-        if len(columns.get(one.column, ())) == len(time_s)
+        if one.column in columns
     )
     if not channels:
         raise BadInput(f"{path} has no numbers in its columns")
@@ -78,7 +81,7 @@ def read_columns(path: Path, kind: str, uav: int | None, map_file: Path | None) 
         title=f"{visible(path.name)}, {chosen.title}" if chosen.title else visible(path.name),
         kind=kind,
         channels=channels,
-        started=datetime.fromtimestamp(since_s + begin, UTC) if clock == "UTC" else None,
+        started=utc(since_s + begin) if clock == "UTC" else None,
         remarks=tuple(remarks),
     )
 
@@ -112,17 +115,25 @@ def _map_of(path: Path, columns: _Columns, map_file: Path | None) -> ColumnMap:
     return fitting
 
 
+def _beside(time: str, columns: _Columns) -> _Columns:
+    """Return numbers for each time: MAT files have columns of other lengths, too."""
+    return {
+        name: values
+        for name, values in columns.items()
+        if len(values) == len(columns[time]) and (values.dtype.kind != "M" or name == time)
+    }
+
+
 def _of_one(path: Path, columns: _Columns, uav: int | None, remarks: list[str]) -> _Columns:
     """Return the rows of one UAV, of a table that has several."""
     if "uav" not in columns:
+        if uav is not None:
+            raise BadInput(f"--uav is {uav}, and {path} does not say whose it is: no column 'uav'")
         return columns
     ids = [int(one) for one in np.unique(columns["uav"]) if np.isfinite(one)]
-    if uav is not None and uav not in ids:
-        raise BadInput(f"--uav is {uav}, expected one of {', '.join(map(str, ids))}, as in {path}")
-    chosen = ids[0] if uav is None else uav
+    chosen, others = chosen_vehicle(path, ids, uav, ids[0])
+    remarks += others
     rows = columns["uav"] == chosen
-    others = ", ".join(str(one) for one in ids if one != chosen)
-    remarks += [f"of UAV {chosen}; it has {others}, too (--uav)"] if others else []
     return {name: values[rows] for name, values in columns.items()}
 
 
@@ -138,7 +149,9 @@ def _times(path: Path, columns: _Columns, of: TimeColumn) -> tuple[np.ndarray, s
     if np.isfinite(time_s).sum() < max(2, len(time_s) // 2):
         text = f"{path}: its column {of.column!r} is no time"
         raise BadInput(f"{text}, expected dates or numbers in {of.unit}")
-    return time_s, "simulated" if "uav" in columns else "log", 0.0
+    known = time_s[np.isfinite(time_s)]
+    is_ours = "uav" in columns and known.min() >= 0.0 and known.max() < _LONGEST_S
+    return time_s, "simulated" if is_ours else "log", 0.0
 
 
 # files
@@ -146,17 +159,11 @@ def _times(path: Path, columns: _Columns, of: TimeColumn) -> tuple[np.ndarray, s
 
 def _of_csv(path: Path, remarks: list[str]) -> _Columns:
     """Return the columns of a CSV file, packed or not, of which the first of each name counts."""
-    import pyarrow as pa
     from pyarrow import csv
 
-    try:
-        with open_file(path) as file:
-            packed = _PACKED.get(path.suffix.lower())
-            data = file.read() if packed is None else packed(file).read()
-    except OSError as problem:
-        raise BadInput(f"cannot read {path}: {problem.strerror or problem}") from None
-    except (EOFError, lzma.LZMAError) as problem:
-        raise BadInput(f"{path} is cut off, or not packed as its name says: {problem}") from None
+    with reading(path, "is cut off, or not packed as its name says"), open_file(path) as file:
+        packed = _PACKED.get(path.suffix.lower())
+        data = file.read() if packed is None else packed(file).read()
     data = data.decode("utf-8-sig", "replace").encode()  # a broken byte costs its cell only
     head = data[: data.find(b"\n")].decode()
     separator = max(_SEPARATORS, key=head.count)
@@ -167,26 +174,18 @@ def _of_csv(path: Path, remarks: list[str]) -> _Columns:
         return "skip"
 
     options = csv.ParseOptions(delimiter=separator, invalid_row_handler=skip)
-    try:
+    with reading(path, "is no table of numbers"):
         table = csv.read_csv(io.BytesIO(data), parse_options=options)
-    except pa.ArrowInvalid as problem:
-        raise BadInput(f"{path} is no table of numbers: {_first_line(problem)}") from None
     if wrong:
         remarks.append(f"{counted(len(wrong), 'row')} with more or fewer columns left out")
     return _of_table(table)
 
 
 def _of_parquet(path: Path) -> _Columns:
-    import pyarrow as pa
     from pyarrow import parquet
 
-    try:
-        with open_file(path) as file:
-            return _of_table(parquet.read_table(file))
-    except OSError as problem:
-        raise BadInput(f"cannot read {path}: {problem.strerror or problem}") from None
-    except pa.ArrowInvalid as problem:
-        raise BadInput(f"{path} is no Parquet file: {_first_line(problem)}") from None
+    with reading(path, "is no Parquet file"), open_file(path) as file:
+        return _of_table(parquet.read_table(file))
 
 
 def _of_table(table: "pa.Table") -> _Columns:
@@ -215,15 +214,11 @@ def _of_mat(path: Path) -> _Columns:
     check_packages(("scipy",), f"{path.name}, a MAT file,", "lab")
     from scipy.io import loadmat
 
-    try:
-        with open_file(path) as file:
+    with reading(path, "is no MAT file, or is cut off"), open_file(path) as file:
+        try:
             tree = loadmat(file, squeeze_me=True, struct_as_record=False)
-    except OSError as problem:
-        raise BadInput(f"cannot read {path}: {problem.strerror or problem}") from None
-    except NotImplementedError:
-        raise BadInput(f"{path} is of MATLAB 7.3", "save it with -v7 in MATLAB") from None
-    except Exception as problem:  # of a file that is broken: MatReadError, IndexError, ...
-        raise BadInput(f"{path} is no MAT file, or is cut off: {problem}") from None
+        except NotImplementedError:
+            raise BadInput(f"{path} is of MATLAB 7.3", "save it with -v7 in MATLAB") from None
     return dict(_vectors("", {k: v for k, v in tree.items() if not k.startswith("__")}))
 
 
@@ -233,7 +228,3 @@ def _vectors(place: str, tree: Mapping[str, Any]) -> Iterator[tuple[str, np.ndar
             yield from _vectors(f"{place}{name}.", {one: getattr(value, one) for one in fields})
         elif isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype.kind in "fiub":
             yield f"{place}{name}", value.astype(float)
-
-
-def _first_line(problem: Exception) -> str:
-    return visible(str(problem).partition("\n")[0])
