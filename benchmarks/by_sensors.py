@@ -9,21 +9,23 @@ Errors are of the true state, or of the estimate against it, of the worst UAV; a
 """
 
 import argparse
+import itertools
 import math
+import multiprocessing
+import os
 import statistics
-import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from benchmarks.sensor_flights import SETTLED_S, Errors, errors_of, watched
 from ftc_autopilot.control.laws import KINDS
-from ftc_autopilot.estimation.state import TESTED
 from ftc_lab.reports.laws import LawRow, Value, law_markdown
 from ftc_lab.reports.markdown import table
-from gcs.fleet.in_process import InProcessFlight, begin, fly_in_process, fly_on
+from gcs.fleet.in_process import fly_in_process
 from gcs.results.figures import FlightSummary
 from gcs.results.quantities import IAE_UNITS, QUANTITIES
 from gcs.results.recording import Steps
@@ -31,23 +33,11 @@ from gcs.results.rivals import SIMPLEST_FIRST
 from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from mavlink_defs.config.inherit import merged
-from sitl_plant.sensing.units import FAULT_NAMES
 
 DIAGNOSING = ("surviving", "tube")
 """Laws of which the estimator's part is printed; it is the same under all."""
 FAULTS = Path(__file__).parent.parent / "scenarios" / "sensor_faults"
-_LOOK_S = 0.02
 _MANY = 100.0  # printed without decimals
-_SETTLED_S = 10.0
-
-
-class Exclusion(NamedTuple):
-    """A sensor excluded, or taken back."""
-
-    time_s: float
-    uav: int
-    sensor: str
-    excluded: bool
 
 
 def scenario_with(name: str, law: str, seed: int, navigation: str) -> Scenario:
@@ -58,24 +48,24 @@ def scenario_with(name: str, law: str, seed: int, navigation: str) -> Scenario:
     return scenario_of(name, merged(scenario_tree(name), own))
 
 
-def without_faults(law: str, seeds: int) -> dict[str, tuple[Value, ...]]:
-    """Return what it costs a law to fly by sensors: medians by figure, before, after, and times."""
-    pairs = [
-        [_flown(law, seed, how) for how in ("true_state", "estimated")]
-        for seed in range(1, seeds + 1)
-    ]
+def without_faults(flown: Sequence[Sequence[FlightSummary]]) -> dict[str, tuple[Value, ...]]:
+    """Return what it costs a law to fly by sensors: medians by figure, before, after, and times.
+
+    Args:
+        flown: Of each seed, by the true state and by sensors.
+    """
     figures: dict[str, Callable[[FlightSummary], float]] = {
-        "events of all UAVs": lambda flown: sum(uav.events for uav in flown.uavs),
+        "events of all UAVs": lambda one: sum(uav.events for uav in one.uavs),
         **{
             f"IAE of {key} against the reference [{IAE_UNITS[key]}]": partial(_worst, key)
             for key in QUANTITIES
         },
     }
-    return {name: _before_and_after(pairs, figure) for name, figure in figures.items()}
+    return {name: _before_and_after(flown, figure) for name, figure in figures.items()}
 
 
 def _before_and_after(
-    pairs: list[list[FlightSummary]], figure: Callable[[FlightSummary], float]
+    pairs: Sequence[Sequence[FlightSummary]], figure: Callable[[FlightSummary], float]
 ) -> tuple[Value, ...]:
     counts = [
         [figure(one) if one.completed else math.inf for one in how]
@@ -112,14 +102,14 @@ class Faulted(NamedTuple):
     noticed_s: float | None
     others: int
     blamed: int
-    errors: list[float]
+    errors: Errors
     tracking: tuple[float, float]
 
 
 def with_fault(name: str, law: str, seed: int) -> Faulted:
     """Fly a fault."""
     scenario = scenario_with(f"sensor_faults/{name}", law, seed, "estimated")
-    flown, exclusions = watched(scenario)
+    flown, exclusions, *_ = watched(scenario)
     fault = scenario.faults[0]
     after = [e.time_s - fault.start_s for e in exclusions if e.excluded]
     return Faulted(
@@ -135,7 +125,7 @@ def tracking_of(steps: Steps, scenario: Scenario) -> tuple[float, float]:
     """Return how far a law was from its reference, as of `Faulted`."""
     if steps.length < scenario.steps:
         return math.inf, math.inf
-    first = round(_SETTLED_S * 1e6 / scenario.step_us)
+    first = round(SETTLED_S * 1e6 / scenario.step_us)
     off = steps.states[first:, :, 6:9] - steps.signals["reference"][first:, :, 1:]
     off = np.degrees(np.abs((off + np.pi) % (2.0 * np.pi) - np.pi))
     return float(off[..., :2].max()), float(off[..., 2].max())
@@ -166,74 +156,27 @@ def estimator_row(name: str, law: str, flights: Sequence[Faulted]) -> list[str]:
     return [name, law, share, when, *(f"{value:.2f}" for value in worst), str(others), str(blamed)]
 
 
-def watched(scenario: Scenario) -> tuple[Steps, list[Exclusion]]:
-    """Fly a scenario by sensors, and look every 20 ms at what the estimators exclude."""
-    flight, n = begin(scenario), len(scenario.uavs)
-    steps = Steps.room(scenario.steps, n, estimated=True)
-    stride = round(_LOOK_S * 1e6 / scenario.step_us)
-    exclusions: list[Exclusion] = []
-    bad: set[tuple[int, str]] = set()
-    for first in range(0, scenario.steps, stride):
-        end_s = min(first + stride, scenario.steps) * scenario.step_us / 1e6
-        part = scenario.model_copy(update={"duration_s": end_s})
-        ending = fly_on(part, flight, steps.part, first=first)
-        now = set(_excluded(flight))
-        exclusions += [Exclusion(end_s, *one, excluded=one in now) for one in sorted(bad ^ now)]
-        bad = now
-        if ending.loss is not None:
-            return steps.part(0, ending.steps), exclusions
-    return steps, exclusions
-
-
-def _excluded(flight: InProcessFlight) -> Iterator[tuple[int, str]]:
-    for uav, estimator in zip(flight.ids, flight.estimates.estimators, strict=True):
-        report = estimator["report"]
-        for k in range(3):
-            if int(report["bad_imus"]) >> k & 1:
-                yield uav, f"imu {k + 1}"
-        for k in TESTED:
-            if int(report["bad_sensors"]) >> k & 1:
-                yield uav, (*FAULT_NAMES, "gps velocity", "gps height")[k]
-
-
-def errors_of(steps: Steps, step_us: int, settled_s: float = _SETTLED_S) -> list[float]:
-    """Return the largest errors after a time: roll or pitch, yaw [deg], airspeed [m/s], place [m].
-
-    Args:
-        steps: A flight by sensors.
-        step_us: Its control period.
-        settled_s: The time.
-    """
-    first = round(settled_s * 1e6 / step_us)
-    true, estimated = steps.states[first:], steps.estimates[first:]
-    turned = (estimated[..., 6:9] - true[..., 6:9] + np.pi) % (2.0 * np.pi) - np.pi
-    through = np.linalg.norm(true[..., 3:6] - steps.wind[first:], axis=-1)
-    shown = np.linalg.norm(estimated[..., 3:6] - estimated[..., 12:15], axis=-1)
-    place = np.linalg.norm(estimated[..., :3] - true[..., :3], axis=-1)
-    angles = np.degrees(np.abs(turned))
-    airspeed = np.abs(shown - through)
-    return [float(a.max()) for a in (angles[..., :2], angles[..., 2], airspeed, place)]
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.by_sensors", description=__doc__)
     parser.add_argument("--laws", nargs="+", default=SIMPLEST_FIRST, choices=KINDS)
     parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count())
     options = parser.parse_args()
-    columns = {law: law for law in options.laws}
-    costs = {law: without_faults(law, options.seeds) for law in columns}
+    columns, seeds = {law: law for law in options.laws}, range(1, options.seeds + 1)
+    names = sorted(path.stem for path in FAULTS.glob("*.yaml"))
+    with multiprocessing.get_context("spawn").Pool(options.jobs) as pool:
+        tasks = itertools.product(columns, seeds, ("true_state", "estimated"))
+        summaries = iter(pool.starmap(_flown, tasks, chunksize=1))
+        faulted = iter(pool.starmap(with_fault, itertools.product(names, columns, seeds), 1))
+    costs = {
+        law: without_faults([[next(summaries), next(summaries)] for _ in seeds]) for law in columns
+    }
     rows = [
         LawRow([name], {law: by_name[name] for law, by_name in costs.items()})
         for name in costs[options.laws[0]]
     ]
     print(law_markdown(["by the true state, by sensors, times"], rows, columns))
-    flown: dict[str, dict[str, list[Faulted]]] = {}
-    for name in sorted(path.stem for path in FAULTS.glob("*.yaml")):
-        flown[name] = {
-            law: [with_fault(name, law, seed) for seed in range(1, options.seeds + 1)]
-            for law in columns
-        }
-        print(name, file=sys.stderr)
+    flown = {name: {law: [next(faulted) for _ in seeds] for law in columns} for name in names}
     print(laws_with_faults(flown))
     head = ["fault", "law", "excluded", "after: median, longest [s]", "roll, pitch [deg]"]
     head += ["yaw [deg]", "airspeed [m/s]", "place [m]", "excluded before", "actuators blamed"]

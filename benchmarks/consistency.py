@@ -16,7 +16,10 @@ lie within the bounds. The figure of the default flight goes to docs/images/cons
 
 import argparse
 import math
+import multiprocessing
+import os
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -230,12 +233,15 @@ def main() -> None:
     parser.add_argument("--airframe", help="a scenario of scenarios/airframes, such as c172p")
     parser.add_argument("--grade", choices=("consumer", "tactical"), default="consumer")
     parser.add_argument("--seeds", type=int, default=100)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count())
     options = parser.parse_args()
     name = f"airframes/{options.airframe}" if options.airframe else options.scenario
     values = {"sensors.navigation.grade": options.grade}
     scenario = with_changes(name, ["estimated"], values)
     motion = flown(scenario)
-    runs = [follow(scenario, motion, seed) for seed in range(1, options.seeds + 1)]
+    with multiprocessing.get_context("spawn").Pool(options.jobs) as pool:
+        one = partial(follow, scenario, motion[:, :1])
+        runs = pool.map(one, range(1, options.seeds + 1))
     _print(runs, scenario.step_us / 1e6)
     if (name, options.grade) == (SCENARIO, "consumer"):
         _draw(runs, scenario.step_us / 1e6)

@@ -1,112 +1,196 @@
 """The pitot tube against the lift that carries the aircraft.
 
-L = (ρ V²/2) S (cL0 + cL_alpha α) of the nominal aircraft: the dynamic pressure that the tube
-shows, over the one that the lift needs. In a gust both change together; of a tube that ices up,
-leaks or is blocked, one does. Their ratio, the aircraft's own, is learned in flight, and how far it
-scatters; so errors of mass and coefficients do not matter, and the limit comes from the scatter.
+L = (ρ V²/2) S (cL0 + cL_alpha α) of the nominal aircraft: what the dynamic pressure that the tube
+shows would carry, over what is carried, is 1, or the aircraft's own ratio, which is learned; of a
+tube that ices up, leaks or is blocked it falls with its pressure.
+
+A vertical gust w changes α by w/V, and the lift by half of it where that is a few degrees. So the
+ratio is one of two means, which a gust leaves unbiased, as it would not leave a logarithm; over
+several times, as gusts average out and ice stays; and each has the limit that its own scatter
+gives, at the odds of `gate_sigma`, as any sensor. The scatter is learned from how the short mean
+moves about the longer one, which neither ice nor a wrong model does. Where the limit is larger than
+all that a tube can do, the lift says nothing, and nobody is blamed by it.
 """
 
 import math
+from typing import Final
 
 import numpy as np
 
-from ftc_autopilot.estimation.measurements import column, through_air
+from ftc_autopilot.estimation.alignment import STALLED
+from ftc_autopilot.estimation.measurements import SETTLING_S, column
 from ftc_autopilot.estimation.state import VEL, WIND, rotation
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import dot, square
+
+SHORT: Final = 0
+LONG: Final = 1
+FLIGHT: Final = 2
+"""Means: of 0.4 s, of `icing_mean_s`, of what was learned."""
+CARRIED: Final = 0
+LIFT: Final = 1
+SHOWN: Final = 2
+EXPECTED: Final = 3
+"""What the tube's pressure would carry, what is carried [m/s²]; pressure, and by the wind [Pa]."""
 
 AIRSPEED = np.dtype(
     [
         ("age", "f8"),  # for which it has learned [s]
         ("wind", "f8", (2,)),  # mean wind, north and east [m/s]
         ("gusts", "f8", (2,)),  # mean square of what it differs from that [m²/s²]
-        ("usual", "f8"),  # mean logarithm of the ratio of the dynamic pressures
-        ("scatter", "f8"),  # its variance
-        ("now", "f8"),  # the same of the last 0.4 s
-        ("explained", "f8"),  # what it would be of a tube that is wrong, see `lift_ratio`
+        ("means", "f8", (3, 4)),  # by the numbers above; zero: nothing is known
+        ("scatter", "f8"),  # variance of the ratio by gusts, seen so far
+        ("slope", "f8"),  # of the ratio by a vertical wind [s/m]
         ("suspicious", "f8"),  # for which wind and lift have spoken against the tube [s]
         ("excess", "f8"),  # mean of the filter's `gusts`, while the wind is near its mean
+        ("unknown", "f8"),  # mean variance of the wind along the x axis [m²/s²]
     ]
 )
 """What the test of the pitot tube remembers."""
 
-_NOW_S = 0.4
+_SHORT_S = 0.4
 _MODEL_S = 60.0  # in which the model's errors are learned
-_BELIEVED_S = 5.0  # of flight, that the model counts for
+_BELIEVED_S = 5.0  # of flight, that the model counts for at the least
 _LEARN_S = 8.0  # before a change of the wind says something
 _NO_GUST = 14.0  # m/s: no wind changes so far in the memory of its mean
 _CALM = 0.6  # m/s
 _GUSTS, _MAX_GUSTS = 6.0, 5.0  # how much larger the square of the least change is in gusts
 _MIN_LIFT = 0.3  # of the weight: of less, nothing can be said
 _MIN_AIRSPEED = 5.0  # m/s
-_MODEL = 0.1  # standard deviation of the logarithm by errors of mass and coefficients
-_MIN_SCATTER = 0.03
-_IMPOSSIBLE = 0.5  # of the usual logarithm
-_CLEAR = 3.0  # standard deviations of the scatter
-RESTORED = 0.5
-"""Standard deviation of the wind after it has been set back to its mean [m/s]."""
+_MODEL = 0.1  # standard deviation of the ratio by errors of mass and coefficients
+_MIN_SCATTER = 0.03  # the same by what else is no gust
 
 
 @compiled
-def lift_ratio(kalman: np.void, airspeed: np.void, pressure: float, assumed: np.void) -> float:
-    """Return the logarithm of a dynamic pressure over the one that the lift needs.
+def note_lift(
+    kalman: np.void, airspeed: np.void, pressure: float, period_s: float, assumed: np.void
+) -> None:
+    """Take lift and pressure of now into the means.
 
     The angle of attack is the one of the mean wind: the filter's wind follows the tube.
 
     Args:
         kalman: Record of dtype `FILTER`.
-        airspeed: Record of dtype `AIRSPEED`; `explained` is written: the ratio that a tube would
-            have that is wrong by what it differs from the mean wind.
-        pressure: Dynamic pressure along the x axis [Pa].
+        airspeed: Record of dtype `AIRSPEED`.
+        pressure: Dynamic pressure that the tube shows [Pa].
+        period_s: Time since the last call [s].
         assumed: Record of dtype `PARAMETERS`.
-
-    Returns:
-        NaN where there is too little lift to say something.
     """
     x, R = kalman["x"], rotation(kalman["quaternion"])
-    a = through_air(x)
-    if airspeed["age"] > 0.0:
-        a = x[VEL] - airspeed["wind"][0], x[VEL + 1] - airspeed["wind"][1], x[VEL + 2]
-    ahead, down = max(dot(column(R, 0), a), _MIN_AIRSPEED), dot(column(R, 2), a)
-    alpha = math.atan2(down, ahead)
-    force = kalman["force"]
-    lift = force[0] * math.sin(alpha) - force[2] * math.cos(alpha)
-    coefficient = assumed["lift0"] + assumed["lift"] * alpha  # over m / S
-    if lift < _MIN_LIFT * assumed["gravity"] or coefficient <= 0.0:
-        return math.nan
-    dynamic = max(pressure, 0.5 * assumed["density"] * square(_MIN_AIRSPEED))
-    airspeed["explained"] = math.log(dynamic / (0.5 * assumed["density"] * ahead * ahead))
-    return math.log(coefficient * dynamic / lift)
+    if airspeed["age"] == 0.0:
+        airspeed["wind"][0], airspeed["wind"][1] = x[WIND], x[WIND + 1]
+    a = x[VEL] - airspeed["wind"][0], x[VEL + 1] - airspeed["wind"][1], x[VEL + 2]
+    ahead = max(dot(column(R, 0), a), _MIN_AIRSPEED)
+    alpha = math.atan2(dot(column(R, 2), a), ahead)
+    expected = 0.5 * assumed["density"] * ahead * ahead
+    carried = (assumed["lift0"] + assumed["lift"] * alpha) * pressure
+    values = carried, -kalman["force"][2], pressure, expected
+    times = _SHORT_S, min(assumed["icing_mean_s"], airspeed["age"] + period_s)
+    for k in range(FLIGHT):
+        for j in range(len(values)):
+            airspeed["means"][k, j] += period_s / times[k] * (values[j] - airspeed["means"][k, j])
+    airspeed["slope"] = assumed["lift"] * expected / (assumed["gravity"] * ahead)
 
 
 @compiled
-def limit_of(airspeed: np.void) -> float:
-    """Return how far the ratio may be from its usual value."""
-    return _CLEAR * math.sqrt(airspeed["scatter"] + square(_MIN_SCATTER))
+def _ratio(airspeed: np.void, k: int) -> float:
+    """Return what a tube's pressure would carry over what is carried, of a mean: 0 at the least."""
+    return float(max(airspeed["means"][k, CARRIED] / airspeed["means"][k, LIFT], 0.0))
 
 
 @compiled
-def is_impossible(airspeed: np.void) -> bool:
-    """Return whether the usual ratio is none that errors of the model explain."""
-    return bool(abs(airspeed["usual"]) > _IMPOSSIBLE and airspeed["age"] > _BELIEVED_S)
+def says_something(airspeed: np.void, k: int, assumed: np.void) -> bool:
+    """Return whether there is lift enough in a mean for a ratio."""
+    return bool(airspeed["means"][k, LIFT] > _MIN_LIFT * assumed["gravity"])
 
 
 @compiled
-def forget(airspeed: np.void) -> None:
-    """Forget what was learned of a tube that was wrong from the start."""
-    airspeed["usual"] = min(max(airspeed["usual"], -_MODEL), _MODEL)
-    airspeed["now"] = airspeed["usual"]
+def _learned_s(airspeed: np.void) -> float:
+    """Return for how long it has learned, as far as it remembers [s]."""
+    return float(min(max(airspeed["age"] - SETTLING_S, 0.0), _MODEL_S))
 
 
 @compiled
-def lift_disagrees(airspeed: np.void, ratio: float, assumed: np.void) -> bool:
-    """Return whether a ratio is none of an aircraft that flies as fast as its tube says.
+def _excess(airspeed: np.void) -> float:
+    return float(min(max(airspeed["excess"] - 1.0, 0.0), _MAX_GUSTS))
 
-    In a gust, the lift explains half of what the tube shows, at the least.
+
+@compiled
+def _by_gusts(airspeed: np.void, assumed: np.void) -> float:
+    """Return the variance of the ratio of now by vertical gusts.
+
+    At first they are the filter's, then what was seen, a correlation time counting as a sample.
     """
-    shown, explained = ratio - airspeed["usual"], airspeed["explained"]
-    share = assumed["icing_lift"] * abs(explained)
-    return bool(shown * explained > 0.0 and abs(shown) > max(limit_of(airspeed), share))
+    first_s, learned_s = assumed["vertical_wind_s"], _learned_s(airspeed)
+    growth = assumed["gust_growth"] * _excess(airspeed)
+    first = (1.0 + growth) * square(airspeed["slope"] * assumed["vertical_wind_m_s"])
+    return float((first * first_s + airspeed["scatter"] * learned_s) / (first_s + learned_s))
+
+
+@compiled
+def lift_disagrees(airspeed: np.void, k: int, assumed: np.void) -> bool:
+    """Return whether a mean is none of an aircraft that flies as fast as its tube says.
+
+    Usual is the model's ratio of 1, for as long as gusts leave the mean of the flight less certain
+    than the model is. A mean over τ of gusts with a correlation time T has T / (T + τ) of their
+    variance. What the wind says is worth nothing here: a gust ahead is no fault. But in one, the
+    lift explains half of what the tube shows, at the least.
+
+    Args:
+        airspeed: Record of dtype `AIRSPEED`.
+        k: Number of the mean.
+        assumed: Record of dtype `PARAMETERS`.
+    """
+    if not says_something(airspeed, k, assumed):
+        return False
+    by_gusts, gust_s = _by_gusts(airspeed, assumed), assumed["vertical_wind_s"]
+    learned_s = _learned_s(airspeed)
+    model_s = max(_BELIEVED_S, 2.0 * gust_s * by_gusts / square(_MODEL))
+    share, shown = learned_s / (learned_s + model_s), _ratio(airspeed, k) - 1.0
+    if says_something(airspeed, FLIGHT, assumed):
+        shown -= share * (_ratio(airspeed, FLIGHT) - 1.0)
+    time_s = _SHORT_S if k == SHORT else min(assumed["icing_mean_s"], airspeed["age"])
+    variance = square(_MODEL) * (1.0 - share) + square(_MIN_SCATTER)
+    variance += by_gusts * gust_s / (gust_s + time_s)
+    explained = max(airspeed["means"][k, SHOWN], 0.0) / airspeed["means"][k, EXPECTED] - 1.0
+    limit = max(math.sqrt(assumed["gate"] * variance), assumed["icing_lift"] * abs(explained))
+    return bool(shown * explained > 0.0 and abs(shown) > limit)
+
+
+@compiled
+def _least_change(airspeed: np.void, assumed: np.void) -> float:
+    """Return the least change of the wind along the x axis that says something [m/s].
+
+    It is more in gusts, and where the wind itself is not known so well.
+    """
+    change = square(assumed["icing_change_m_s"]) * (1.0 + _GUSTS * _excess(airspeed))
+    return float(math.sqrt(change + assumed["gate"] * airspeed["unknown"]))
+
+
+@compiled
+def is_stalled(airspeed: np.void, assumed: np.void) -> bool:
+    """Return whether no wing carries what is carried at the pressure that the tube shows."""
+    means = airspeed["means"]
+    slowest = 0.5 * assumed["density"] * square(STALLED * assumed["slowest"])
+    least = slowest * means[SHORT, LIFT] / assumed["gravity"]
+    flies = means[SHORT, EXPECTED] > slowest and says_something(airspeed, SHORT, assumed)
+    return bool(flies and means[SHORT, SHOWN] < least)
+
+
+@compiled
+def is_impossible(airspeed: np.void, assumed: np.void) -> bool:
+    """Return whether neither errors of the model nor gusts explain the ratio of the flight.
+
+    Errors of mass and coefficients are factors, what gusts do adds up.
+    """
+    learned_s, gust_s = _learned_s(airspeed), assumed["vertical_wind_s"]
+    if airspeed["age"] < _LEARN_S or not says_something(airspeed, FLIGHT, assumed):
+        return False
+    shown = _ratio(airspeed, FLIGHT) - 1.0
+    by_model = math.expm1(math.copysign(math.sqrt(assumed["gate"]) * _MODEL, shown))
+    share = 2.0 * gust_s / (2.0 * gust_s + learned_s)  # of the variance of a plain mean
+    by_gusts = assumed["gate"] * _by_gusts(airspeed, assumed) * share
+    return bool(square(shown) > square(by_model) + by_gusts)
 
 
 @compiled
@@ -117,60 +201,48 @@ def is_icing(kalman: np.void, airspeed: np.void, period_s: float, assumed: np.vo
 
     Args:
         kalman: Record of dtype `FILTER`.
-        airspeed: Record of dtype `AIRSPEED`.
+        airspeed: Record of dtype `AIRSPEED`, after `note_lift`.
         period_s: Time since the last call [s].
         assumed: Record of dtype `PARAMETERS`.
     """
-    x = kalman["x"]
-    a = through_air(x)
-    c = column(rotation(kalman["quaternion"]), 0)
-    ahead = dot(c, a)
-    if ahead < _MIN_AIRSPEED:
-        return False
-    ratio = lift_ratio(kalman, airspeed, 0.5 * assumed["density"] * ahead * ahead, assumed)
-    if airspeed["age"] == 0.0:
-        airspeed["wind"][0], airspeed["wind"][1] = x[WIND], x[WIND + 1]
-        airspeed["now"] = airspeed["usual"]
-        airspeed["scatter"] = square(_MODEL)
-    if math.isnan(ratio):
-        return False
+    c, wind, P = column(rotation(kalman["quaternion"]), 0), airspeed["wind"], kalman["P"]
     airspeed["age"] += period_s
-    airspeed["now"] += period_s / _NOW_S * (ratio - airspeed["now"])
-    gain = period_s / min(assumed["icing_mean_s"], airspeed["age"] + period_s)
-    slowly = period_s / min(_MODEL_S, airspeed["age"] + _BELIEVED_S)
+    gain = period_s / min(assumed["icing_mean_s"], airspeed["age"])
+    change, variance = 0.0, 0.0
     for k in range(2):
-        off = x[WIND + k] - airspeed["wind"][k]
-        airspeed["wind"][k] += gain * off
+        off = kalman["x"][WIND + k] - wind[k]
+        wind[k] += gain * off
         airspeed["gusts"][k] += gain * (off * off - airspeed["gusts"][k])
-    change = -_change_along(x, airspeed, c[0], c[1])  # of the airspeed that the tube shows
-    if abs(change) < _CALM or airspeed["age"] < _LEARN_S:
+        change += (kalman["x"][WIND + k] - wind[k]) * c[k]
+        variance += (c[0] * P[WIND, WIND + k] + c[1] * P[WIND + 1, WIND + k]) * c[k]
+    airspeed["unknown"] += gain * (variance - airspeed["unknown"])
+    change, least = abs(change), _least_change(airspeed, assumed)
+    if change < _CALM or airspeed["age"] < _LEARN_S:
         airspeed["excess"] += gain * (kalman["gusts"] - airspeed["excess"])
-    excess = min(max(airspeed["excess"] - 1.0, 0.0), _MAX_GUSTS)
-    least = assumed["icing_change_m_s"] * math.sqrt(1.0 + _GUSTS * excess)
-    if abs(change) < least:  # else it is not the usual
-        apart = airspeed["now"] - airspeed["usual"]
-        airspeed["usual"] += slowly * apart
-        airspeed["scatter"] += slowly * (min(apart * apart, square(_MODEL)) - airspeed["scatter"])
-    agree = abs(change) > least and lift_disagrees(airspeed, airspeed["now"], assumed)
-    agree = agree or abs(change) > _NO_GUST
+    if change < least:  # else it is not the usual
+        _learn(airspeed, period_s, assumed)
+    lift = lift_disagrees(airspeed, SHORT, assumed) or lift_disagrees(airspeed, LONG, assumed)
+    least_alone = least * _NO_GUST / assumed["icing_change_m_s"]
+    agree = (change > least and lift) or change > least_alone or is_stalled(airspeed, assumed)
     airspeed["suspicious"] = airspeed["suspicious"] + period_s if agree else 0.0
     return bool(airspeed["age"] > _LEARN_S and airspeed["suspicious"] > assumed["icing_confirm_s"])
 
 
 @compiled
-def _change_along(x: np.ndarray, airspeed: np.void, north: float, east: float) -> float:
-    """Return the change of the wind along a direction [m/s]."""
-    wind = airspeed["wind"]
-    return float((x[WIND] - wind[0]) * north + (x[WIND + 1] - wind[1]) * east)
+def _learn(airspeed: np.void, period_s: float, assumed: np.void) -> None:
+    """Learn the aircraft's own ratio, and the scatter of the short mean about the long one.
 
-
-@compiled
-def restore_wind(kalman: np.void, airspeed: np.void) -> None:
-    """Set the wind back to its mean, with a covariance of its own."""
-    x, P = kalman["x"], kalman["P"]
-    for k in range(2):
-        kalman["owed"][WIND + k] += airspeed["wind"][k] - x[WIND + k]
-        x[WIND + k] = airspeed["wind"][k]
-        for j in range(len(x)):
-            P[WIND + k, j], P[j, WIND + k] = 0.0, 0.0
-        P[WIND + k, WIND + k] = RESTORED * RESTORED + airspeed["gusts"][k]
+    Of gusts with a correlation time T, that shows τ / (T + τ) of the variance.
+    """
+    learned_s, means = _learned_s(airspeed), airspeed["means"]
+    if learned_s == 0.0:
+        airspeed["scatter"] = 0.0
+        return
+    gain = min(period_s / learned_s, 1.0)
+    for j in range(means.shape[1]):
+        means[FLIGHT, j] += gain * (means[SHORT, j] - means[FLIGHT, j])
+    if says_something(airspeed, SHORT, assumed) and says_something(airspeed, LONG, assumed):
+        apart = _ratio(airspeed, SHORT) - _ratio(airspeed, LONG)
+        long_s = min(assumed["icing_mean_s"], airspeed["age"])
+        seen = long_s / (assumed["vertical_wind_s"] + long_s)
+        airspeed["scatter"] += gain * (apart * apart - seen * airspeed["scatter"])

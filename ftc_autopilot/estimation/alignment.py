@@ -34,7 +34,10 @@ _UNKNOWN_TILT = math.radians(15.0)
 _UNKNOWN_HEADING = math.radians(60.0)
 _TILT_IN_TURN = 0.2  # of the roll angle that is not known
 _AIR = 4.0  # m/s, velocity through the air
-_STALLED, _UNKNOWN_AIR = 0.5, 0.5  # of the lowest airspeed, of the cruising speed
+_UNKNOWN_AIR = 0.5  # of the cruising speed
+STALLED = 0.5
+"""Of the lowest airspeed: less shows no tube of an aircraft that flies, whose wing would need four
+times its lift coefficient there."""
 
 
 @compiled
@@ -60,7 +63,7 @@ def align(
     """
     x = kalman["x"]
     u, air = math.sqrt(max(2.0 * pressure / assumed["density"], 0.0)), _AIR
-    if not u > _STALLED * assumed["slowest"]:  # no pitot tube, or a blocked one
+    if not u > STALLED * assumed["slowest"]:  # no pitot tube, or a blocked one
         u, air = assumed["cruise"], _UNKNOWN_AIR * assumed["cruise"]
     gravity = sub(cross(rates, (u, 0.0, 0.0)), force)
     trust = max(1.0 - abs(norm(gravity) / assumed["gravity"] - 1.0) / _FAR_FROM_GRAVITY, 0.0)

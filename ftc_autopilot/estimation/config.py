@@ -8,7 +8,7 @@ import numpy as np
 from ftc_autopilot.common.records import fill, record_dtype
 from ftc_autopilot.estimation.parameters import EstimatorParameters
 from mavlink_defs.origin import Origin
-from sitl_plant.airframe.aerodynamics import lateral, lift_coefficient
+from sitl_plant.airframe.aerodynamics import carried_linearly, lateral
 from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft
 from sitl_plant.sensing.config import NavigationSensors
@@ -24,7 +24,6 @@ _FORCE_CHANGE = 0.3
 """Of the specific force along an axis [m/s²/sqrt(s)]: its scale error then is another bias."""
 _USUAL_DEFLECTION = math.radians(5.0)
 """Of aileron and rudder, which the estimator does not know."""
-_SMALL = 0.01  # rad, of the angle of attack, to either side
 _MARGIN = 1.5
 """Of variances of errors that turn with the aircraft, for what a linear filter makes of them."""
 _UNTIMELY_M = 0.1
@@ -69,12 +68,13 @@ PARAMETERS = np.dtype(
         ("has_pitot", "i8"),
         ("imus", "i8"),
         # the aircraft: side force and lift over mass and dynamic pressure
-        ("side", "f8"),  # S (cY_beta - cD0) / m [m²/kg]: in a sideslip, drag has a part along y
+        ("side", "f8"),  # by a sideslip that the surfaces balance [m²/kg]
+        ("side_error", "f8"),  # standard deviation of that, relative: surfaces may not balance it
         ("side_by_surfaces", "f8"),  # the same of usual deflections
-        ("lift0", "f8"),  # S cL0 / m
+        ("lift0", "f8"),  # S cL0 / m: of the force along -z, in which thrust has no part
         ("cruise", "f8"),  # airspeed that is assumed where no pitot tube shows it [m/s]
         ("slowest", "f8"),  # lowest airspeed command [m/s]
-        ("lift", "f8"),  # S cL_alpha / m
+        ("lift", "f8"),  # S (cL_alpha + cD0) / m: at an angle of attack, drag has one
         # of what the receiver's place and the barometer moved beyond the velocity [m]
         ("receiver_moved", "f8", (4,)),  # largest sum: north, east, down; barometer
         ("receiver_jump", "f8", (3,)),  # largest difference between two fixes
@@ -124,7 +124,7 @@ def parameters_of(config: EstimatorConfig) -> np.ndarray:
     parameters = config.parameters
     _gnss(own, config.sensors)
     _moves(own, config.sensors, parameters)
-    _aircraft(own, config.aircraft)
+    _aircraft(own, config.aircraft, parameters.side_model)
     fill(own, parameters)
     own["wind_walk"] = parameters.wind_walk_m_s_sqrt_s**2
     own["gate"] = parameters.gate_sigma**2
@@ -231,17 +231,26 @@ def _moves(own: np.void, sensors: NavigationSensors, parameters: EstimatorParame
     own["receiver_jump"] = parameters.gate_sigma * np.sqrt(steps)
 
 
-def _aircraft(own: np.void, aircraft: Aircraft) -> None:
-    """Write slopes of lift and side force, by mass and dynamic pressure, and airspeeds."""
+def _aircraft(own: np.void, aircraft: Aircraft, model: float) -> None:
+    """Write slopes of lift and side force, by mass and dynamic pressure, and airspeeds.
+
+    A sideslip that lasts is held by aileron and rudder, whose moments balance its own; so of its
+    side force, S (cY_beta - cD0) β, these leave a share, in which the rudder's is the largest: of a
+    PC-7 an eighth, of a PA-28 less than nothing. A gust's has no such share yet.
+    """
     record, V = aircraft_record(aircraft), aircraft.design_airspeed
-    side = lateral(V, record).side
+    side, _, rolling, yawing = lateral(V, record)
     per = 0.5 * aircraft.air_density_kg_m3 * V * V * aircraft.mass_kg  # of N: m²/kg
-    own["side"] = side.beta / per
+    by_surfaces = [[rolling.aileron, rolling.rudder], [yawing.aileron, yawing.rudder]]
+    held = -np.linalg.lstsq(np.array(by_surfaces), [rolling.beta, yawing.beta], rcond=None)[0]
+    balanced = side.beta + float(held @ [side.aileron, side.rudder])
+    own["side"] = balanced / per
+    error = math.hypot(model * side.beta, balanced - side.beta)
+    own["side_error"] = error / abs(balanced) if balanced != 0.0 else 0.0
     own["side_by_surfaces"] = math.hypot(side.aileron, side.rudder) / per * _USUAL_DEFLECTION
     area = aircraft.wing_area_m2 / aircraft.mass_kg
-    above, below = (lift_coefficient(alpha, record) for alpha in (_SMALL, -_SMALL))
-    own["lift0"] = area * lift_coefficient(0.0, record)
-    own["lift"] = area * (above - below) / (2.0 * _SMALL)
+    across, by_alpha = carried_linearly(record)
+    own["lift0"], own["lift"] = area * across, area * by_alpha
     own["cruise"], own["slowest"] = V, aircraft.airspeed_min_m_s
 
 

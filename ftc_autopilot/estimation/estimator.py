@@ -65,6 +65,7 @@ _SIDESLIP_EVERY_S = 0.05
 _MAX_GAP_US = 200_000  # time without data after which the estimate begins again
 _MEMORY_S = 0.1 + LONGEST_S  # longer than the latency
 _OLDEST_S = 5.0  # of a fix that says something: velocity by then ± 25 m/s
+_ALONE_S = 1.0  # without a receiver
 _VELOCITY_ERROR = 1.0  # m/s, of dead reckoning, when a receiver is back
 
 
@@ -301,7 +302,7 @@ def _aid(
     """Fuse what has come from the sensors beside the IMUs."""
     sensors, progress = estimator["sensors"], estimator["progress"]
     field = float(first["xmag"]), float(first["ymag"]), float(first["zmag"])
-    primary = progress["imu"]
+    primary, alone = progress["imu"], progress["without_gnss"] > _ALONE_S
     if fixed and progress["without_gnss"] > 2.0:
         _loosen(estimator, assumed)
         progress["without_gnss"] = 0.0
@@ -318,11 +319,11 @@ def _aid(
             ratios[BAROMETER] = fuse_barometer(kalman, progress["altitude"], assumed, use)
         if sensors[PITOT]["fresh"] == 1:
             use = is_used(sensors[PITOT])
-            ratios[PITOT] = fuse_pitot(kalman, progress["pressure"], assumed, use)
+            ratios[PITOT] = fuse_pitot(kalman, progress["pressure"], assumed, use, alone)
         if fixed:
             _fuse_fix(estimator, kalman, history[k], assumed)
         if slip and kalman["blind"][1] == 0:
-            ratios[SIDESLIP] = fuse_sideslip(kalman, _SIDESLIP_EVERY_S, assumed)
+            ratios[SIDESLIP] = fuse_sideslip(kalman, _SIDESLIP_EVERY_S, assumed, alone)
     ratios, gate = estimator["filters"][primary]["ratios"], assumed["gate"]
     if fixed and is_used(sensors[GNSS_VELOCITY]) and ratios[GNSS_VELOCITY] < gate:
         progress["without_gnss"] = 0.0

@@ -10,12 +10,13 @@ import math
 
 import numpy as np
 
-from ftc_autopilot.estimation.state import PHI, N, turn_world
+from ftc_autopilot.estimation.state import PHI, PITOT_SCALE, WIND, N, turn_world
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.vec3 import Vec3
 
 LARGE_TURN = 1e-4
 """Correction of the attitude beyond which the axes of its error are turned [rad]."""
+_AIR = WIND, WIND + 1, WIND + 2, PITOT_SCALE
 _MIN_VARIANCE = 1e-14  # variance that rounding leaves at least
 
 
@@ -68,6 +69,24 @@ def correct(kalman: np.void, innovation: float, S: float) -> None:
             P[k, k] = _MIN_VARIANCE
     if abs(turn[0]) + abs(turn[1]) + abs(turn[2]) > LARGE_TURN:
         _turn_axes(P, turn)
+
+
+@compiled
+def correct_air(kalman: np.void, innovation: float, S: float) -> None:
+    """Correct wind and pitot tube alone; of all else the uncertainty counts, as `correct` has it.
+
+    That is the filter of Schmidt (1966), with the best gain for what is corrected.
+    """
+    P, Ph, x, owed = kalman["P"], kalman["Ph"], kalman["x"], kalman["owed"]
+    for k in _AIR:
+        owed[k] += innovation / S * Ph[k]
+        x[k] += innovation / S * Ph[k]
+        for j in range(N):
+            if j >= k or j not in _AIR:  # each pair once
+                P[k, j] -= Ph[k] / S * Ph[j]
+                P[j, k] = P[k, j]
+        if not P[k, k] > _MIN_VARIANCE:
+            P[k, k] = _MIN_VARIANCE
 
 
 @compiled

@@ -8,13 +8,13 @@ import math
 import numpy as np
 
 from ftc_autopilot.estimation.airspeed import (
-    RESTORED,
-    forget,
+    FLIGHT,
+    SHORT,
     is_icing,
     is_impossible,
+    is_stalled,
     lift_disagrees,
-    lift_ratio,
-    restore_wind,
+    note_lift,
 )
 from ftc_autopilot.estimation.health import (
     INCONSISTENT,
@@ -45,6 +45,7 @@ from ftc_autopilot.estimation.receiver import (
     note_fix,
 )
 from ftc_autopilot.estimation.resets import (
+    RESTORED,
     doubt_barometer,
     doubt_biases,
     doubt_magnetometer,
@@ -52,6 +53,7 @@ from ftc_autopilot.estimation.resets import (
     place_of_now,
     reset_height,
     reset_to_fix,
+    restore_wind,
 )
 from ftc_autopilot.estimation.state import GNSS_HEIGHT, GNSS_PARTS, GNSS_VELOCITY, TESTED, VEL, WIND
 from mavlink_defs.constants import BAROMETER, GNSS, MAGNETOMETER, PITOT
@@ -81,14 +83,11 @@ def isolate(estimator: np.void, history: np.ndarray, fixed: bool, assumed: np.vo
         return
     if fixed:
         _compare(estimator, kalman, history[progress["imu"]], assumed)
-    ratio = math.nan
-    if sensors[PITOT]["fresh"] == 1 and kalman["blind"][1] == 0:
-        ratio = lift_ratio(kalman, estimator["airspeed"], progress["pressure"], assumed)
     for s in TESTED:
         if sensors[s]["fresh"] == 0:
             continue
         before = sensors[s]["reason"]
-        if before == INCONSISTENT and _is_kept_out(s, estimator, ratio, assumed):
+        if before == INCONSISTENT and _is_kept_out(s, estimator, assumed):
             sensors[s]["passed"] = 0
         failed = note_test(sensors[s], kalman["ratios"][s], assumed)
         if before == INCONSISTENT and sensors[s]["reason"] == WELL:
@@ -98,7 +97,7 @@ def isolate(estimator: np.void, history: np.ndarray, fixed: bool, assumed: np.vo
         if not failed:
             continue
         rested = progress["doubted"] > DOUBTED_AGAIN_S
-        who = judge(s, sensors, receiver, estimator["airspeed"], ratio, rested, assumed)
+        who = judge(s, sensors, receiver, estimator["airspeed"], rested, assumed)
         if who == IT:
             _exclude(estimator, s, assumed)
         elif who == THE_BAROMETER:
@@ -146,6 +145,9 @@ def _exclude(estimator: np.void, s: int, assumed: np.void) -> None:
     """Exclude a sensor that is inconsistent."""
     exclude(estimator["sensors"][s], INCONSISTENT)
     leave_out(estimator["receiver"], s)
+    if s == PITOT and estimator["airspeed"]["age"] > 0.0:  # it may have had its wind before
+        for k in range(assumed["imus"]):
+            restore_wind(estimator["filters"][k], estimator["airspeed"])
     if s == GNSS_VELOCITY:  # by which the barometer was judged
         estimator["receiver"]["since"] = 0
         if estimator["sensors"][BAROMETER]["reason"] == WELL:
@@ -156,10 +158,11 @@ def _exclude(estimator: np.void, s: int, assumed: np.void) -> None:
 
 
 @compiled
-def _is_kept_out(s: int, estimator: np.void, ratio: float, assumed: np.void) -> bool:
+def _is_kept_out(s: int, estimator: np.void, assumed: np.void) -> bool:
     """Return whether there is more than its innovations against an inconsistent sensor."""
     if s == PITOT:
-        return lift_disagrees(estimator["airspeed"], ratio, assumed)
+        airspeed = estimator["airspeed"]
+        return lift_disagrees(airspeed, SHORT, assumed) or is_stalled(airspeed, assumed)
     return is_kept_out(estimator["receiver"], s, assumed)
 
 
@@ -202,20 +205,23 @@ def watch_air(estimator: np.void, period_s: float, assumed: np.void) -> None:
     """
     airspeed, sensors = estimator["airspeed"], estimator["sensors"]
     kalman = estimator["filters"][estimator["progress"]["imu"]]
-    without = estimator["progress"]["without_gnss"]
+    without, pressure = estimator["progress"]["without_gnss"], estimator["progress"]["pressure"]
     if kalman["blind"][1] == 1 or not is_settled(kalman):
+        airspeed["means"][:FLIGHT, :] = 0.0  # until they are of samples that come after
         return
+    if not math.isnan(pressure):
+        note_lift(kalman, airspeed, pressure, period_s, assumed)
     if is_used(sensors[PITOT]) and without < 1.0:
         icing = is_icing(kalman, airspeed, period_s, assumed)
         if icing:
             for k in range(assumed["imus"]):
                 restore_wind(estimator["filters"][k], airspeed)
-        impossible = is_impossible(airspeed)
+        impossible = is_impossible(airspeed, assumed)
         if icing or impossible:
             exclude(sensors[PITOT], INCONSISTENT)
             airspeed["suspicious"] = 0.0
         if impossible:
-            forget(airspeed)
+            airspeed["means"][FLIGHT, :] = 0.0  # of a tube that was wrong from the start
     elif without >= 1.0 and airspeed["age"] > 0.0:
         for k in range(assumed["imus"]):
             own = estimator["filters"][k]

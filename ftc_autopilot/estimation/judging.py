@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from ftc_autopilot.estimation.airspeed import lift_disagrees
+from ftc_autopilot.estimation.airspeed import SHORT, is_stalled, lift_disagrees, says_something
 from ftc_autopilot.estimation.health import WELL, is_repeating, is_used
 from ftc_autopilot.estimation.receiver import agrees_with_itself, has_moved, is_kept_out
 from ftc_autopilot.estimation.state import GNSS_HEIGHT, GNSS_VELOCITY
@@ -37,7 +37,6 @@ def judge(
     sensors: np.ndarray,
     receiver: np.void,
     airspeed: np.void,
-    ratio: float,
     rested: bool,
     assumed: np.void,
 ) -> int:
@@ -48,7 +47,6 @@ def judge(
         sensors: Records of dtype `health.SENSOR`, by number.
         receiver: Record of dtype `receiver.RECEIVER`.
         airspeed: Record of dtype `airspeed.AIRSPEED`.
-        ratio: Of the pitot tube's pressure and the lift, see `airspeed.lift_ratio`.
         rested: Whether the biases have not been doubted for a while.
         assumed: Record of dtype `PARAMETERS`.
     """
@@ -68,11 +66,14 @@ def judge(
         return IT if used else NOBODY
     if not used:
         return NOBODY
+    if is_repeating(sensors[s]):
+        return IT
     if s == PITOT:
-        if np.isnan(ratio):
+        if not says_something(airspeed, SHORT, assumed):
             return NOBODY
-        return IT if lift_disagrees(airspeed, ratio, assumed) else THE_WIND
-    if is_repeating(sensors[MAGNETOMETER]) or sensors[MAGNETOMETER]["steady"] < _STEADY:
+        wrong = lift_disagrees(airspeed, SHORT, assumed) or is_stalled(airspeed, assumed)
+        return IT if wrong else THE_WIND
+    if sensors[MAGNETOMETER]["steady"] < _STEADY:
         return IT
     if coherent and sensors[GNSS_VELOCITY]["failed"] > 0:
         return THE_FILTER

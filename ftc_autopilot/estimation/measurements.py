@@ -8,7 +8,13 @@ import math
 
 import numpy as np
 
-from ftc_autopilot.estimation.fuse import clear, correct, innovation_variance, normalised
+from ftc_autopilot.estimation.fuse import (
+    clear,
+    correct,
+    correct_air,
+    innovation_variance,
+    normalised,
+)
 from ftc_autopilot.estimation.state import (
     BARO_ERROR,
     FORCE_BIAS,
@@ -21,6 +27,7 @@ from ftc_autopilot.estimation.state import (
     POS,
     VEL,
     WIND,
+    of_second_order,
     rotation,
 )
 from mavlink_defs.constants import GNSS
@@ -111,33 +118,8 @@ def _magnetic(
         h[PHI + k] = lever[k]
     h[MAG_BIAS + axis] = 1.0
     innovation = sample[axis] - dot(c, B) - kalman["x"][MAG_BIAS + axis]
-    variance = assumed["magnetometer"] + _of_second_order(kalman["P"], c, B)
+    variance = assumed["magnetometer"] + _LASTS * of_second_order(kalman["P"], c, B)
     return _fuse_tested(kalman, innovation, variance, assumed, use)
-
-
-@compiled
-def _of_second_order(P: np.ndarray, c: Vec3, B: Vec3) -> float:
-    """Return the variance of what a turn adds to c · B in second order.
-
-    That is φᵀ H φ / 2, H = (c Bᵀ + B cᵀ) / 2 - (c · B) I, and its variance tr(H P H P) / 2
-    (Y. Bar-Shalom et al., Estimation with Applications to Tracking and Navigation, 2001, section
-    10.3). Without it, a quiet magnetometer would seem to show the tilt of a coarse guess.
-    """
-    along, total = dot(c, B), 0.0
-    for i in range(3):
-        for j in range(3):
-            one = other = 0.0
-            for k in range(3):
-                one += (_bend(c, B, along, i, k)) * P[PHI + k, PHI + j]
-                other += (_bend(c, B, along, j, k)) * P[PHI + k, PHI + i]
-            total += one * other
-    return _LASTS * 0.5 * total
-
-
-@inlined
-def _bend(c: Vec3, B: Vec3, along: float, i: int, k: int) -> float:
-    """Return an element of H, see `_of_second_order`."""
-    return 0.5 * (c[i] * B[k] + B[i] * c[k]) - (along if i == k else 0.0)
 
 
 @compiled
@@ -150,14 +132,38 @@ def fuse_barometer(kalman: np.void, altitude: float, assumed: np.void, use: bool
 
 
 @compiled
-def fuse_pitot(kalman: np.void, pressure: float, assumed: np.void, use: bool) -> float:
+def _fuse_air(
+    kalman: np.void, innovation: float, variance: float, assumed: np.void, use: bool, alone: bool
+) -> float:
+    """Fuse one value of the motion through the air; return the normalised square.
+
+    A gust is no error of the attitude: with a receiver, it is the wind that is learned, as PX4's
+    EKF2 does. Alone, wind and airspeed show the velocity.
+    """
+    if alone:
+        return _fuse_tested(kalman, innovation, variance, assumed, use)
+    S = innovation_variance(kalman, variance)
+    ratio = normalised(innovation, S)
+    if use and ratio < assumed["gate"]:
+        correct_air(kalman, innovation, S)
+    return ratio
+
+
+@compiled
+def fuse_pitot(kalman: np.void, pressure: float, assumed: np.void, use: bool, alone: bool) -> float:
     """Fuse a differential pressure [Pa]: (1 + s) ρ u²/2, with u the airspeed along the x axis.
 
     PX4's EKF2 fuses a true airspeed instead, with the same dependence on velocity and wind.
 
     How u depends on the attitude changes with each correction of the velocity across, and the
-    covariance does not follow: after a coarse guess, the tube would seem to show the heading. So
-    the attitude's share counts as noise, and at first nothing is fused (`is_settled`).
+    covariance does not follow: so at first nothing is fused (`is_settled`).
+
+    Args:
+        kalman: Record of dtype `FILTER`.
+        pressure: The differential pressure.
+        assumed: Record of dtype `PARAMETERS`.
+        use: Whether it is fused if it passes its test.
+        alone: Whether there is no receiver.
     """
     h, x, density = clear(kalman), kalman["x"], assumed["density"]
     c, a = column(rotation(kalman["quaternion"]), 0), through_air(x)
@@ -165,32 +171,32 @@ def fuse_pitot(kalman: np.void, pressure: float, assumed: np.void, use: bool) ->
     if u < _MIN_AIRSPEED or not is_settled(kalman):
         return 0.0
     slope = density * u * (1.0 + x[PITOT_SCALE])
-    lever, noise = cross(c, a), assumed["pitot"]
+    lever = cross(c, a)
     for k in range(3):
         h[PHI + k] = slope * lever[k]
         h[VEL + k] = slope * c[k]
         h[WIND + k] = -slope * c[k]
-        noise += square(slope * lever[k]) * kalman["P"][PHI + k, PHI + k]
     h[PITOT_SCALE] = 0.5 * density * u * u
     expected = 0.5 * density * u * u * (1.0 + x[PITOT_SCALE])
-    ratio = _fuse_tested(kalman, pressure - expected, noise, assumed, use)
+    ratio = _fuse_air(kalman, pressure - expected, assumed["pitot"], assumed, use, alone)
     kalman["gusts"] += _GUST_GAIN * (min(ratio, assumed["gate"]) - kalman["gusts"])
     return ratio
 
 
 @compiled
-def fuse_sideslip(kalman: np.void, period_s: float, assumed: np.void) -> float:
+def fuse_sideslip(kalman: np.void, period_s: float, assumed: np.void, alone: bool) -> float:
     """Fuse the sideslip that the side force shows: f_y = (S (cY_beta - cD0) / m) (ρ V²/2) beta.
 
     PX4's EKF2 fuses a sideslip of zero; here the nominal aircraft's side force says how much there
     is, as far as it can, and a sideslip within ±10° otherwise. Errors of the coefficient, and what
-    else pushes to the side, last, and a rudder in trim longest: they count as white noise of the
-    same density.
+    else pushes to the side, last, a rudder in trim and a sideslip that is held longest: they count
+    as white noise of the same density.
 
     Args:
         kalman: Record of dtype `FILTER`.
         period_s: Time between two calls [s].
         assumed: Record of dtype `PARAMETERS`.
+        alone: Whether there is no receiver.
     """
     h, x = clear(kalman), kalman["x"]
     c, a = column(rotation(kalman["quaternion"]), 1), through_air(x)
@@ -198,23 +204,24 @@ def fuse_sideslip(kalman: np.void, period_s: float, assumed: np.void) -> float:
     if V < _MIN_AIRSPEED or not is_settled(kalman):
         return 0.0
     per_rad = assumed["side"] * 0.5 * assumed["density"] * V * V
-    own, prior = V * V, square(V * assumed["sideslip_rad"])
-    shown, correlation_s = 0.0, _SIDE_CORRELATION_S
+    prior = square(V * assumed["sideslip_rad"])
+    shown, density = 0.0, prior * _TRIM_S
     if per_rad != 0.0:
         shown = kalman["force"][1] * V / per_rad
-        other = assumed["side_by_surfaces"] * 0.5 * assumed["density"] * V * V
-        trim = square(other * V / per_rad)
-        disturbance = square(assumed["side_disturbance_m_s2"] * V / per_rad)
-        own = trim + disturbance + square(assumed["side_model"] * shown)
-        correlation_s += trim / own * (_TRIM_S - _SIDE_CORRELATION_S)
+        trim = square(assumed["side_by_surfaces"] * 0.5 * assumed["density"] * V * V * V / per_rad)
+        other = trim + square(assumed["side_disturbance_m_s2"] * V / per_rad)
+        error = square(assumed["side_error"])
+        own = other + error * (square(shown) + other)
+        lasting = own * _SIDE_CORRELATION_S + (1.0 + error) * trim * _TRIM_S
+        density *= lasting / (density + lasting)  # what both say of it adds up
         shown *= prior / (prior + own)
-    variance = own * prior / (own + prior) * 2.0 * correlation_s / period_s
+    variance = 2.0 * density / period_s
     lever = cross(c, a)
     for k in range(3):
         h[PHI + k] = lever[k]
         h[VEL + k] = c[k]
         h[WIND + k] = -c[k]
-    return _fuse_tested(kalman, shown - dot(c, a), variance, assumed, True)
+    return _fuse_air(kalman, shown - dot(c, a), variance, assumed, True, alone)
 
 
 @compiled

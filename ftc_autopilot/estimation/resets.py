@@ -34,6 +34,8 @@ _COARSE_AIR = 4.0  # m/s, of the first velocity through the air, by a pitot tube
 _ANY_VELOCITY = 300.0  # m/s
 _ODD_HEIGHT = 3.0  # standard deviations between barometer and receiver
 _ODD_WIND = 2.5  # times what is to be expected: then the magnetometer may be wrong
+RESTORED = 0.5
+"""Standard deviation of the wind after it has been set back to its mean [m/s]."""
 
 
 @compiled
@@ -249,3 +251,14 @@ def doubt_wind(kalman: np.void, pressure: float, assumed: np.void) -> None:
     off = math.sqrt(2.0 * max(pressure, 0.0) / assumed["density"]) - ahead
     for i in range(2):
         P[WIND + i, WIND + i] += square(off * c[i]) + 0.1
+
+
+@compiled
+def restore_wind(kalman: np.void, airspeed: np.void) -> None:
+    """Set the wind back to its mean, of `airspeed.AIRSPEED`, with a covariance of its own."""
+    x, P = kalman["x"], kalman["P"]
+    for k in range(2):
+        kalman["owed"][WIND + k] += airspeed["wind"][k] - x[WIND + k]
+        x[WIND + k] = airspeed["wind"][k]
+        _forget(P, WIND + k)
+        P[WIND + k, WIND + k] = RESTORED * RESTORED + airspeed["gusts"][k]

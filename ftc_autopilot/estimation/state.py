@@ -11,7 +11,7 @@ import numpy as np
 
 from mavlink_defs.constants import BAROMETER, GNSS, MAGNETOMETER, PITOT
 from mavlink_defs.runtime.jit import compiled, inlined
-from sitl_plant.vec3 import Mat3, Vec3
+from sitl_plant.vec3 import Mat3, Vec3, dot
 
 N = 26
 """Elements of the error."""
@@ -124,3 +124,29 @@ def euler(R: Mat3) -> Vec3:
     """Return roll, pitch, yaw [rad] of a rotation from body to NED."""
     pitch = -math.asin(min(max(R[2][0], -1.0), 1.0))
     return math.atan2(R[2][1], R[2][2]), pitch, math.atan2(R[1][0], R[0][0])
+
+
+@compiled
+def of_second_order(P: np.ndarray, c: Vec3, B: Vec3) -> float:
+    """Return the variance of what the attitude's error adds to c · B in second order.
+
+    c is an axis and B a vector, of which one turns with that error. It is φᵀ H φ / 2,
+    H = (c Bᵀ + B cᵀ) / 2 - (c · B) I, and its variance tr(H P H P) / 2
+    (Y. Bar-Shalom et al., Estimation with Applications to Tracking and Navigation, 2001, section
+    10.3). Without it, a quiet sensor would seem to show the attitude of a coarse guess.
+    """
+    along, total = dot(c, B), 0.0
+    for i in range(3):
+        for j in range(3):
+            one = other = 0.0
+            for k in range(3):
+                one += _bend(c, B, along, i, k) * P[PHI + k, PHI + j]
+                other += _bend(c, B, along, j, k) * P[PHI + k, PHI + i]
+            total += one * other
+    return 0.5 * total
+
+
+@inlined
+def _bend(c: Vec3, B: Vec3, along: float, i: int, k: int) -> float:
+    """Return an element of H, see `of_second_order`."""
+    return 0.5 * (c[i] * B[k] + B[i] * c[k]) - (along if i == k else 0.0)

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.by_sensors import Exclusion, watched
+from benchmarks.sensor_flights import Exclusion, watched
 from ftc_autopilot.estimation.config import EstimatorConfig, parameters_of
 from ftc_autopilot.estimation.health import NOISY, SILENT, WELL
 from ftc_autopilot.estimation.imus import IMU, judge_imus, note_imu

@@ -113,7 +113,7 @@ def test_no_other_sensor_is_blamed_for_all_imus(sensor: str, value: dict[str, fl
     flown = watched(by_sensors(faults=faults))
     assert not flown.out.any()
     assert (flown.place_m[250:] < 6.0).all()
-    assert (flown.after(22.0).attitude_deg < 3.0).all()
+    assert (flown.after(22.0).attitude_deg < 5.0).all()  # pitch, until a turn shows the bias
     assert (flown.resets[-1] > flown.resets[0]).any()  # it says so
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks.by_sensors import errors_of, watched
+from benchmarks.sensor_flights import errors_of, watched
 from gcs.fleet.remarks import remarks_of
 from gcs.scenario.bundled import bundled_names
 from gcs.scenario.changes import with_changes
@@ -118,7 +118,7 @@ def test_any_control_period_is_flown_by_sensors(step_us: int) -> None:
 
 def fly_well(name: str, additions: list[str], **values: Any) -> None:
     scenario = with_changes(name, [*additions, "estimated"], values)
-    steps, exclusions = watched(scenario)
+    steps, exclusions, *_ = watched(scenario)
     assert steps.length == scenario.steps
     assert not exclusions
     tilt_deg, _, airspeed_m_s, place_m = errors_of(steps, scenario.step_us, settled_s=2.0)
