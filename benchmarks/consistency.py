@@ -236,15 +236,23 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     options = parser.parse_args()
     name = f"airframes/{options.airframe}" if options.airframe else options.scenario
-    values = {"sensors.navigation.grade": options.grade}
-    scenario = with_changes(name, ["estimated"], values)
+    scenario = _by_sensors(name, options.grade)
     motion = flown(scenario)
     with multiprocessing.get_context("spawn").Pool(options.jobs) as pool:
-        one = partial(follow, scenario, motion[:, :1])
+        one = partial(_follow_seed, name, options.grade, motion[:, :1])
         runs = pool.map(one, range(1, options.seeds + 1))
     _print(runs, scenario.step_us / 1e6)
     if (name, options.grade) == (SCENARIO, "consumer"):
         _draw(runs, scenario.step_us / 1e6)
+
+
+def _by_sensors(name: str, grade: str) -> Scenario:
+    return with_changes(name, ["estimated"], {"sensors.navigation.grade": grade})
+
+
+def _follow_seed(name: str, grade: str, motion: np.ndarray, seed: int) -> Followed:
+    """Follow by the sensors of a seed, in another process: no scenario can be sent there."""
+    return follow(_by_sensors(name, grade), motion, seed)
 
 
 def _print(runs: list[Followed], step_s: float) -> None:
