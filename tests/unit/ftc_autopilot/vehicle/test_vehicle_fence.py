@@ -24,8 +24,8 @@ from fence_bench import (
 from vehicle_bench import ACCEPTED, ARM, DENIED, UAV, of_type
 
 from ftc_autopilot.common.geography import place_of
-from ftc_autopilot.guidance.runway_state import CLIMBING, FINAL, FLARE, FLYING, ROLLING
 from ftc_autopilot.guidance.runway_state import AROUND as GOING_AROUND
+from ftc_autopilot.guidance.runway_state import CLIMBING, FINAL, FLARE, FLYING, ROLLING
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs import dialect
 from mavlink_defs.constants import GUIDED, LOITER, RTL
