@@ -40,7 +40,7 @@ design = _command(
 )
 identify = _command(
     "identify",
-    "Identify an aircraft from a simulator or a recorded flight.",
+    "Identify an aircraft from a simulator or the log of a flight.",
     "Aircraft and laws",
     DESIGN_PACKAGES,
 )
