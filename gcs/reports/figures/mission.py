@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_STANDS_M = 1.0
+"""Who is no farther from where its flight ends stands there."""
 _MOMENTS = 8  # at which the formation is drawn
 _SHARE = 0.12  # of the map's size that a formation is drawn with
 _AIRCRAFT = 0.016  # of the map's size
@@ -180,7 +182,7 @@ def _draw_formations(axis: "Axes", flight: PlottedFlight, tracks: np.ndarray) ->
     """
     if not len(tracks):
         return
-    steps = np.linspace(0, len(tracks) - 1, _MOMENTS + 1).astype(int)[:-1]
+    steps = np.linspace(0, _moving(tracks) - 1, _MOMENTS + 1).astype(int)[:-1]
     low, high = axis.get_xlim(), axis.get_ylim()
     size = max(low[1] - low[0], high[1] - high[0])
     middles = np.nanmedian(tracks[steps], axis=1, keepdims=True)
@@ -203,6 +205,13 @@ def _draw_formations(axis: "Axes", flight: PlottedFlight, tracks: np.ndarray) ->
         _write(axis, text, middle, outwards, _CLEAR, "black")
     if larger > 1.0:
         style.note(axis, f"formation drawn {larger:g} times larger")
+
+
+def _moving(tracks: np.ndarray) -> int:
+    """Return how many steps there are before all stand, at least 1."""
+    off = np.hypot(*np.moveaxis(tracks - tracks[-1], -1, 0)).max(axis=1)
+    moving = np.flatnonzero(off > _STANDS_M)
+    return int(moving[-1]) + 1 if len(moving) else len(tracks)
 
 
 def _round_factor(factor: float) -> float:

@@ -1,5 +1,6 @@
 """The figure of a mission, and the path in a KML file, from a short flight in formation."""
 
+import dataclasses
 import xml.etree.ElementTree as ET
 from io import StringIO
 from pathlib import Path
@@ -104,6 +105,19 @@ def test_a_take_off_is_no_error_of_the_height_and_one_uav_shows_its_altitude() -
     labels = [axis.get_ylabel() for axis in figure.axes]
     assert "altitude [m]" in labels
     assert "least separation [m]" not in labels
+
+
+def test_no_moment_is_drawn_when_all_stand(
+    flown: tuple[Path, FlightSummary, Recording], scenario: Scenario
+) -> None:
+    recording, paths = flown[2], paths_of(scenario)
+    assert paths is not None
+    states, half = recording.states.copy(), len(recording.states) // 2
+    states[half:] = states[half]
+    figure = mission_figure(dataclasses.replace(recording, states=states), scenario, paths, ())
+    texts = [text.get_text() for axis in figure.axes for text in axis.texts]
+    times = [text for text in texts if text.endswith(" s")]
+    assert 0.3 < max(float(time[:-2]) for time in times) / recording.duration_s < 0.5
 
 
 def test_kml_has_path_and_home_at_their_altitudes(
