@@ -13,23 +13,20 @@ import numpy as np
 from ftc_autopilot.common.phases import LOST
 from ftc_autopilot.control.controllers import Controllers
 from ftc_autopilot.guidance.failsafe_parameters import REPORT, TO_LAND, TO_LOITER, TO_RTL
-from ftc_autopilot.guidance.runway_state import (
-    FINAL,
-    FLARE,
-    is_glide,
-    on_ground,
-)
+from ftc_autopilot.guidance.runway_state import FINAL, FLARE, is_glide, on_ground
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.vehicle.changes import Change
 from ftc_autopilot.vehicle.modes import Modes
 from mavlink_defs import dialect
 from mavlink_defs.constants import ACTUATORS, LOITER, RTL, THROTTLE
+from mavlink_defs.runtime.jit import in_python
 
 _PERIOD_US = 100_000
 """Simulated time between two looks [µs]: as of the fence."""
 _NEVER = 2**62
 _ANOTHER_M = 3.0
 """Error of the height from which another glide is planned, before the final [m]."""
+_flies_glide, _stands = in_python(is_glide), in_python(on_ground)
 _NAMES = {TO_LOITER: "LOITER", TO_LAND: "landing", TO_RTL: "RTL"}
 
 
@@ -71,7 +68,7 @@ class ActuatorFailsafe:
         self._next_step = self._hot.step - self._hot.step % self._period + self._period
         before, self._lost = self._lost, self._losses()
         phase = self._path.phase
-        if self._action == REPORT or not self._modes.armed or on_ground(phase):
+        if self._action == REPORT or not self._modes.armed or _stands(phase):
             return
         if THROTTLE in self._lost and self._is_glide:
             self._glide_on(phase)
@@ -92,7 +89,7 @@ class ActuatorFailsafe:
 
     @property
     def _is_glide(self) -> bool:
-        return self._glide == self._path.number and is_glide(self._path.record)
+        return self._glide == self._path.number and _flies_glide(self._path.record)
 
     def _losses(self) -> set[int]:
         return set(np.flatnonzero(self._uav["signals"]["phase"] == LOST).tolist())

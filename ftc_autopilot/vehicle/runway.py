@@ -31,8 +31,10 @@ from ftc_autopilot.vehicle.modes import Modes, Say
 from ftc_autopilot.vehicle.shown_state import ShownState
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
+from mavlink_defs.runtime.jit import in_python
 from sitl_plant.vec3 import norm
 
+_is_glide = in_python(is_glide)
 _TEXTS = {
     ROLLING: "take-off",
     CLIMBING: "off the ground",
@@ -117,7 +119,7 @@ class RunwayMessages:
         """Execute MAV_CMD_DO_GO_AROUND: climb, and fly the approach again."""
         if self._modes.path.phase not in (FINAL, FLARE):
             return self._refuse("Go around: no approach is flown")
-        if is_glide(self._modes.path.record):
+        if _is_glide(self._modes.path.record):
             return self._refuse("Go around: there is no thrust for it")
         self._modes.path.go_around()
         return _ACCEPTED
