@@ -38,12 +38,7 @@ from ftc_autopilot.guidance.runway_phases import (
     note_path,
     uses_runway,
 )
-from ftc_autopilot.guidance.runway_state import (
-    FINAL,
-    FLARE,
-    is_glide,
-    on_ground,
-)
+from ftc_autopilot.guidance.runway_state import FINAL, FLARE, is_glide, on_ground
 from ftc_autopilot.plugins.models import PLUGIN
 from mavlink_defs.constants import AILERON, BRAKE, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.framing.codec import RELAYED_AT, REPORT_AT, SIM_STATE

@@ -45,9 +45,8 @@ _LOW, _HIGH, _BOUNDARY = (
     dialect.FENCE_BREACH_MAXALT,
     dialect.FENCE_BREACH_BOUNDARY,
 )
-_STATE = struct.Struct(
-    "<4B2I"
-)  # breaches as bits, last type, floor off, flies own, count, time [ms]
+_STATE = struct.Struct("<4B2I")
+"""Breaches as bits, last type, floor off, flies own, count, time [ms]."""
 
 
 class VehicleFence:

@@ -23,6 +23,7 @@ from ftc_lab.flight_diagnosis.relations import (
     before,
     only_while,
 )
+from ftc_lab.identification.log_signals import to_ned
 from gcs.console.errors import BadInput
 from gcs.results.logs.table import FlightTable, channel
 from gcs.results.store import EVENTS
@@ -118,18 +119,7 @@ def _motion(signals: Signals) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     ground = np.stack([signals.of(name) for name in ("v_north", "v_east", "v_down")], axis=1)
     wind = np.stack([signals.of("wind_north"), signals.of("wind_east")], axis=1)
     ground[:, :2] -= wind
-    return np.einsum("nji,nj->ni", _to_ned(attitude), ground), attitude, omega
-
-
-def _to_ned(attitude: np.ndarray) -> np.ndarray:
-    """Return the rotations from body axes to north, east, down, shape (n, 3, 3)."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos(attitude).T, np.sin(attitude).T
-    rows = [
-        [cp * cy, sr * sp * cy - cr * sy, cr * sp * cy + sr * sy],
-        [cp * sy, sr * sp * sy + cr * cy, cr * sp * sy - sr * cy],
-        [-sp, sr * cp, cr * cp],
-    ]
-    return np.moveaxis(np.array(rows), -1, 0)
+    return np.einsum("nji,nj->ni", to_ned(attitude), ground), attitude, omega
 
 
 def _command(signals: Signals, name: str, aircraft: Aircraft) -> np.ndarray:
@@ -172,7 +162,7 @@ def _done(
     n = 3 if aircraft.has("rudder") else 2  # without one, yaw is nobody's
     moment = (turning + inner)[good][:, :n, None]
     surfaces[good, :n] = np.linalg.solve(C[good][:, :n, :n], moment)[:, :, 0]
-    gravity = _to_ned(attitude)[:, 2, :] * aircraft.gravity_m_s2
+    gravity = to_ned(attitude)[:, 2, :] * aircraft.gravity_m_s2
     along = (v * (F + mass * gravity)).sum(axis=1) / V
     thrust = mass * (V - before(V, steps)) / _SPAN_S - _over_span(along)
     return np.column_stack([surfaces, thrust * _over_span(V / v[:, 0])])
