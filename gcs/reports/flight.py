@@ -13,6 +13,8 @@ from gcs.scenario.model import Scenario
 from mavlink_defs.capture.saving import saving
 from mavlink_defs.config.problems import counted
 
+_SHOWN_DECISIONS = 10  # of the diagnosis of a UAV
+
 
 def flight_tables(summary: FlightSummary, scenario: Scenario) -> list[Table | Text | str]:
     """Return what `gcs fly` prints at the end: transmissions, tracking, one line of totals."""
@@ -64,7 +66,7 @@ def _remarks(uav: UavSummary, steps: int) -> Iterator[Text]:
         )
     if (ground := uav.ground) is not None:
         yield Text(f"UAV {uav.id}: {_on_ground(ground)}")
-    for decision in uav.diagnosis:
+    for decision in uav.diagnosis[:_SHOWN_DECISIONS]:
         at = f"at {decision.time_s:.3f} s"
         caused = "start" if decision.phase == "lost" else "end"
         after = (
@@ -74,6 +76,12 @@ def _remarks(uav: UavSummary, steps: int) -> Iterator[Text]:
         )
         what = "lost" if decision.phase == "lost" else "back in service"
         yield Text(f"UAV {uav.id} diagnosed its {decision.actuator} as {what} {at}{after}")
+    if uav.diagnosis[_SHOWN_DECISIONS:]:
+        last, more = uav.diagnosis[-1], len(uav.diagnosis) - _SHOWN_DECISIONS
+        yield Text.assemble(
+            (f"UAV {uav.id} diagnosed {more} times more", "bold red"),
+            f", last its {last.actuator} at {last.time_s:.3f} s; summary.json has all",
+        )
     if missing := uav.missing_steps:
         yield Text.assemble(
             (f"UAV {uav.id} missed {missing} of {steps} steps", "bold red"),

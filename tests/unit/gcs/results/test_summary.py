@@ -192,6 +192,18 @@ def test_decisions_of_the_diagnosis_stand_beside_the_injected_fault(scenario1: S
     assert "UAV 2 diagnosed its throttle as lost at 2.000 s, without an injected fault" in said
 
 
+def test_a_diagnosis_that_changes_its_mind_does_not_fill_the_screen(scenario1: Scenario) -> None:
+    flight = straight()
+    flight.signals["phase"][10:40:2, 0, 0] = 2
+    scenario = scenario_of(scenario1)
+    console = Console(width=1000)
+    with console.capture() as captured:
+        console.print(*flight_tables(summarise(flight, scenario), scenario), sep="\n")
+    said = captured.get()
+    assert said.count("UAV 1 diagnosed its") == 10
+    assert "UAV 1 diagnosed 20 times more, last its aileron at 3.900 s" in said
+
+
 def test_the_printed_report_says_what_the_tables_leave_out(scenario1: Scenario) -> None:
     flight = straight()
     flight.signals[10:20, 0] = no_signals(10)
