@@ -134,7 +134,7 @@ def up(scenario: common.ScenarioArgument, options: UpOptions) -> None:
     try:
         with marked(folder, loaded, flight.mark):
             common.tell(flight.remarks, console)
-            warm_up(None, console)
+            warm_up(loaded, console, standing=True)
             if options.free_ports:
                 on_free_ports(loaded, fly)
             else:

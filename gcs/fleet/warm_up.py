@@ -14,15 +14,25 @@ from mavlink_defs.runtime.jit import EVERYTHING, cold_parts
 _COUNT_S = 1.0
 
 
-def warm_up(scenario: Scenario | None, console: Console, *, in_process: bool = False) -> None:
+def warm_up(
+    scenario: Scenario | None,
+    console: Console,
+    *,
+    in_process: bool = False,
+    standing: bool = False,
+) -> None:
     """Compile what a flight needs of the numeric core before its processes do, unless it is cached.
 
     Args:
         scenario: What is to be flown; None if that may be anything.
         console: Where progress is shown.
         in_process: Whether it is flown in one process, else over UDP.
+        standing: Whether stations may give it missions and keys in flight.
     """
-    parts = [EVERYTHING] if scenario is None else parts_of(scenario, in_process=in_process)
+    if scenario is None:
+        parts = [EVERYTHING]
+    else:
+        parts = parts_of(scenario, in_process=in_process, standing=standing)
     if not cold_parts(parts):
         return
     from gcs.fleet.precompile import PARTS, compile_parts, ctrl_c_while_compiling
@@ -55,19 +65,19 @@ def _counting(task: Task) -> Iterator[None]:
         thread.join()
 
 
-def parts_of(scenario: Scenario, *, in_process: bool) -> list[str]:
+def parts_of(scenario: Scenario, *, in_process: bool, standing: bool = False) -> list[str]:
     """Return the parts of the numeric core, as `gcs.fleet.precompile` names them, of a flight.
 
-    A plug-in is none of them.
+    A plug-in is none of them. Arguments as of `warm_up`.
     """
-    law, on_path = scenario.controller, scenario.mission is not None
+    law, on_path = scenario.controller, standing or scenario.mission is not None
     has_gear = any(scenario.aircraft_of(uav.id).gear is not None for uav in scenario.uavs)
     controller = parts_of_controller(law, scenario.navigation, on_path=on_path, has_gear=has_gear)
     uses = {
         **dict.fromkeys(controller, True),
         "ground": has_gear,
         "sensors": scenario.navigation == "estimated",
-        "signing": not in_process and scenario.links.signing_key is not None,
+        "signing": standing or (not in_process and scenario.links.signing_key is not None),
         "turbulence": scenario.wind.turbulence != "none",
         "relay": not in_process and scenario.links.impairments is not None,
         "in process": in_process,

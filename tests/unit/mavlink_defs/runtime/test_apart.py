@@ -10,7 +10,9 @@ import pytest
 from ftc_autopilot.config import parts_of
 from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.laws.surviving import Surviving
+from gcs.fleet import warm_up
 from gcs.fleet.precompile import PARTS
+from gcs.scenario.model import load_scenario
 
 CODE = """
 import signal, sys, time
@@ -163,7 +165,9 @@ def in_flight(part, _resolve=apart.Part._resolve_in_flight):
     _resolve(part)
 apart.Part._resolve_in_flight = in_flight
 from gcs.fleet.in_process import fly_in_process
+from gcs.fleet import warm_up
 from gcs.fleet.precompile import PARTS
+from gcs.scenario.model import load_scenario
 from gcs.fleet.warm_up import parts_of
 from gcs.scenario.changes import with_changes
 scenario = with_changes({}).model_copy(update={{"duration_s": 0.1}})
@@ -196,3 +200,9 @@ def test_every_law_is_a_part() -> None:
     for kind in LAWS:
         part: Any = PARTS[f"law {kind}"]
         assert [one.__name__ for one in part.args] == [f"{kind}_law"]
+
+
+def test_a_standing_fleet_waits_for_what_stations_may_give_it_and_for_no_other_law() -> None:
+    parts = warm_up.parts_of(load_scenario("paper/scenario1"), in_process=False, standing=True)
+    assert {"guidance", "signing", "law proposed"} <= set(parts)
+    assert not {"law surviving", "law tube", "estimator", "in process"} & set(parts)
