@@ -13,6 +13,7 @@ from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.estimation.parameters import EstimatorParameters
 from ftc_autopilot.guidance.fence_parameters import FenceParameters, RallyParameters
+from ftc_autopilot.kinds import AutopilotSection, FtcAutopilot
 from mavlink_defs import dialect
 from mavlink_defs.config.models import HostPort, Problems, SystemId, Title
 from mavlink_defs.config.quantity import quantity
@@ -41,6 +42,7 @@ class AutopilotConfig(ControllerConfig):
 
     Attributes:
         name: Name of the UAV.
+        autopilot: Which autopilot flies it; with a foreign one, this is its bridge's configuration.
         identity: Autopilot whose MAVLink conventions it follows.
         fleet: UAVs of the fleet, this one included; none: it does not say.
         origin: Geographic coordinates of north = east = down = 0.
@@ -56,6 +58,7 @@ class AutopilotConfig(ControllerConfig):
     """
 
     name: Title = Field(min_length=1)
+    autopilot: AutopilotSection = FtcAutopilot()
     identity: Identity = "ardupilot"
     fleet: tuple[SystemId, ...] = ()
     origin: Origin = Origin()

@@ -210,6 +210,7 @@ class Scenario(Model):
         return AutopilotConfig(
             id=uav_id,
             name=uavs[uav_id].name,
+            autopilot=uavs[uav_id].autopilot,
             step_us=self.step_us,
             identity=self.identity,
             fleet=tuple(uavs),
