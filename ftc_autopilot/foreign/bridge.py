@@ -83,7 +83,7 @@ class Bridge:
             sock.setblocking(False)
         self._plant.settimeout(_TICK_S)
         self._recorder = ForeignRecorder(config, record, record_optional, self._log)
-        self._vehicle = ForeignVehicle(config.id)
+        self._vehicle = ForeignVehicle(config.id, config.origin)
         self._peer: tuple[str, int] | None = None  # where the autopilot's MAVLink comes from
         link = UdpAddress(_LOOPBACK, self._side.getsockname()[1])
         self._autopilot = FOREIGN[config.autopilot.kind](config, link)

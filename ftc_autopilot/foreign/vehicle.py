@@ -14,6 +14,7 @@ from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.faults import COMMANDS as FAULT_COMMANDS
 from mavlink_defs.framing.frames import FramePacker, frame_size, parse, text_chunks
 from mavlink_defs.framing.header import HEADER_SIZE, MESSAGE_ID, V2_MAGIC, whole_size
+from mavlink_defs.origin import Origin
 from mavlink_defs.services.command import CommandMessage, command_params
 from mavlink_defs.services.machine import SystemId, is_for
 
@@ -32,9 +33,17 @@ class ForeignVehicle:
         heartbeat: Its last HEARTBEAT; None before the first.
     """
 
-    def __init__(self, system: int) -> None:
-        self._system = system
+    def __init__(self, system: int, origin: Origin) -> None:
+        """Begin before it is heard.
+
+        Args:
+            system: System id of the UAV.
+            origin: Its home: it would be where it is held.
+        """
+        self._system, self._origin = system, origin
+        self._has_home = False
         self._own = SystemId(system, dialect.MAV_COMP_ID_AUTOPILOT1)
+        self._bridge = SystemId(system, SIMULATOR_COMPONENT)  # its own commands come from there
         self.heartbeat: dialect.MAVLink_heartbeat_message | None = None
         self._commands = Commands(self._own, self._handlers(), {})
         self._packers: dict[tuple[int, int], FramePacker] = {}
@@ -62,17 +71,19 @@ class ForeignVehicle:
                 message = parse(frame)
                 if message is not None and message.get_srcSystem() == self._system:
                     told.append(message)
-                    self._note(message)
-                if number == dialect.MAVLINK_MSG_ID_HEARTBEAT and not shows:
+                    self._note(message, shows)
+                if number == dialect.MAVLINK_MSG_ID_HEARTBEAT and not (shows and self._has_home):
                     continue
             elif number == dialect.MAVLINK_MSG_ID_COMMAND_ACK and self._is_mine(parse(frame)):
                 continue
             self._to_stations.append(frame)
         return told
 
-    def _note(self, message: MAVLink_message) -> None:
+    def _note(self, message: MAVLink_message, shows: bool) -> None:
         if not isinstance(message, dialect.MAVLink_heartbeat_message):
             return
+        if shows and not self._has_home:
+            self._set_home()
         if self.heartbeat is None:  # it streams what ours do, so that displays have it
             for number in (*_ASKED_OF_IT, *_BESIDE):
                 interval_us = DEFAULT_INTERVALS_US.get(number, 500_000)
@@ -81,14 +92,34 @@ class ForeignVehicle:
 
     def _tell(self, command: int, *params: float) -> None:
         seven = (*params, *[0.0] * 7)[:7]
-        own = SystemId(self._system, SIMULATOR_COMPONENT)
         message = dialect.MAVLink_command_long_message(*self._own, command, 0, *seven)
-        self._to_autopilot.append(self._packed(message, own))
+        self._to_autopilot.append(self._packed(message, self._bridge))
+
+    def _set_home(self) -> None:
+        """Tell it where its home is, until it has acknowledged that."""
+        at = self._origin
+        message = dialect.MAVLink_command_int_message(
+            *self._own,
+            dialect.MAV_FRAME_GLOBAL,
+            dialect.MAV_CMD_DO_SET_HOME,
+            0,
+            0,
+            *(0.0, 0.0, 0.0, 0.0),
+            round(at.latitude_deg * 1e7),
+            round(at.longitude_deg * 1e7),
+            at.altitude_m,
+        )
+        self._to_autopilot.append(self._packed(message, self._bridge))
 
     def _is_mine(self, message: MAVLink_message | None) -> bool:
         """Return whether an acknowledgement is of a command of the bridge itself."""
-        target = (getattr(message, "target_system", 0), getattr(message, "target_component", 0))
-        return target == (self._system, SIMULATOR_COMPONENT)
+        if not isinstance(message, dialect.MAVLink_command_ack_message):
+            return False
+        if (message.target_system, message.target_component) != self._bridge:
+            return False
+        if message.command == dialect.MAV_CMD_DO_SET_HOME:
+            self._has_home |= message.result == dialect.MAV_RESULT_ACCEPTED
+        return True
 
     # from ground stations
 

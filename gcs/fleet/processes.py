@@ -131,10 +131,8 @@ class FleetProcesses:
         ids = [uav.id for uav in self._scenario.uavs if uav.id not in foreign]
         count = min(self._autopilot_processes or len(ids), len(ids))
         ends = [k * len(ids) // count for k in range(count + 1)] if ids else []
-        return [
-            *(ids[begin:end] for begin, end in itertools.pairwise(ends)),
-            *([i] for i in foreign),
-        ]
+        ours = [ids[begin:end] for begin, end in itertools.pairwise(ends)]
+        return [*ours, *([uav] for uav in foreign)]
 
     def _options(self, uav: int) -> list[str]:
         """Return the options that only an autopilot has."""

@@ -262,7 +262,7 @@ class Scenario(Model):
         return (own or self.servos).by_actuator().with_engine_lag(lag_s)
 
     def neighbours(self, uav_id: int) -> list[tuple[int, float]]:
-        """Return id and weight of each neighbour of a UAV; foreign autopilots tell theirs nothing."""
+        """Return id and weight of each neighbour of a UAV; a foreign autopilot has none."""
         return [
             (edge.between[1 - end], edge.weight)
             for edge in self.network.edges
