@@ -4,9 +4,13 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import Discriminator, Field, Tag
 
+from mavlink_defs import dialect
 from mavlink_defs.config.models import Model, Title
 from mavlink_defs.config.quantity import quantity
 from sitl_plant.ardupilot.config import ArduPilot
+
+_MODES = {"TAKEOFF": 13, "LOITER": 12, "CRUISE": 7, "FBWB": 6, "GUIDED": 15}
+"""custom_mode numbers of ArduPlane."""
 
 
 class FtcAutopilot(Model):
@@ -39,6 +43,18 @@ class ArduPlaneAutopilot(Model):
     )
     outputs: ArduPilot = ArduPilot()
 
+    def commands(self, has_mission: bool) -> list[tuple[int, tuple[float, ...]]]:
+        """Return the commands that a station gives before it arms: MAV_CMD and parameters.
+
+        Args:
+            has_mission: Whether a mission is there to be flown.
+        """
+        mode = self.mode or ("AUTO" if has_mission else "LOITER")
+        if mode == "AUTO":
+            return [(dialect.MAV_CMD_MISSION_START, ())]
+        custom = dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        return [(dialect.MAV_CMD_DO_SET_MODE, (custom, _MODES[mode]))]
+
 
 def _kind(value: Any) -> Any:
     if isinstance(value, dict):
@@ -46,9 +62,12 @@ def _kind(value: Any) -> Any:
     return getattr(value, "kind", "ftc")
 
 
+ForeignSection: TypeAlias = ArduPlaneAutopilot
+"""A foreign autopilot; another one is another class in this union and in `AutopilotSection`."""
+
 AutopilotSection: TypeAlias = Annotated[
     Annotated[FtcAutopilot, Tag("ftc")] | Annotated[ArduPlaneAutopilot, Tag("ardupilot")],
     Discriminator(_kind),
 ]
-"""Which autopilot flies a UAV, discriminated by `kind`. Another one is another class here, and one
-that implements `ftc_autopilot.foreign.base.ForeignAutopilot`."""
+"""Which autopilot flies a UAV, discriminated by `kind`. What flies by a foreign one implements
+`ftc_autopilot.foreign.base.ForeignAutopilot`."""

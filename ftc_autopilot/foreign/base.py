@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from mavlink_defs.dialect import MAVLink_heartbeat_message
+from mavlink_defs.dialect import MAVLink_heartbeat_message, MAVLink_message
 
 
 class ForeignError(Exception):
@@ -68,6 +68,9 @@ class ForeignAutopilot(Protocol):
     @property
     def is_ready(self) -> bool:
         """Whether it would let itself be armed, so that stations may see its HEARTBEAT."""
+
+    def note(self, message: MAVLink_message) -> None:
+        """Take in a HEARTBEAT or SYS_STATUS of its MAVLink."""
 
     def exchange(self, sent: PlantStep) -> np.ndarray:
         """Give it what the plant has sent, and return its commands at this step.

@@ -26,6 +26,7 @@ from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.guidance.planner import Planner
 from ftc_autopilot.guidance.runway import RunwayParameters, figures_of
+from ftc_autopilot.kinds import ForeignSection, FtcAutopilot
 from ftc_autopilot.plugins.loading import calling, without_code
 from gcs.scenario.aircraft_checks import (
     aircraft_law_problems,
@@ -261,12 +262,12 @@ class Scenario(Model):
         return (own or self.servos).by_actuator().with_engine_lag(lag_s)
 
     def neighbours(self, uav_id: int) -> list[tuple[int, float]]:
-        """Return id and weight of each neighbour of a UAV."""
+        """Return id and weight of each neighbour of a UAV; a foreign autopilot has none."""
         return [
             (edge.between[1 - end], edge.weight)
             for edge in self.network.edges
             for end in (0, 1)
-            if edge.between[end] == uav_id
+            if edge.between[end] == uav_id and not self.foreign.keys() & set(edge.between)
         ]
 
     def signed(self, key_file: Path) -> Self:
@@ -402,6 +403,11 @@ class Scenario(Model):
     def steps(self) -> int:
         """Control periods of the whole flight."""
         return round(self.duration_s * 1e6 / self.step_us)
+
+    @property
+    def foreign(self) -> dict[int, ForeignSection]:
+        """Which foreign autopilots fly which UAVs, by system id."""
+        return {u.id: u.autopilot for u in self.uavs if not isinstance(u.autopilot, FtcAutopilot)}
 
     @property
     def _ids(self) -> list[int]:
