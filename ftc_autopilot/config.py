@@ -16,7 +16,7 @@ from ftc_autopilot.guidance.fence_parameters import FenceParameters, RallyParame
 from ftc_autopilot.kinds import AutopilotSection, FtcAutopilot
 from mavlink_defs import dialect
 from mavlink_defs.config.models import HostPort, Problems, SystemId, Title
-from mavlink_defs.config.quantity import quantity
+from mavlink_defs.config.quantity import quantity, whole
 from sitl_plant.sensing.config import Navigation, NavigationSensors
 
 Identity: TypeAlias = Literal["ardupilot", "generic"]
@@ -64,6 +64,7 @@ class AutopilotConfig(ControllerConfig):
     origin: Origin = Origin()
     navigation: Navigation = "true_state"
     sensors: NavigationSensors = NavigationSensors()
+    sensor_seed: int = whole("", "Seed of the sensors of a foreign autopilot.", 1, ge=0)
     estimator: EstimatorParameters = EstimatorParameters()
     fence: FenceParameters = FenceParameters()
     rally: RallyParameters = RallyParameters()

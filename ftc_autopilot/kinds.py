@@ -8,9 +8,15 @@ from mavlink_defs import dialect
 from mavlink_defs.config.models import Model, Title
 from mavlink_defs.config.quantity import quantity
 from sitl_plant.ardupilot.config import ArduPilot
+from sitl_plant.px4.config import Px4Outputs
 
 _MODES = {"TAKEOFF": 13, "LOITER": 12, "CRUISE": 7, "FBWB": 6, "GUIDED": 15}
 """custom_mode numbers of ArduPlane."""
+_PX4_AUTO = 4
+_PX4_SUB_MODES = {"TAKEOFF": 2, "HOLD": 3, "MISSION": 4}
+"""Main mode AUTO of PX4, and its sub-modes."""
+
+Px4Parameter = Annotated[str, Field(pattern="^[A-Z][A-Z0-9_]{1,15}$")]
 
 
 class FtcAutopilot(Model):
@@ -56,17 +62,69 @@ class ArduPlaneAutopilot(Model):
         return [(dialect.MAV_CMD_DO_SET_MODE, (custom, _MODES[mode]))]
 
 
+class Px4Autopilot(Model):
+    """A PX4 SITL, which a bridge starts and flies by PX4's own lockstep.
+
+    Attributes:
+        kind: PX4.
+        binary: Its program, bin/px4 of a build for SITL.
+        data: Folder etc of its build; none: the one beside the program's folder.
+        model: Its airframe, PX4_SIM_MODEL.
+        mode: Mode in which it is armed; none: MISSION with a mission, else TAKEOFF.
+        simulator_host: Address at which it connects to its simulator, PX4_SIM_HOSTNAME.
+        outputs: Which of its outputs moves which actuator.
+    """
+
+    kind: Literal["px4"]
+    binary: Title = Field(min_length=1)
+    data: Title | None = None
+    model: Title = Field(default="gazebo-classic_plane", min_length=1)
+    parameters: dict[Px4Parameter, float] = Field(
+        default={}, description="Parameters that it starts with, by name."
+    )
+    mode: Literal["MISSION", "TAKEOFF", "HOLD"] | None = None
+    rate_hz: float = quantity(
+        "Hz", "Frames per second of its time, whole control periods each.", 250.0, gt=0.0, le=1000.0
+    )
+    simulator_host: Title = Field(default="127.0.0.1", min_length=1)
+    ready_within_s: float = quantity(
+        "s", "Longest time, by its own clock, until it may be armed.", 120.0, gt=0.0
+    )
+    answers_within_s: float = quantity(
+        "s", "Longest time until it answers a frame, by the wall clock.", 60.0, gt=0.0
+    )
+    launch_throttle: float = quantity(
+        "", "Share of the thrust above which it is launched.", 0.05, ge=0.0, lt=1.0
+    )
+    launch_acceleration_m_s2: float = quantity(
+        "m/s^2", "Acceleration of the launch.", 15.0, gt=0.0, le=1000.0
+    )
+    outputs: Px4Outputs = Px4Outputs()
+
+    def commands(self, has_mission: bool) -> list[tuple[int, tuple[float, ...]]]:
+        """Return the commands that a station gives before it arms: MAV_CMD and parameters.
+
+        Args:
+            has_mission: Whether a mission is there to be flown.
+        """
+        mode = self.mode or ("MISSION" if has_mission else "TAKEOFF")
+        custom = dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        return [(dialect.MAV_CMD_DO_SET_MODE, (custom, _PX4_AUTO, _PX4_SUB_MODES[mode]))]
+
+
 def _kind(value: Any) -> Any:
     if isinstance(value, dict):
         return value.get("kind", "ftc")
     return getattr(value, "kind", "ftc")
 
 
-ForeignSection: TypeAlias = ArduPlaneAutopilot
+ForeignSection: TypeAlias = ArduPlaneAutopilot | Px4Autopilot
 """A foreign autopilot; another one is another class in this union and in `AutopilotSection`."""
 
 AutopilotSection: TypeAlias = Annotated[
-    Annotated[FtcAutopilot, Tag("ftc")] | Annotated[ArduPlaneAutopilot, Tag("ardupilot")],
+    Annotated[FtcAutopilot, Tag("ftc")]
+    | Annotated[ArduPlaneAutopilot, Tag("ardupilot")]
+    | Annotated[Px4Autopilot, Tag("px4")],
     Discriminator(_kind),
 ]
 """Which autopilot flies a UAV, discriminated by `kind`. What flies by a foreign one implements

@@ -17,6 +17,7 @@ from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.foreign.arduplane import ArduPlane
 from ftc_autopilot.foreign.base import ForeignAutopilot, ForeignError, ForeignInputError
 from ftc_autopilot.foreign.plant_link import PlantLink
+from ftc_autopilot.foreign.px4_plane import Px4Plane
 from ftc_autopilot.foreign.recorder import ForeignRecorder
 from ftc_autopilot.foreign.vehicle import ForeignVehicle
 from ftc_autopilot.vehicle.gcs_signing import GcsSigning
@@ -30,6 +31,7 @@ from mavlink_defs.visible import log_line
 
 FOREIGN: dict[str, Callable[[AutopilotConfig, UdpAddress], ForeignAutopilot]] = {
     "ardupilot": ArduPlane,
+    "px4": Px4Plane,
 }
 """What flies by each `kind` of `uavs[].autopilot`."""
 

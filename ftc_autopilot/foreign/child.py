@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ftc_autopilot.foreign.base import ForeignError, ForeignInputError
@@ -36,12 +36,15 @@ class Child:
         self._log = self.folder / "output.txt"
         self._popen: subprocess.Popen[bytes] | None = None
 
-    def start(self, binary: str, arguments: Sequence[str]) -> None:
+    def start(
+        self, binary: str, arguments: Sequence[str], environment: Mapping[str, str] | None = None
+    ) -> None:
         """Start the program.
 
         Args:
             binary: File of the program.
             arguments: Its arguments.
+            environment: Variables that are set for it, beside those of this process.
 
         Raises:
             ForeignInputError: There is no such program, or it cannot be executed.
@@ -63,6 +66,7 @@ class Child:
                 self._popen = subprocess.Popen(
                     [str(path), *arguments],
                     cwd=self.folder,
+                    env={**os.environ, **(environment or {})},
                     stdin=subprocess.DEVNULL,
                     stdout=output,
                     stderr=output,

@@ -218,6 +218,7 @@ class Scenario(Model):
             origin=self.origin,
             navigation=self.navigation,
             sensors=self.sensors.navigation,
+            sensor_seed=self.seed,
             estimator=self.estimator,
             aircraft=self.aircraft_of(uav_id),
             controller=controller,

@@ -11,6 +11,7 @@ its module simulator_mavlink does with each message, where the former is silent:
 """
 
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 
@@ -62,19 +63,27 @@ class Instruments:
             seed: Of the errors of its sensors.
             step_us: Control period [µs].
         """
-        self._sensing = sensing_of(sensors, origin, {system: density_kg_m3}, seed, step_us)
-        self._updated = np.zeros(self._sensing.imus.shape[1], np.uint32)
-        self._has_fix = False
+        self._new = partial(sensing_of, sensors, origin, {system: density_kg_m3}, seed, step_us)
         self._truth = np.zeros(1, HIL_STATE)[0]
         self._origin, self._gravity = origin, gravity_m_s2
+        self.restart(0)
         self._packer = FramePacker(_SYSTEM, _COMPONENT)
         self._heartbeat_us = 0
+
+    def restart(self, time_us: int) -> None:
+        """Begin with the errors of a first step again, at a time of PX4's clock [µs].
+
+        What is sent from here on does not depend on how long it has been running.
+        """
+        self._sensing, self._since_us = self._new(), time_us
+        self._updated = np.zeros(self._sensing.imus.shape[1], np.uint32)
+        self._has_fix = False
 
     def note(self, step: int, motion: np.void) -> None:
         """Sample what is due in a control period.
 
         Args:
-            step: Control periods since PX4's clock began.
+            step: Control periods since the sensors began.
             motion: The true motion, of dtype `codec.SIM_STATE`.
         """
         self._has_fix = sense(self._sensing, 0, step, motion) or self._has_fix
@@ -92,6 +101,7 @@ class Instruments:
             yield pack(MessageId.SENSOR, imu.tobytes())
         if self._has_fix:
             fix = self._sensing.gps[0].copy()
+            fix["time_usec"] += self._since_us
             yield pack(MessageId.GPS, fix.tobytes())
         if with_truth:
             self._write_truth(time_us)

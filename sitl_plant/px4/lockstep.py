@@ -120,7 +120,10 @@ class Px4Lockstep:
         message = parse(frame)
         interval = dialect.MAV_CMD_SET_MESSAGE_INTERVAL
         truth = dialect.MAVLINK_MSG_ID_HIL_STATE_QUATERNION
-        if message is None or (message.command, message.param1) != (interval, truth):
+        if not isinstance(message, dialect.MAVLink_command_long_message) or (
+            message.command,
+            message.param1,
+        ) != (interval, truth):
             self.dropped["a command that no simulator follows"] += 1
         elif message.param2 == _NO_INTERVAL:
             self._truth_every = 0
