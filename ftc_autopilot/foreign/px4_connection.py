@@ -11,7 +11,7 @@ import socket
 from typing import TypeAlias
 
 from ftc_autopilot.foreign.base import ForeignError
-from mavlink_defs.endpoint import EndpointError, PortTaken, UdpAddress
+from mavlink_defs.endpoint import EndpointError, PortTaken
 from sitl_plant.px4.lockstep import is_px4
 
 _BLOCK = 65536  # bytes read at a time
