@@ -4,11 +4,12 @@ Written from docs.px4.io (Simulation) and from what PX4's simulator_mavlink, px4
 px4-rc.mavlink do; nothing is shared with the code under test. Its clock is that of HIL_SENSOR, so
 what it commands depends on what it is sent alone. It flies by the truth and its gyro.
 
-It writes what it found so far to PEER_REPORT-N.json, N its instance: it is killed, not asked. Options of its own, parameters of
-PX4 as their names go: PEER_BOOT_N, frames before it answers the first; PEER_READY_S, its time until
-it can be armed; PEER_STOPS_S, its time after which it answers nothing; PEER_CLOSES_S, its time at
-which it ends; PEER_NO_LOCKSTEP 1: its answers have no flag; PEER_AHEAD_US: its clock is so far off;
-PEER_TWICE 1: each answer comes twice; PEER_NOISE 1: strange bytes stand between its messages.
+It writes what it found so far to PEER_REPORT-N.json, N its instance: it is killed, not asked.
+Options of its own, parameters of PX4 as their names go: PEER_BOOT_N, frames before it answers the
+first; PEER_READY_S, its time until it can be armed; PEER_STOPS_S, its time after which it answers
+nothing; PEER_CLOSES_S, its time at which it ends; PEER_NO_LOCKSTEP 1: its answers have no flag;
+PEER_AHEAD_US: its clock is so far off; PEER_TWICE 1: each answer comes twice; PEER_NOISE 1: strange
+bytes stand between its messages.
 """
 
 import contextlib
