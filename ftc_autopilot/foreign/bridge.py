@@ -125,11 +125,15 @@ class Bridge:
             self.loss = why
 
     def finish(self) -> int:
-        """Write the end of the record; return the exit status, as of `ftc_autopilot.process`."""
-        unwritable = self._recorder.finish(
-            self.loss, self._link.repeats.tolist(), self._link.is_over, self.failure
-        )
-        self.loss = self.loss or unwritable
+        """Write the end of the record; return the exit status, as of `ftc_autopilot.process`.
+
+        There is no record of a flight that did not begin.
+        """
+        if self._steps or self.loss is None:
+            unwritable = self._recorder.finish(
+                self.loss, self._link.repeats.tolist(), self._link.is_over, self.failure
+            )
+            self.loss = self.loss or unwritable
         drops = Counter({reason.text: n for reason, n in self._link.drops.items()})
         if drops:
             self._log(f"frames dropped: {counts_text(drops)}")

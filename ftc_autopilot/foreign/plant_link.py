@@ -63,6 +63,7 @@ class PlantLink:
         self.messages = 0
         self.repeats = np.zeros(N_CHANNELS, np.int64)
         self._run: int | None = None
+        self._flown: int | None = None  # the last step of which time ran
         self._applied_us: int | None = None
         self._shares: np.ndarray | None = None
         self._controls = [0.0] * 16
@@ -119,9 +120,9 @@ class PlantLink:
     def _note_step(self, record: np.void, is_state: bool) -> None:
         run, number = int(record["run"]), int(record["step"])
         self.restarted |= self._run is not None and run != self._run
-        before = self.step
         self._run, self.flags = run, int(record["flags"])
-        self.is_repeated = before is not None and number == before.step and self.is_running
+        self.is_repeated = self.is_running and number == self._flown
+        self._flown = number if self.is_running else None
         applied = int(record["actuator_time_usec"])
         self._applied_us = None if applied == _NOTHING else applied
         sensors, gps = tuple(self._sensors), self._gps

@@ -1,0 +1,33 @@
+"""What has to be there to fly a scenario with foreign autopilots."""
+
+import os
+from pathlib import Path
+
+from gcs.console.errors import BadInput
+from gcs.scenario.model import Scenario
+
+
+def check_foreign(scenario: Scenario, *, over_udp: bool) -> None:
+    """Check that the programs of foreign autopilots can be started, before any process is.
+
+    Args:
+        scenario: The scenario.
+        over_udp: Whether it is flown with processes.
+
+    Raises:
+        BadInput: One cannot, or the flight is in process.
+    """
+    for uav, own in scenario.foreign.items():
+        if not over_udp:
+            text = f"UAV {uav} has autopilot.kind: {own.kind}, a program that flies as a process"
+            raise BadInput(f"{text}; a flight in process has none", "fly it over UDP")
+        path = Path(own.binary).expanduser()
+        what = f"uavs[].autopilot.binary of UAV {uav} is {own.binary}"
+        if not path.is_file():
+            text = f"{what}: there is no such file in {Path.cwd()}"
+            raise BadInput(text, f"name the program of {own.kind}, built for SITL")
+        if not os.access(path, os.X_OK):
+            raise BadInput(f"{what}: it cannot be executed", f"chmod +x {path}")
+        if own.defaults is not None and not Path(own.defaults).expanduser().is_file():
+            what = f"uavs[].autopilot.defaults of UAV {uav} is {own.defaults}"
+            raise BadInput(f"{what}: there is no such file in {Path.cwd()}")
