@@ -1,5 +1,6 @@
 """Which autopilot flies a UAV: ours, or the program of another project beside its bridge."""
 
+from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import Discriminator, Field, Tag
@@ -100,6 +101,13 @@ class Px4Autopilot(Model):
         "m/s^2", "Acceleration of the launch.", 15.0, gt=0.0, le=1000.0
     )
     outputs: Px4Outputs = Px4Outputs()
+
+    @property
+    def startup(self) -> Path:
+        """Folder of its startup scripts."""
+        if self.data is not None:
+            return Path(self.data).expanduser().resolve()
+        return Path(self.binary).expanduser().resolve().parent.parent / "etc"
 
     def commands(self, has_mission: bool) -> list[tuple[int, tuple[float, ...]]]:
         """Return the commands that a station gives before it arms: MAV_CMD and parameters.

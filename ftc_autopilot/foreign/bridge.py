@@ -239,7 +239,10 @@ class Bridge:
 
     def _receive_from_autopilot(self) -> None:
         for datagram, sender in _waiting(self._side):
-            self._peer = sender
+            self._peer = self._peer or sender
+            if sender != self._peer:  # the autopilot has one socket: this is somebody else
+                self._link.drops[DropReason.STRANGER] += 1
+                continue
             for message in self._vehicle.receive(datagram, self._autopilot.is_ready):
                 self._autopilot.note(message)
 

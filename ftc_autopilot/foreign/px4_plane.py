@@ -7,7 +7,6 @@ Its sensors are made here, of the true state that the plant sends, by the scenar
 import math
 import os
 import time
-from pathlib import Path
 
 import numpy as np
 
@@ -90,7 +89,7 @@ class Px4Plane:
         }
         for name, value in (_DEFAULTS | self._own.parameters).items():
             environment[f"PX4_PARAM_{name}"] = f"{value:.9g}"
-        arguments = ["-d", "-i", str(self._instance), str(self._data())]
+        arguments = ["-d", "-i", str(self._instance), str(self._own.startup)]
         self._child.start(self._own.binary, arguments, environment)
         x = np.concatenate([state[name] for name in ("position", "velocity", "attitude", "rates")])
         per_frame_s = self._every * self._config.step_us / 1e6
@@ -98,16 +97,6 @@ class Px4Plane:
         frames = math.ceil(float(speed) / acceleration / per_frame_s)
         self._launch = new_launch(x, state["wind"], self._gravity, frames * per_frame_s)
         self._frame_due_s = self._heard_s = time.monotonic()
-
-    def _data(self) -> Path:
-        """Return the folder of its startup scripts."""
-        given = self._own.data
-        beside = Path(self._own.binary).expanduser().resolve().parent.parent / "etc"
-        path = beside if given is None else Path(given).expanduser().resolve()
-        if not (path / "init.d-posix" / "rcS").is_file() and Path(self._own.binary).is_file():
-            text = f"there is no init.d-posix/rcS in {path}: set autopilot.data to etc of its build"
-            raise ForeignInputError(f"UAV {self._config.id}: {text}")
-        return path
 
     def _startup_path(self) -> str:
         """Return a PATH in which it finds the script of its MAVLink links: one, to the bridge.

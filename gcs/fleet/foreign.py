@@ -3,6 +3,7 @@
 import os
 from pathlib import Path
 
+from ftc_autopilot.kinds import Px4Autopilot
 from gcs.console.errors import BadInput
 from gcs.scenario.model import Scenario
 
@@ -28,6 +29,16 @@ def check_foreign(scenario: Scenario, *, over_udp: bool) -> None:
             raise BadInput(text, f"name the program of {own.kind}, built for SITL")
         if not os.access(path, os.X_OK):
             raise BadInput(f"{what}: it cannot be executed", f"chmod +x {path}")
-        if own.defaults is not None and not Path(own.defaults).expanduser().is_file():
+        if isinstance(own, Px4Autopilot):
+            _check_startup(uav, own)
+        elif own.defaults is not None and not Path(own.defaults).expanduser().is_file():
             what = f"uavs[].autopilot.defaults of UAV {uav} is {own.defaults}"
             raise BadInput(f"{what}: there is no such file in {Path.cwd()}")
+
+
+def _check_startup(uav: int, own: Px4Autopilot) -> None:
+    """Check that a PX4 has its startup scripts."""
+    folder = own.startup
+    if not (folder / "init.d-posix" / "rcS").is_file():
+        text = f"uavs[].autopilot of UAV {uav}: there is no init.d-posix/rcS in {folder}"
+        raise BadInput(text, "set its key data to the folder etc of the build")

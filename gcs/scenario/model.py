@@ -26,7 +26,7 @@ from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.guidance.planner import Planner
 from ftc_autopilot.guidance.runway import RunwayParameters, figures_of
-from ftc_autopilot.kinds import ArduPlaneAutopilot, ForeignSection, FtcAutopilot
+from ftc_autopilot.kinds import ForeignSection, FtcAutopilot
 from ftc_autopilot.plugins.loading import calling, without_code
 from gcs.scenario.aircraft_checks import (
     aircraft_law_problems,
@@ -369,8 +369,8 @@ class Scenario(Model):
                     ("uavs", i, "initial", "on_ground"),
                     f"{text}; or set 'navigation: true_state'",
                 )
-            if isinstance(uav.autopilot, ArduPlaneAutopilot) and self.navigation == "estimated":
-                text = "ArduPlane makes sensors of its own from the true state: expected 'ftc', or"
+            if uav.id in self.foreign and self.navigation == "estimated":
+                text = "its sensors are made of the true state: expected 'ftc', or"
                 yield ("uavs", i, "autopilot", "kind"), f"{text} navigation: true_state"
             if not uav.initial.on_ground:
                 place = ("uavs", i, "initial")
