@@ -85,7 +85,7 @@ class Bridge:
             sock.setblocking(False)
         self._plant.settimeout(_TICK_S)
         self._recorder = ForeignRecorder(config, record, record_optional, self._log)
-        self._vehicle = ForeignVehicle(config.id, config.origin)
+        self._vehicle = ForeignVehicle(config.id, config.origin, self._link.counts)
         self._peer: tuple[str, int] | None = None  # where the autopilot's MAVLink comes from
         link = UdpAddress(_LOOPBACK, self._side.getsockname()[1])
         self._autopilot = FOREIGN[config.autopilot.kind](config, link)
@@ -220,10 +220,9 @@ class Bridge:
         if now >= self._due_s:
             self._due_s = now + (_REGISTER_S if self._link.step is None else _HEARTBEAT_S)
             self._send(self._link.pack(self._registration()))
-        if running and now >= self._count_due_s and self._link.step is not None:
+        if running and now >= self._count_due_s:
             self._count_due_s = now + _COUNT_S
-            time_us, events = self._link.step.time_us, self._link.events
-            self._vehicle.count(time_us, self._steps, events, self._link.messages)
+            self._vehicle.count()
         for message in self._vehicle.to_plant():
             self._send(self._link.pack(message))
         if self._peer is not None:

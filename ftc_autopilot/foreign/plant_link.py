@@ -29,6 +29,7 @@ _FORMS: dict[int, np.dtype] = {
     codec.MessageId.SENSOR: codec.HIL_SENSOR,
     codec.MessageId.GPS: codec.HIL_GPS,
 }
+_NO_INTERVAL = 2**32 - 1
 _NOTHING = 2**64 - 1  # FTC_SIM_STATE.actuator_time_usec before the first actuator message
 
 
@@ -177,6 +178,19 @@ class PlantLink:
         if self._sent_us >= 0 and self._applied_us != self._sent_us:
             frames.append(self._pack(self._actuators()))
         return [*frames, self.done()]
+
+    def counts(self) -> MAVLink_message:
+        """Return FTC_EVENTS so far."""
+        time_us, steps = (0, 0) if self.step is None else (self.step.time_us, self.step.step + 1)
+        return dialect.MAVLink_ftc_events_message(
+            time_boot_ms=time_us // 1000 & 0xFFFFFFFF,
+            steps=steps if self.is_running else 0,
+            events=self.events.tolist(),
+            min_interval_us=[_NO_INTERVAL] * N_CHANNELS,
+            messages=self.messages,
+            repeats=self.repeats.tolist(),
+            edge_changes=0,
+        )
 
     def done(self) -> bytes:
         """Return the message that this step is finished; nothing was sent to neighbours."""

@@ -4,7 +4,7 @@ What the autopilot sends goes to the ground stations, and theirs to it. Commands
 the plant, which alone can execute them: the autopilot does not hear of them, as ours does not.
 """
 
-import numpy as np
+from collections.abc import Callable
 
 from ftc_autopilot.vehicle.commands import Commands, Handler
 from ftc_autopilot.vehicle.telemetry import DEFAULT_INTERVALS_US
@@ -19,7 +19,6 @@ from mavlink_defs.services.command import CommandMessage, command_params
 from mavlink_defs.services.machine import SystemId, is_for
 
 _FIRST_PRIVATE = 53_000
-_NO_INTERVAL = 2**32 - 1
 _SHOWN = {dialect.MAVLINK_MSG_ID_STATUSTEXT, dialect.MAVLINK_MSG_ID_FTC_FAULT}
 _OWN_REQUESTS = {dialect.MAVLINK_MSG_ID_FTC_FAULT, dialect.MAVLINK_MSG_ID_FTC_EVENTS}
 _ASKED_OF_IT = [n for n in DEFAULT_INTERVALS_US if n < _FIRST_PRIVATE]
@@ -33,13 +32,15 @@ class ForeignVehicle:
         heartbeat: Its last HEARTBEAT; None before the first.
     """
 
-    def __init__(self, system: int, origin: Origin) -> None:
+    def __init__(self, system: int, origin: Origin, counts: Callable[[], MAVLink_message]) -> None:
         """Begin before it is heard.
 
         Args:
             system: System id of the UAV.
             origin: Its home: it would be where it is held.
+            counts: Returns FTC_EVENTS.
         """
+        self._counts = counts
         self._system, self._origin = system, origin
         self._has_home = False
         self._own = SystemId(system, dialect.MAV_COMP_ID_AUTOPILOT1)
@@ -50,7 +51,6 @@ class ForeignVehicle:
         self._to_autopilot: list[bytes] = []
         self._to_stations: list[bytes] = []
         self._texts = 0
-        self._events: MAVLink_message | None = None
 
     # from the autopilot
 
@@ -142,10 +142,8 @@ class ForeignVehicle:
         return number in FAULT_COMMANDS or asks or streams
 
     def _handlers(self) -> dict[int, Handler]:
-        def request(params: tuple[float, ...]) -> int:
-            if self._events is None:
-                return dialect.MAV_RESULT_TEMPORARILY_REJECTED
-            self._show(self._events)
+        def request(_: tuple[float, ...]) -> int:
+            self.count()
             return dialect.MAV_RESULT_ACCEPTED
 
         def stream(params: tuple[float, ...]) -> int:
@@ -171,18 +169,9 @@ class ForeignVehicle:
         """Do what is due; call it often."""
         self._commands.handle_timer(now)
 
-    def count(self, time_us: int, steps: int, events: np.ndarray, messages: int) -> None:
+    def count(self) -> None:
         """Show stations the events so far."""
-        self._events = dialect.MAVLink_ftc_events_message(
-            time_boot_ms=time_us // 1000 & 0xFFFFFFFF,
-            steps=steps,
-            events=events.tolist(),
-            min_interval_us=[_NO_INTERVAL] * 4,
-            messages=messages,
-            repeats=[0] * 4,
-            edge_changes=0,
-        )
-        self._show(self._events)
+        self._show(self._counts())
 
     def say(self, severity: int, text: str) -> None:
         """Send stations a STATUSTEXT."""

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from gcs.scenario.model import Scenario
 
 _MARK = "# Written by: gcs design "
+_STEP_US = 1000  # of the control period that SIM_RATE_HZ is a whole part of
 DEFAULT_LAW = "surviving"
 
 
@@ -41,6 +42,8 @@ class DesignOptions:
         uavs: Number of UAVs, which fly in formation.
         plant: Section `plant` of the scenario, as in '{kind: jsbsim, aircraft: c172p}': what flies,
             if it is not these coefficients.
+        kind: For which autopilot: ftc, or ardupilot: the file of parameters that ArduPlane
+            flies the aircraft by.
         out: Scenario file; without it the text is printed.
         fly: Fly it, in process, and print what came out.
     """
@@ -56,6 +59,7 @@ class DesignOptions:
     gyro_delay: Annotated[float, typer.Option(min=0.0, max=0.1, metavar="S")] = 0.0
     uavs: Annotated[int, typer.Option(min=1, max=30, metavar="NUMBER")] = 1
     plant: Annotated[str | None, typer.Option(metavar="YAML")] = None
+    kind: Annotated[str, typer.Option("--for", metavar="AUTOPILOT")] = "ftc"
     out: Annotated[Path | None, typer.Option("--out", "-o", metavar="FILE")] = None
     fly: Annotated[bool, typer.Option("--fly")] = False
     quiet: QuietOption = False
@@ -98,6 +102,7 @@ def design(
         - gcs design my.yaml --law surviving --servo-lag 0.02 --servo-rate 400
           --gyro-noise 0.3 -o mine.yaml
         - gcs design aerosonde --law tube --airspeed 28 --fly
+        - gcs design aerosonde --for ardupilot -o aerosonde.parm
 
     Exit status: 0 written or flown, 1 the flight was lost, 2 bad input, or no law can fly the
     aircraft.
@@ -107,6 +112,9 @@ def design(
     from gcs.scenario.model import scenario_of
 
     check_out(options.out, _MARK, "a design")
+    if options.kind != "ftc":
+        _write_parameters(aircraft, options)
+        return
     made = _design(aircraft, options)
     console = console_of(quiet=options.quiet)
     text = text_of(made, options.command(Path(aircraft).name))
@@ -121,6 +129,36 @@ def design(
         print_line(text.rstrip("\n"))
     if options.fly:
         _fly(made, scenario, console_of(stderr=False, quiet=options.quiet), console)
+
+
+def _write_parameters(aircraft: str, options: DesignOptions) -> None:
+    """Write the parameters of a foreign autopilot."""
+    from gcs.scenario.aircraft_file import load_aircraft
+    from sitl_plant.ardupilot.config import ArduPilot
+    from sitl_plant.ardupilot.parameters import parameter_text, parameters_of
+
+    if options.kind != "ardupilot":
+        raise BadInput(f"--for is {options.kind!r}, expected ftc or ardupilot")
+    if options.fly:
+        text = "--fly flies a law of ours; ArduPlane has its program"
+        raise BadInput(text, "fly a scenario with uavs[].autopilot, see docs/how-to/ardupilot.md")
+    loaded = load_aircraft(aircraft)
+    speed, limits = options.airspeed or loaded.design_airspeed, loaded.airspeed_limits
+    if not limits.min_m_s <= speed <= limits.max_m_s:
+        raise BadInput(
+            f"--airspeed is {speed:g} m/s, expected {limits.min_m_s:g} to {limits.max_m_s:g} m/s, "
+            "the aircraft's limits"
+        )
+    cruising = loaded.model_copy(update={"cruise_m_s": speed})
+    given = f" --airspeed {options.airspeed:g}" if options.airspeed else ""
+    first = f"{_MARK}{Path(aircraft).name} --for ardupilot{given}\n"
+    text = first + parameter_text(parameters_of(cruising, ArduPilot(), _STEP_US))
+    if options.out is None:
+        print_line(text.rstrip("\n"))
+    else:
+        write_file(options.out, text)
+        console = console_of(quiet=options.quiet)
+        console.print(f"{options.out} written; ArduPlane reads it by --defaults", soft_wrap=True)
 
 
 def _design(aircraft: str, options: DesignOptions) -> "Design":

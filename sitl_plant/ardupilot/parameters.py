@@ -48,7 +48,7 @@ def parameters_of(aircraft: Aircraft, outputs: ArduPilot, step_us: int) -> list[
 
 def parameter_text(parameters: list[ArduParameter]) -> str:
     """Return the file of --defaults."""
-    return "".join(f"{one.name:<18}{one.value:<12.6g}# {one.why}\n" for one in parameters)
+    return "".join(f"{one.name:<17} {one.value:<10.6g} # {one.why}\n" for one in parameters)
 
 
 def _periods(step_us: int) -> int:
@@ -88,9 +88,9 @@ def _limits(aircraft: Aircraft) -> list[ArduParameter]:
         ArduParameter("PTCH_TRIM_DEG", round(math.degrees(alpha), 2), "of level flight at cruise"),
         ArduParameter("TRIM_THROTTLE", round(100.0 * share), "%, of level flight at cruise"),
         ArduParameter("THR_MAX", 100, "%"),
-        ArduParameter("ROLL_LIMIT_DEG", _BANK_DEG, ""),
-        ArduParameter("PTCH_LIM_MAX_DEG", 20, ""),
-        ArduParameter("PTCH_LIM_MIN_DEG", -20, ""),
+        ArduParameter("ROLL_LIMIT_DEG", _BANK_DEG, "deg"),
+        ArduParameter("PTCH_LIM_MAX_DEG", 20, "deg"),
+        ArduParameter("PTCH_LIM_MIN_DEG", -20, "deg"),
         ArduParameter("WP_LOITER_RAD", math.ceil(radius), f"m, {_CIRCLE_BANK_DEG:g} deg of bank"),
         ArduParameter("WP_RADIUS", math.ceil(radius / 2.0), "m"),
         ArduParameter("TECS_CLMB_MAX", round(min(0.7 * climb, 10.0), 1), "m/s, 70 % of the excess"),
