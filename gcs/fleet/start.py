@@ -68,6 +68,20 @@ async def prepare(
     fleet.check()
 
 
+async def start_vehicle(vehicle: Vehicle, scenario: Scenario) -> None:
+    """Start the mission of a vehicle, before it is armed; a foreign autopilot has its own way.
+
+    Raises:
+        CommandRefused, NoAnswer: As it answers.
+    """
+    own = scenario.foreign.get(vehicle.id)
+    if own is None:
+        await vehicle.start_mission()
+        return
+    for command, params in own.commands(has_mission=scenario.mission is not None):
+        await vehicle.command(command, params)
+
+
 class Liveness:
     """Notices UAVs that are neither heard nor compute."""
 
@@ -132,18 +146,8 @@ class _Start:
         for uav_id, fault in scenario.fault_commands():
             await self._vehicle(uav_id).set_fault(fault)
         if start:
-            await self._each("have started it", partial(self._start, scenario=scenario))
+            await self._each("have started it", partial(start_vehicle, scenario=scenario))
             await self._each("are armed", Vehicle.arm)
-
-    @staticmethod
-    async def _start(vehicle: Vehicle, scenario: Scenario) -> None:
-        """Start the mission of a vehicle; what a foreign autopilot takes for that is its own."""
-        own = scenario.foreign.get(vehicle.id)
-        if own is None:
-            await vehicle.start_mission()
-            return
-        for command, params in own.commands(has_mission=scenario.mission is not None):
-            await vehicle.command(command, params)
 
     def _vehicle(self, uav: int) -> Vehicle:
         return self._client.vehicle(uav).with_patience(ENDLESS)
