@@ -91,6 +91,9 @@ class Px4Autopilot(Model):
     ready_within_s: float = quantity(
         "s", "Longest time, by its own clock, until it may be armed.", 120.0, gt=0.0
     )
+    connects_within_s: float = quantity(
+        "s", "Longest time until it connects, by the wall clock.", 60.0, gt=0.0
+    )
     answers_within_s: float = quantity(
         "s", "Longest time until it answers a frame, by the wall clock.", 60.0, gt=0.0
     )

@@ -252,12 +252,14 @@ class Px4Plane:
         self._check_silence(None)
 
     def _check_silence(self, at_s: float | None) -> None:
-        limit_s = self._own.answers_within_s
-        if time.monotonic() - self._heard_s < limit_s:
+        silent_s, own = time.monotonic() - self._heard_s, self._own
+        is_open = self._connection.is_open
+        limit_s = own.answers_within_s if is_open else own.connects_within_s
+        if silent_s < limit_s:
             return
         self._child.check(at_s)
         when = "before the flight" if at_s is None else f"at {at_s:.3f} s"
-        if self._connection.is_open:
+        if is_open:
             raise ForeignError(f"PX4 has not answered a frame for {limit_s:g} s {when}")
         text = f"no PX4 has connected for {limit_s:g} s{self._child.last_line()}"
         raise ForeignError(f"{text}; is autopilot.binary a PX4 built for SITL?")

@@ -7,7 +7,8 @@ what it commands depends on what it is sent alone. It flies by the truth and its
 It writes what it found so far to PEER_REPORT-N.json, N its instance: it is killed, not asked.
 Options of its own, parameters of PX4 as their names go: PEER_BOOT_N, frames before it answers the
 first; PEER_READY_S, its time until it can be armed; PEER_STOPS_S, its time after which it answers
-nothing; PEER_CLOSES_S, its time at which it ends; PEER_NO_LOCKSTEP 1: its answers have no flag;
+nothing; PEER_CLOSES_S, its time at which it ends; PEER_STOPS_ARMED_S, PEER_CLOSES_ARMED_S, the same
+since it was armed; PEER_NO_LOCKSTEP 1: its answers have no flag;
 PEER_AHEAD_US: its clock is so far off; PEER_TWICE 1: each answer comes twice; PEER_NOISE 1: strange
 bytes stand between its messages.
 """
@@ -297,6 +298,7 @@ class Peer:
         self.parser = mavlink.MAVLink(None, instance + 1, 1)
         self.parser.robust_parsing = True
         self.frames = self.answers = 0
+        self.armed_s: float | None = None
         self.gyro = (0.0, 0.0, 0.0)
         self.chance = random.Random(instance)
         self.noise = parameter("PEER_NOISE", 0.0) > 0.0
@@ -312,8 +314,7 @@ class Peer:
         self.say(mavlink.MAVLink_heartbeat_message(0, 12, 0, 0, 0, 3))
         interval = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
         self.say(mavlink.MAVLink_command_long_message(0, 0, interval, 0, 115, 5e3, 0, 0, 0, 0, 0))
-        boot, stops_us = parameter("PEER_BOOT_N", 40), parameter("PEER_STOPS_S", math.inf) * 1e6
-        closes_us = parameter("PEER_CLOSES_S", math.inf) * 1e6
+        boot = parameter("PEER_BOOT_N", 40)
         while data := self.sock.recv(65536):
             fresh, before = False, len(self.checks.wrong)
             for message in self.parser.parse_buffer(bytearray(data)) or []:
@@ -324,12 +325,20 @@ class Peer:
                     fresh = True
             if self.frames % 50 == 0 or len(self.checks.wrong) > before:
                 self.report()
-            if self.checks.now_us >= closes_us:
+            if self._is_time_for("PEER_CLOSES"):
                 return
-            if fresh and self.checks.now_us < stops_us:
+            if fresh and not self._is_time_for("PEER_STOPS"):
                 self._step()
                 if self.frames > boot and self.checks.truth is not None:
                     self._answer()
+
+    def _is_time_for(self, name: str) -> bool:
+        now_s = self.checks.now_us / 1e6
+        if self.mavlink.armed and self.armed_s is None:
+            self.armed_s = now_s
+        flown_s = 0.0 if self.armed_s is None else now_s - self.armed_s
+        by_armed = flown_s >= parameter(f"{name}_ARMED_S", math.inf)
+        return by_armed or now_s >= parameter(f"{name}_S", math.inf)
 
     def _step(self) -> None:
         now_us = self.checks.now_us

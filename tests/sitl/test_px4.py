@@ -188,20 +188,20 @@ def fly_under_attack(folder: Path, attacks: int) -> None:
 @pytest.mark.parametrize(
     ("parameters", "text"),
     [
-        ({"PEER_STOPS_S": 0.4}, "PX4 has not answered a frame for 2 s before the flight"),
-        ({"PEER_STOPS_S": 20.0}, "PX4 has not answered a frame for 2 s at "),
+        ({"PEER_STOPS_S": 0.4}, "PX4 has not answered a frame for 5 s before the flight"),
+        ({"PEER_STOPS_ARMED_S": 12.0}, "PX4 has not answered a frame for 5 s at "),
         ({"PEER_CLOSES_S": 0.4}, "PX4 ended with status 0 before the flight"),
-        ({"PEER_CLOSES_S": 20.0}, "PX4 ended with status 0 at "),
+        ({"PEER_CLOSES_ARMED_S": 12.0}, "PX4 ended with status 0 at "),
         ({"PEER_NO_LOCKSTEP": 1}, "built without lockstep before the flight"),
         ({"PEER_AHEAD_US": 4000}, "another simulator sets it, too before the flight"),
-        ({"PEER_READY_S": 1e6}, "PX4 is not ready to be armed after 30 s of its time"),
+        ({"PEER_READY_S": 1e6}, "PX4 is not ready to be armed after 5 s of its time"),
     ],
 )
 def test_what_goes_wrong_is_one_line(
     tmp_path: Path, parameters: dict[str, float], text: str
 ) -> None:
     binary = build(tmp_path)
-    own = autopilot(binary, parameters=parameters, answers_within_s=2.0, ready_within_s=30.0)
+    own = autopilot(binary, parameters=parameters, answers_within_s=5.0, ready_within_s=5.0)
     done = flown(tmp_path, fleet(tmp_path, {3: own}, duration_s=60.0))
     assert (done.returncode, text in done.stderr) == (1, True), done.stderr
     assert not children_of(binary)
@@ -209,7 +209,7 @@ def test_what_goes_wrong_is_one_line(
 
 def test_a_program_that_is_no_px4_is_told_apart(tmp_path: Path) -> None:
     binary = build(tmp_path, script="echo I am none; exec sleep 1000")
-    own = autopilot(binary, answers_within_s=1.0)
+    own = autopilot(binary, connects_within_s=1.0)
     done = flown(tmp_path, fleet(tmp_path, {3: own}))
     assert done.returncode == 1
     assert "no PX4 has connected for 1 s: I am none" in done.stderr
