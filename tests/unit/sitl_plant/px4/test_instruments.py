@@ -142,7 +142,7 @@ def test_begun_again_they_show_the_same_whatever_was_before(motion):
             for one in FrameStream().feed(made.frame(time_us, with_truth=True)):
                 message = parse(one)
                 assert message is not None
-                values = message.to_dict()
+                values: dict[str, Any] = dict(message.to_dict())
                 if "time_usec" in values:  # not of a HEARTBEAT
                     found[-1].append(values | {"time_usec": values["time_usec"] - held * 4000})
     assert found[0] == found[1]
