@@ -24,14 +24,13 @@ from sitl_plant.ardupilot.launch import AircraftLaunch, into_body, new_launch
 from sitl_plant.px4.instruments import Instruments
 from sitl_plant.px4.lockstep import PORT, NotInLockstep, Px4Lockstep, Turn
 from sitl_plant.px4.outputs import Px4Actuators
+from sitl_plant.px4.parameters import px4_parameters
 
 _TURN_S = 0.02
 _WAIT_S = 0.5  # between two looks whether it runs
 _LATEST_LAUNCH_S = 5.0  # after arming, by its clock: modes that wait for speed give no thrust
 _STARTUP = "startup"
 _MAVLINK = "px4-rc.mavlink"
-_LINK_LOST_S = 300.0  # COM_DL_LOSS_T, by its clock, which runs faster than a station's
-_LONGEST_DELAY_MS = 300.0
 
 
 class Px4Plane:
@@ -88,7 +87,7 @@ class Px4Plane:
             "PX4_SIM_HOSTNAME": self._own.simulator_host,
             "PATH": self._startup_path(),
         }
-        for name, value in (self._parameters() | self._own.parameters).items():
+        for name, value in self._parameters().items():
             environment[f"PX4_PARAM_{name}"] = f"{value:.9g}"
         arguments = ["-d", "-i", str(self._instance), str(self._own.startup)]
         self._child.start(self._own.binary, arguments, environment)
@@ -100,13 +99,9 @@ class Px4Plane:
         self._frame_due_s = self._heard_s = time.monotonic()
 
     def _parameters(self) -> dict[str, float]:
-        """Return the parameters by which it fits its simulator; the user's come behind them."""
-        delay_ms = min(self._config.sensors.gnss.latency_s * 1e3, _LONGEST_DELAY_MS)
-        delay = (
-            "EKF2_GPS_DELAY",
-            "SENS_GPS0_DELAY",
-        )  # the name has changed; PX4 passes over the other
-        return {"COM_DL_LOSS_T": _LINK_LOST_S} | dict.fromkeys(delay, delay_ms)
+        """Return what it starts with: what the aircraft and its sensors say, then the user."""
+        derived = px4_parameters(self._config.aircraft, self._config.sensors)
+        return {one.name: one.value for one in derived} | self._own.parameters
 
     def _startup_path(self) -> str:
         """Return a PATH in which it finds the script of its MAVLink links: one, to the bridge.
