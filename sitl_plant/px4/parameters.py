@@ -24,7 +24,7 @@ def px4_parameters(aircraft: Aircraft, sensors: NavigationSensors) -> list[Deriv
     figures = cruise_figures(aircraft)
     slowest = max(math.floor(aircraft.airspeed_min_m_s), 5)
     delay_ms = min(sensors.gnss.latency_s * 1e3, _LONGEST_DELAY_MS)
-    sink, climb = figures.sink_m_s, figures.climb_m_s
+    sink, climb, circle = figures.sink_m_s, figures.climb_m_s, figures.circle_m
     return [
         DerivedParameter("FW_AIRSPD_TRIM", figures.airspeed, "m/s"),
         DerivedParameter("FW_AIRSPD_MIN", slowest, "m/s"),
@@ -37,11 +37,11 @@ def px4_parameters(aircraft: Aircraft, sensors: NavigationSensors) -> list[Deriv
         DerivedParameter("FW_R_LIM", 45, "deg"),
         DerivedParameter("FW_P_LIM_MAX", 20, "deg"),
         DerivedParameter("FW_P_LIM_MIN", -20, "deg"),
-        DerivedParameter("FW_T_CLMB_MAX", round(min(0.7 * climb, 10.0), 1), "m/s, 70 % of excess"),
-        DerivedParameter("FW_T_SINK_MIN", round(min(sink, 5.0), 1), "m/s, without thrust"),
-        DerivedParameter("FW_T_SINK_MAX", round(min(2.0 * sink, 10.0), 1), "m/s, twice that"),
-        DerivedParameter("NAV_LOITER_RAD", math.ceil(figures.circle_m), "m, 25 deg of bank"),
-        DerivedParameter("NAV_ACC_RAD", math.ceil(figures.circle_m / 2.0), "m"),
+        DerivedParameter("FW_T_CLMB_MAX", _near(0.7 * climb, 1.0, 10.0), "m/s, 70 % of excess"),
+        DerivedParameter("FW_T_SINK_MIN", _near(sink, 1.0, 5.0), "m/s, without thrust"),
+        DerivedParameter("FW_T_SINK_MAX", _near(2.0 * sink, 2.0, 10.0), "m/s, twice that"),
+        DerivedParameter("NAV_LOITER_RAD", _near(circle, 25.0, 1000.0), "m, 25 deg of bank"),
+        DerivedParameter("NAV_ACC_RAD", _near(circle / 2.0, 10.0, 200.0), "m"),
         *_gains("RR", figures.roll_travel),
         *_gains("PR", figures.pitch_travel),
         DerivedParameter("FW_YR_FF", 0, "start: the fin turns it"),
@@ -53,6 +53,11 @@ def px4_parameters(aircraft: Aircraft, sensors: NavigationSensors) -> list[Deriv
         DerivedParameter("SENS_GPS0_DELAY", delay_ms, "ms, its name since"),
         DerivedParameter("COM_DL_LOSS_T", 300, "s of its time, which is faster than a station's"),
     ]
+
+
+def _near(value: float, low: float, high: float) -> float:
+    """Return the nearest value, to a tenth, that PX4 takes."""
+    return round(min(max(value, low), high), 1)
 
 
 def _gains(axis: str, travel: float) -> list[DerivedParameter]:
