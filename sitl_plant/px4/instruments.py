@@ -19,18 +19,20 @@ from mavlink_defs import dialect
 from mavlink_defs.framing.codec import MessageId, payload_dtype
 from mavlink_defs.framing.frames import FramePacker
 from mavlink_defs.origin import Origin, degrees_at
-from mavlink_defs.runtime.jit import in_python
+from mavlink_defs.runtime.jit import compiled, in_python
+from sitl_plant import vec3 as vectors
+from sitl_plant.airframe import rigid_body
 from sitl_plant.airframe.quaternion import quaternion
-from sitl_plant.airframe.rigid_body import R1
 from sitl_plant.sensing.config import NavigationSensors
-from sitl_plant.sensing.sense import sense, sensing_of
-from sitl_plant.vec3 import mul, norm, sub, vec3
+from sitl_plant.sensing.sense import Sensing, sense, sensing_of
+from sitl_plant.vec3 import Vec3
 
 HIL_STATE = payload_dtype(dialect.MAVLink_hil_state_quaternion_message)
 
 _SYSTEM = 1  # PX4 asks nobody's; its simulators send as these
 _COMPONENT = 200
-_R1, _mul, _norm, _sub = in_python(R1), in_python(mul), in_python(norm), in_python(sub)
+_R1, _mul = in_python(rigid_body.R1), in_python(vectors.mul)
+_norm, _sub = in_python(vectors.norm), in_python(vectors.sub)
 _HEARTBEAT_US = 1_000_000
 _I2, _U2 = 32767, 65535
 
@@ -86,7 +88,7 @@ class Instruments:
             step: Control periods since the sensors began.
             motion: The true motion, of dtype `codec.SIM_STATE`.
         """
-        self._has_fix = sense(self._sensing, 0, step, motion) or self._has_fix
+        self._has_fix = sample(self._sensing, step, motion) or self._has_fix
         self._updated |= self._sensing.imus[0]["fields_updated"]
         self._motion = motion
 
@@ -114,12 +116,12 @@ class Instruments:
 
     def _write_truth(self, time_us: int) -> None:
         motion, truth = self._motion, self._truth
-        position, attitude = vec3(motion["position"]), vec3(motion["attitude"])
+        position, attitude = _floats(motion["position"]), _floats(motion["attitude"])
         to_earth = _R1(attitude)
-        velocity = _mul(to_earth, vec3(motion["velocity"]))
-        force = _mul(to_earth, vec3(motion["specific_force"]))
+        velocity = _mul(to_earth, _floats(motion["velocity"]))
+        force = _mul(to_earth, _floats(motion["specific_force"]))
         acceleration = force[0], force[1], force[2] + self._gravity
-        airspeed = _norm(_sub(vec3(motion["velocity"]), vec3(motion["wind"])))
+        airspeed = _norm(_sub(_floats(motion["velocity"]), _floats(motion["wind"])))
         latitude, longitude = degrees_at(
             position[0], position[1], self._origin.latitude_deg, self._origin.longitude_deg
         )
@@ -135,10 +137,21 @@ class Instruments:
             truth[name] = _within(value * 1e3, -_I2, _I2)
 
 
+@compiled
+def sample(sensing: Sensing, step: int, motion: np.void) -> bool:
+    """Sample what is due of the first aircraft, as `sense` does; for callers in Python."""
+    return bool(sense(sensing, 0, step, motion))
+
+
 def _heartbeat() -> dialect.MAVLink_heartbeat_message:
     return dialect.MAVLink_heartbeat_message(
         dialect.MAV_TYPE_GENERIC, dialect.MAV_AUTOPILOT_INVALID, 0, 0, dialect.MAV_STATE_ACTIVE, 3
     )
+
+
+def _floats(values: np.ndarray) -> Vec3:
+    x, y, z = values.tolist()
+    return x, y, z
 
 
 def _within(value: float, low: int, high: int) -> int:
