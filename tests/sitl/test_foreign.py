@@ -98,7 +98,9 @@ def test_stations_set_faults_that_it_does_not_hear_of(tmp_path: Path) -> None:
     up = start("gcs", "up", str(mixed(tmp_path, peer(tmp_path))), *options, "--speed", "1")
     try:
         wait_until(lambda: run("gcs", "status", *to).returncode == 0, "it is heard")
-        set_one = run("gcs", "fault", "set", "rudder", "--effectiveness", "0.9", "--for-s", "60", *to)
+        set_one = run(
+            "gcs", "fault", "set", "rudder", "--effectiveness", "0.9", "--for-s", "60", *to
+        )
         assert set_one.returncode == 0, set_one.stderr
         listed = run("gcs", "fault", "list", "--json", *to)
         (fault,) = json.loads(listed.stdout)[0]["faults"]
