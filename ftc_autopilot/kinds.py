@@ -1,12 +1,13 @@
 """Which autopilot flies a UAV: ours, or the program of another project beside its bridge."""
 
+import re
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from mavlink_defs import dialect
-from mavlink_defs.config.models import Model, Title
+from mavlink_defs.config.models import Model, Problems, Title
 from mavlink_defs.config.quantity import quantity
 from sitl_plant.ardupilot.config import ArduPilot
 from sitl_plant.px4.config import Px4Outputs
@@ -16,8 +17,7 @@ _MODES = {"TAKEOFF": 13, "LOITER": 12, "CRUISE": 7, "FBWB": 6, "GUIDED": 15}
 _PX4_AUTO = 4
 _PX4_SUB_MODES = {"TAKEOFF": 2, "HOLD": 3, "MISSION": 4}
 """Main mode AUTO of PX4, and its sub-modes."""
-
-Px4Parameter = Annotated[str, Field(pattern="^[A-Z][A-Z0-9_]{1,15}$")]
+_PX4_NAME = re.compile("[A-Z][A-Z0-9_]{1,15}")
 
 
 class FtcAutopilot(Model):
@@ -80,7 +80,7 @@ class Px4Autopilot(Model):
     binary: Title = Field(min_length=1)
     data: Title | None = None
     model: Title = Field(default="gazebo-classic_plane", min_length=1)
-    parameters: dict[Px4Parameter, float] = Field(
+    parameters: dict[str, float] = Field(
         default={}, description="Parameters that it starts with, by name."
     )
     mode: Literal["MISSION", "TAKEOFF", "HOLD"] | None = None
@@ -104,6 +104,13 @@ class Px4Autopilot(Model):
         "m/s^2", "Acceleration of the launch.", 15.0, gt=0.0, le=1000.0
     )
     outputs: Px4Outputs = Px4Outputs()
+
+    @model_validator(mode="after")
+    def _names_are_px4s(self) -> "Px4Autopilot":
+        text = "expected a name of capital letters, digits and _, 16 at most"
+        wrong = [name for name in self.parameters if not _PX4_NAME.fullmatch(name)]
+        Problems.check((("parameters", name), text) for name in wrong)
+        return self
 
     @property
     def startup(self) -> Path:

@@ -76,16 +76,21 @@ class Child:
             text = f"{of}, which is no program for this machine: {problem.strerror}"
             raise ForeignInputError(text) from None
 
-    def check(self, at_s: float | None = None) -> None:
+    def check(self, at_s: float | None = None, within_s: float = 0.0) -> None:
         """Check that it runs.
 
         Args:
             at_s: Simulation time, for the message [s]; None before the flight.
+            within_s: How long to wait for its end, if there is a sign of it [s, wall time].
 
         Raises:
             ForeignError: It has ended.
         """
-        if self._popen is None or self._popen.poll() is None:
+        if self._popen is None:
+            return
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._popen.wait(within_s)
+        if self._popen.poll() is None:
             return
         status = self._popen.returncode
         how = f"was ended by signal {-status}" if status < 0 else f"ended with status {status}"

@@ -28,6 +28,7 @@ from sitl_plant.px4.parameters import px4_parameters
 
 _TURN_S = 0.02
 _WAIT_S = 0.5  # between two looks whether it runs
+_END_S = 1.0  # from the end of its connection to its own
 _LATEST_LAUNCH_S = 5.0  # after arming, by its clock: modes that wait for speed give no thrust
 _STARTUP = "startup"
 _MAVLINK = "px4-rc.mavlink"
@@ -230,7 +231,7 @@ class Px4Plane:
             data = self._connection.receive(timeout_s)
             self._lockstep.receive(data)
         except (ForeignError, NotInLockstep) as problem:
-            self._child.check(at_s)
+            self._child.check(at_s, _END_S)
             when = "before the flight" if at_s is None else f"at {at_s:.3f} s"
             raise ForeignError(f"{problem} {when}") from None
         if self._lockstep.answers > answers:

@@ -44,6 +44,7 @@ from gcs.scenario.fence import (
     numbered,
     parameters_in,
 )
+from gcs.scenario.foreign_uavs import formation_without, network_without
 from gcs.scenario.formation_checks import (
     guidance_fit_problems,
     mission_problems,
@@ -228,7 +229,7 @@ class Scenario(Model):
             runway_guidance=self._on_runway,
             failsafe=self.failsafe,
             plugins=plugins_of(self.controller, self.trigger, self.guidance),
-            formation=self.formation,
+            formation=None if uav_id in self.foreign else self._own_formation,
             leader_access=self.network.leader_access.get(uav_id, 0.0),
             neighbours=tuple(
                 Neighbour(id=other, weight=weight, address=self._formation_address(other))
@@ -266,9 +267,9 @@ class Scenario(Model):
         """Return id and weight of each neighbour of a UAV; a foreign autopilot has none."""
         return [
             (edge.between[1 - end], edge.weight)
-            for edge in self.network.edges
+            for edge in self._own_network.edges
             for end in (0, 1)
-            if edge.between[end] == uav_id and not self.foreign.keys() & set(edge.between)
+            if edge.between[end] == uav_id
         ]
 
     def signed(self, key_file: Path) -> Self:
@@ -300,7 +301,7 @@ class Scenario(Model):
         aircraft = self.aircraft if uav_id is None else self.aircraft_of(uav_id)
         bandwidth = self.controller.reference_bandwidth_rad_s
         runway = figures_of(self._on_runway, self.guidance, aircraft, bandwidth)
-        return Planner(aircraft, self.guidance, self.origin, self.formation, runway)
+        return Planner(aircraft, self.guidance, self.origin, self._own_formation, runway)
 
     @property
     def _on_runway(self) -> RunwayParameters:
@@ -334,13 +335,17 @@ class Scenario(Model):
             lambda: simulator_problems(
                 self.plant, self.disturbance, self.uncertainty, self.ground, self.uavs, self.step_us
             ),
-            lambda: network_problems(self.network, self._ids),
+            lambda: network_problems(self._own_network, self._own_ids),
             lambda: slot_problems(
-                self.formation, self.network, self._ids, self.guidance.period_s, self._silence_s
+                self._own_formation,
+                self._own_network,
+                self._own_ids,
+                self.guidance.period_s,
+                self._silence_s,
             ),
             lambda: profile_problems(self.profile, self.mission is not None, self._limits),
             lambda: guidance_fit_problems(
-                self.guidance, map(self.aircraft_of, self._ids), self.formation
+                self.guidance, map(self.aircraft_of, self._own_ids), self._own_formation
             ),
             lambda: mission_problems(
                 self.mission,
@@ -412,6 +417,19 @@ class Scenario(Model):
     def foreign(self) -> dict[int, ForeignSection]:
         """Which foreign autopilots fly which UAVs, by system id."""
         return {u.id: u.autopilot for u in self.uavs if not isinstance(u.autopilot, FtcAutopilot)}
+
+    @property
+    def _own_ids(self) -> list[int]:
+        """UAVs with autopilots of ours."""
+        return [i for i in self._ids if i not in self.foreign]
+
+    @property
+    def _own_network(self) -> Network:
+        return network_without(self.network, self.foreign)
+
+    @property
+    def _own_formation(self) -> Formation | None:
+        return formation_without(self.formation, self.foreign)
 
     @property
     def _ids(self) -> list[int]:

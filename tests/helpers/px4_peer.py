@@ -7,7 +7,7 @@ what it commands depends on what it is sent alone. It flies by the truth and its
 It writes what it found so far to PEER_REPORT-N.json, N its instance: it is killed, not asked.
 Options of its own, parameters of PX4 as their names go: PEER_BOOT_N, frames before it answers the
 first; PEER_READY_S, its time until it can be armed; PEER_STOPS_S, its time after which it answers
-nothing; PEER_CLOSES_S, its time at which it ends; PEER_STOPS_ARMED_S, PEER_CLOSES_ARMED_S, the same
+nothing; PEER_CLOSES_S, its time at which it ends; PEER_STOPS_FLY, PEER_CLOSES_FLY, the same
 since it was armed; PEER_NO_LOCKSTEP 1: its answers have no flag;
 PEER_AHEAD_US: its clock is so far off; PEER_TWICE 1: each answer comes twice; PEER_NOISE 1: strange
 bytes stand between its messages.
@@ -337,7 +337,7 @@ class Peer:
         if self.mavlink.armed and self.armed_s is None:
             self.armed_s = now_s
         flown_s = 0.0 if self.armed_s is None else now_s - self.armed_s
-        by_armed = flown_s >= parameter(f"{name}_ARMED_S", math.inf)
+        by_armed = flown_s >= parameter(f"{name}_FLY", math.inf)
         return by_armed or now_s >= parameter(f"{name}_S", math.inf)
 
     def _step(self) -> None:

@@ -189,9 +189,9 @@ def fly_under_attack(folder: Path, attacks: int) -> None:
     ("parameters", "text"),
     [
         ({"PEER_STOPS_S": 0.4}, "PX4 has not answered a frame for 5 s before the flight"),
-        ({"PEER_STOPS_ARMED_S": 12.0}, "PX4 has not answered a frame for 5 s at "),
+        ({"PEER_STOPS_FLY": 12.0}, "PX4 has not answered a frame for 5 s at "),
         ({"PEER_CLOSES_S": 0.4}, "PX4 ended with status 0 before the flight"),
-        ({"PEER_CLOSES_ARMED_S": 12.0}, "PX4 ended with status 0 at "),
+        ({"PEER_CLOSES_FLY": 12.0}, "PX4 ended with status 0 at "),
         ({"PEER_NO_LOCKSTEP": 1}, "built without lockstep before the flight"),
         ({"PEER_AHEAD_US": 4000}, "another simulator sets it, too before the flight"),
         ({"PEER_READY_S": 1e6}, "PX4 is not ready to be armed after 5 s of its time"),
@@ -220,7 +220,7 @@ def test_bad_input_is_one_message(tmp_path: Path) -> None:
     binary, host = build(tmp_path), a_host()
     cases: list[tuple[dict[str, Any], dict[str, Any], str]] = [
         ({"data": str(tmp_path)}, {}, "there is no init.d-posix/rcS in"),
-        ({"parameters": {"lower": 1.0}}, {}, "parameters"),
+        ({"parameters": {"lower": 1.0}}, {}, "capital letters, digits and _, 16 at most"),
         ({"outputs": {"throttle": {"output": 8}}}, {}, "another one than the throttle's"),
         ({}, {"navigation": "estimated"}, "navigation: true_state"),
     ]
