@@ -31,6 +31,7 @@ from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
 from ftc_autopilot.guidance.laws.base import GuidanceParameters
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.guidance.runway import RunwayParameters
+from ftc_autopilot.kinds import ArduPlaneAutopilot
 from ftc_autopilot.vehicle.param_table import (
     fence_tunables,
     law_tunables,
@@ -123,6 +124,7 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "links": Links,
     "impairment": Impairment,
     "ardupilot": ArduPilot,
+    "arduplane": ArduPlaneAutopilot,
     "campaign": Campaign,
     "factor": Factor,
     "drawn_fault": DrawnFault,

@@ -170,6 +170,7 @@ class Bridge:
                 self._vehicle.receive_from_plant(message, self._heard_s)
             elif self._link.took_step and not self._is_overtaken():
                 self._answer()
+                self._heard_s = time.monotonic()  # what came meanwhile waits in the socket
             if not self._link.is_running or self._heard_s >= self._turn_due_s:
                 return
 

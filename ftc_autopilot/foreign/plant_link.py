@@ -29,6 +29,8 @@ _FORMS: dict[int, np.dtype] = {
     codec.MessageId.SENSOR: codec.HIL_SENSOR,
     codec.MessageId.GPS: codec.HIL_GPS,
 }
+_PATIENCE_US = 50_000
+"""Real time: a message that the plant does not show for so long [µs] is sent again."""
 _NO_INTERVAL = 2**32 - 1
 _NOTHING = 2**64 - 1  # FTC_SIM_STATE.actuator_time_usec before the first actuator message
 
@@ -159,23 +161,30 @@ class PlantLink:
         before = self._shares
         changed = np.ones(N_CHANNELS, bool) if before is None else shares != before
         mask = sum(1 << int(c) for c in np.flatnonzero(changed))
-        pending = self._sent_us >= 0 and self._applied_us != self._sent_us
-        if not mask and not pending:
+        patience_us = 0 if self.is_lockstep else _PATIENCE_US
+        overdue = self._is_pending and self.step.time_us - self._sent_us > patience_us
+        if not mask and not overdue:
             return 0, None
         if mask:
             self._shares = shares.copy()
             self.events += changed
             self.messages += 1
-        elif self.is_lockstep:  # a repeat, as the plant does not know of the last
+        else:  # a repeat, as the plant does not know of the last
             self.repeats += [self._sent_mask >> c & 1 for c in range(N_CHANNELS)]
         self._sent_us, self._sent_mask = self.step.time_us, mask or self._sent_mask
         self._controls[:N_CHANNELS] = shares.tolist()
         return mask, self._pack(self._actuators())
 
+    @property
+    def _is_pending(self) -> bool:
+        """Whether the plant has not shown that it has what was sent last."""
+        applied_us = -1 if self._applied_us is None else self._applied_us
+        return applied_us < self._sent_us
+
     def again(self) -> list[bytes]:
         """Return what the plant is sent when it sends a step once more: something was lost."""
         frames = []
-        if self._sent_us >= 0 and self._applied_us != self._sent_us:
+        if self._is_pending:
             frames.append(self._pack(self._actuators()))
         return [*frames, self.done()]
 

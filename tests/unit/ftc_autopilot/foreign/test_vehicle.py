@@ -68,6 +68,7 @@ def test_faults_go_to_the_plant_and_all_else_to_it(vehicle: ForeignVehicle) -> N
     for number in (dialect.MAV_CMD_FTC_SET_FAULT, dialect.MAV_CMD_INJECT_FAILURE):
         vehicle.receive_from_station(station_command(number, 2.0), 0.0, 0)
     (sent,) = vehicle.to_plant()  # one at a time
+    assert isinstance(sent, dialect.MAVLink_command_long_message)
     assert (sent.command, sent.target_component) == (dialect.MAV_CMD_FTC_SET_FAULT, 25)
     assert vehicle.to_autopilot() == []
     arm = station_command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
