@@ -21,11 +21,7 @@ Callers: TypeAlias = dict[socket.socket, bytes]
 
 
 class Px4Connection:
-    """The connection of one PX4.
-
-    Attributes:
-        turned_away: Connections of others, so far.
-    """
+    """The connection of one PX4."""
 
     def __init__(self, host: str, port: int, whose: str) -> None:
         """Listen.
@@ -34,7 +30,6 @@ class Px4Connection:
             PortTaken: The port is in use.
             EndpointError: The address is not one of this machine's.
         """
-        self.turned_away = 0
         self._callers: Callers = {}  # what each has said
         self._px4: socket.socket | None = None
         self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
@@ -116,7 +111,6 @@ class Px4Connection:
 
     def _turn_away(self, caller: socket.socket) -> None:
         self._callers.pop(caller, None)
-        self.turned_away += 1
         caller.close()
 
     def send(self, data: bytes, timeout_s: float) -> None:
