@@ -13,9 +13,10 @@ from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.estimation.parameters import EstimatorParameters
 from ftc_autopilot.guidance.fence_parameters import FenceParameters, RallyParameters
+from ftc_autopilot.kinds import AutopilotSection, FtcAutopilot
 from mavlink_defs import dialect
 from mavlink_defs.config.models import HostPort, Problems, SystemId, Title
-from mavlink_defs.config.quantity import quantity
+from mavlink_defs.config.quantity import quantity, whole
 from sitl_plant.sensing.config import Navigation, NavigationSensors
 
 Identity: TypeAlias = Literal["ardupilot", "generic"]
@@ -41,6 +42,7 @@ class AutopilotConfig(ControllerConfig):
 
     Attributes:
         name: Name of the UAV.
+        autopilot: Which autopilot flies it; with a foreign one, this is its bridge's configuration.
         identity: Autopilot whose MAVLink conventions it follows.
         fleet: UAVs of the fleet, this one included; none: it does not say.
         origin: Geographic coordinates of north = east = down = 0.
@@ -56,11 +58,13 @@ class AutopilotConfig(ControllerConfig):
     """
 
     name: Title = Field(min_length=1)
+    autopilot: AutopilotSection = FtcAutopilot()
     identity: Identity = "ardupilot"
     fleet: tuple[SystemId, ...] = ()
     origin: Origin = Origin()
     navigation: Navigation = "true_state"
     sensors: NavigationSensors = NavigationSensors()
+    sensor_seed: int = whole("", "Seed of the sensors of a foreign autopilot.", 1, ge=0)
     estimator: EstimatorParameters = EstimatorParameters()
     fence: FenceParameters = FenceParameters()
     rally: RallyParameters = RallyParameters()

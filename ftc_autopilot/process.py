@@ -9,7 +9,7 @@ import socket
 import sys
 from argparse import Namespace
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from ftc_autopilot.hot.loop import new_loops, run
 from ftc_autopilot.hot.recorder import RECORD_ROWS
 from ftc_autopilot.hot.restart import with_checkpoint
 from ftc_autopilot.hot.state import Autopilots, new_autopilots
+from ftc_autopilot.kinds import FtcAutopilot
 from mavlink_defs import endpoint
 from mavlink_defs.config.files import load
 from mavlink_defs.config.models import ConfigError
@@ -114,6 +115,8 @@ def _options(arguments: list[str] | None) -> Namespace:
 def main(arguments: list[str] | None = None) -> None:
     """Run the autopilot process and exit."""
     options = _options(arguments)
+    if (bridged := _foreign(options)) is not None:
+        sys.exit(_fly_foreign(bridged, options))
     with ExitStack() as sockets:
         try:
             autopilots, state = _boot(options.configs, options.record, options.checkpoint, sockets)
@@ -143,6 +146,43 @@ def main(arguments: list[str] | None = None) -> None:
     if any(autopilot.failure is not None for autopilot in autopilots):
         sys.exit(PLUGIN_FAILED)
     sys.exit(0 if all(autopilot.loss is None for autopilot in autopilots) else 1)
+
+
+def _foreign(options: Namespace) -> AutopilotConfig | None:
+    """Return the configuration of a bridge, if that is what is to fly."""
+    with suppress(ConfigError):  # which is reported where it is used
+        for file in options.configs:
+            config = load(file, AutopilotConfig)
+            if not isinstance(config.autopilot, FtcAutopilot):
+                return config
+    return None
+
+
+def _fly_foreign(config: AutopilotConfig, options: Namespace) -> int:
+    """Fly the bridge of a foreign autopilot; return the exit status."""
+    from ftc_autopilot.foreign.base import ForeignInputError
+    from ftc_autopilot.foreign.bridge import Bridge
+
+    if len(options.configs) > 1:
+        log_line(f"UAV {config.id} has a foreign autopilot: its bridge is a process of its own")
+        return 2
+    with ExitStack() as sockets:
+        try:
+            (record,) = options.record
+            bridge = Bridge(config, record, options.record_optional, sockets)
+
+            def stop() -> None:
+                bridge.stopping = True
+
+            on_stop(stop, options.exit_with_parent)
+            bridge.fly()
+        except (endpoint.EndpointError, SigningError, ForeignInputError) as problem:
+            log_line(problem)
+            return 2
+        except OSError as problem:
+            log_line(f"cannot write {problem.filename}: {problem.strerror}")
+            return 2
+        return bridge.finish()
 
 
 def _boot(

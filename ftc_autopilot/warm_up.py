@@ -21,6 +21,7 @@ from ftc_autopilot.hot.checkpoint import save
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.hot.loop import new_loops, run
 from ftc_autopilot.hot.state import new_autopilots
+from ftc_autopilot.kinds import FtcAutopilot
 from ftc_autopilot.vehicle.vehicle import VehicleServices
 from mavlink_defs.config.files import load
 from mavlink_defs.config.models import ConfigError
@@ -32,7 +33,9 @@ from mavlink_defs.runtime.jit import load as load_code
 def warm_up_with(config_file: Path) -> None:
     """Call everything with the configuration of one autopilot, unless it cannot be used."""
     with contextlib.suppress(ConfigError, PluginError):
-        call_everything(load(config_file, AutopilotConfig))
+        config = load(config_file, AutopilotConfig)
+        if isinstance(config.autopilot, FtcAutopilot):  # a bridge needs none of it
+            call_everything(config)
 
 
 PARTS: Mapping[str, Callable[[], None]] = MappingProxyType(

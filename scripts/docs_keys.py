@@ -31,6 +31,7 @@ from ftc_autopilot.guidance.laws import GUIDANCE_LAWS
 from ftc_autopilot.guidance.laws.base import GuidanceParameters
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.guidance.runway import RunwayParameters
+from ftc_autopilot.kinds import ArduPlaneAutopilot, Px4Autopilot
 from ftc_autopilot.vehicle.param_table import (
     fence_tunables,
     law_tunables,
@@ -62,6 +63,7 @@ from sitl_plant.airframe.config import Aircraft, Uncertainty
 from sitl_plant.airframe.gear import Gear, Ground, Runway
 from sitl_plant.airframe.propulsion import Propulsion
 from sitl_plant.ardupilot.config import ArduPilot
+from sitl_plant.px4.config import ServoOutput
 from sitl_plant.sensing.config import (
     Accelerometer,
     Barometer,
@@ -123,6 +125,9 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "links": Links,
     "impairment": Impairment,
     "ardupilot": ArduPilot,
+    "arduplane": ArduPlaneAutopilot,
+    "px4": Px4Autopilot,
+    "servo_output": ServoOutput,
     "campaign": Campaign,
     "factor": Factor,
     "drawn_fault": DrawnFault,

@@ -26,11 +26,15 @@ from mavlink_defs.capture import delayed, tap_counts
 from mavlink_defs.capture.impairing import new_directions
 from mavlink_defs.capture.relay_loop import new_relay_state
 from mavlink_defs.capture.tap import Tap
+from mavlink_defs.framing.codec import SIM_STATE
 from mavlink_defs.framing.hot_signing import new_link_signer, sign_bytes
+from mavlink_defs.origin import Origin
 from mavlink_defs.runtime.ahead_of_time import Calls
 from mavlink_defs.runtime.native import ADDRESS_SIZE
 from mavlink_defs.runtime.sources import ROOT
 from sitl_plant.loop.fleet import loss_of, new_plant_state
+from sitl_plant.px4.instruments import Instruments
+from sitl_plant.sensing.config import NavigationSensors
 from sitl_plant.simulators.own import OwnSimulator
 from sitl_plant.vec3 import norm, scale, sub, vec3
 
@@ -138,6 +142,8 @@ def call_what_is_rare() -> None:
     at_rest = vec3(np.zeros(3))
     norm(scale(1.0, sub(at_rest, at_rest)))
     ArduPilotFlight(scenario, print, print, print).load_code()
+    sampled = Instruments(NavigationSensors(), Origin(), 1.2, 9.8, 1, 1, 1000)
+    sampled.note(0, np.zeros(1, SIM_STATE)[0])
     simulator = OwnSimulator(scenario.aircraft_of(scenario.uavs[0].id))
     simulator.advance(0.0)
     target = np.zeros(ADDRESS_SIZE, np.uint8)

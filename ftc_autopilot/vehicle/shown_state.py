@@ -11,6 +11,7 @@ from ftc_autopilot.common.geography import Origin, Place, place_of
 from ftc_autopilot.estimation.state import PHI, POS, VEL
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.vehicle.flight_path import VehicleHome
+from sitl_plant.airframe.quaternion import quaternion
 from sitl_plant.airframe.rigid_body import R1
 from sitl_plant.vec3 import Vec3, mul
 
@@ -138,12 +139,4 @@ def quaternion_of(roll: float, pitch: float, yaw: float) -> Sequence[float]:
     """Return body to NED, scalar first, from angles [rad]; NaN if one is not finite."""
     if not math.isfinite(roll + pitch + yaw):
         return (math.nan,) * 4
-    cr, sr = math.cos(roll / 2.0), math.sin(roll / 2.0)
-    cp, sp = math.cos(pitch / 2.0), math.sin(pitch / 2.0)
-    cy, sy = math.cos(yaw / 2.0), math.sin(yaw / 2.0)
-    return (
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    )
+    return quaternion((roll, pitch, yaw))

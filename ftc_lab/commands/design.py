@@ -22,8 +22,15 @@ if TYPE_CHECKING:
     from ftc_lab.design.scenario import Design
     from gcs.results.figures import FlightSummary
     from gcs.scenario.model import Scenario
+    from sitl_plant.airframe.config import Aircraft
 
 _MARK = "# Written by: gcs design "
+_STEP_US = 1000  # of the control period that SIM_RATE_HZ is a whole part of
+_READERS = {
+    "ardupilot": "ArduPlane reads it by --defaults",
+    "px4": "a UAV's section autopilot takes it in, where what is derived is to be changed",
+}
+"""What is done with the parameters of each foreign autopilot."""
 DEFAULT_LAW = "surviving"
 
 
@@ -41,6 +48,8 @@ class DesignOptions:
         uavs: Number of UAVs, which fly in formation.
         plant: Section `plant` of the scenario, as in '{kind: jsbsim, aircraft: c172p}': what flies,
             if it is not these coefficients.
+        kind: For which autopilot: ftc, or ardupilot or px4: the parameters that ArduPlane or PX4
+            flies the aircraft by.
         out: Scenario file; without it the text is printed.
         fly: Fly it, in process, and print what came out.
     """
@@ -56,6 +65,7 @@ class DesignOptions:
     gyro_delay: Annotated[float, typer.Option(min=0.0, max=0.1, metavar="S")] = 0.0
     uavs: Annotated[int, typer.Option(min=1, max=30, metavar="NUMBER")] = 1
     plant: Annotated[str | None, typer.Option(metavar="YAML")] = None
+    kind: Annotated[str, typer.Option("--for", metavar="AUTOPILOT")] = "ftc"
     out: Annotated[Path | None, typer.Option("--out", "-o", metavar="FILE")] = None
     fly: Annotated[bool, typer.Option("--fly")] = False
     quiet: QuietOption = False
@@ -98,6 +108,8 @@ def design(
         - gcs design my.yaml --law surviving --servo-lag 0.02 --servo-rate 400
           --gyro-noise 0.3 -o mine.yaml
         - gcs design aerosonde --law tube --airspeed 28 --fly
+        - gcs design aerosonde --for ardupilot -o aerosonde.parm
+        - gcs design aerosonde --for px4
 
     Exit status: 0 written or flown, 1 the flight was lost, 2 bad input, or no law can fly the
     aircraft.
@@ -107,6 +119,9 @@ def design(
     from gcs.scenario.model import scenario_of
 
     check_out(options.out, _MARK, "a design")
+    if options.kind != "ftc":
+        _write_parameters(aircraft, options)
+        return
     made = _design(aircraft, options)
     console = console_of(quiet=options.quiet)
     text = text_of(made, options.command(Path(aircraft).name))
@@ -121,6 +136,47 @@ def design(
         print_line(text.rstrip("\n"))
     if options.fly:
         _fly(made, scenario, console_of(stderr=False, quiet=options.quiet), console)
+
+
+def _write_parameters(aircraft: str, options: DesignOptions) -> None:
+    """Write the parameters of a foreign autopilot."""
+    from gcs.scenario.aircraft_file import load_aircraft
+
+    if options.kind not in _READERS:
+        raise BadInput(f"--for is {options.kind!r}, expected ftc, {' or '.join(_READERS)}")
+    if options.fly:
+        text = f"--fly flies a law of ours; {options.kind} has its program"
+        hint = f"fly a scenario with uavs[].autopilot, see docs/how-to/{options.kind}.md"
+        raise BadInput(text, hint)
+    loaded = load_aircraft(aircraft)
+    speed, limits = options.airspeed or loaded.design_airspeed, loaded.airspeed_limits
+    if not limits.min_m_s <= speed <= limits.max_m_s:
+        raise BadInput(
+            f"--airspeed is {speed:g} m/s, expected {limits.min_m_s:g} to {limits.max_m_s:g} m/s, "
+            "the aircraft's limits"
+        )
+    cruising = loaded.model_copy(update={"cruise_m_s": speed})
+    given = f" --airspeed {options.airspeed:g}" if options.airspeed else ""
+    first = f"{_MARK}{Path(aircraft).name} --for {options.kind}{given}\n"
+    text = first + _parameters_of(cruising, options.kind)
+    if options.out is None:
+        print_line(text.rstrip("\n"))
+    else:
+        write_file(options.out, text)
+        console = console_of(quiet=options.quiet)
+        console.print(f"{options.out} written; {_READERS[options.kind]}", soft_wrap=True)
+
+
+def _parameters_of(aircraft: "Aircraft", kind: str) -> str:
+    from sitl_plant.ardupilot.config import ArduPilot
+    from sitl_plant.ardupilot.parameters import parameter_text, parameters_of
+    from sitl_plant.px4.parameters import px4_parameters
+    from sitl_plant.sensing.config import NavigationSensors
+
+    if kind == "ardupilot":
+        return parameter_text(parameters_of(aircraft, ArduPilot(), _STEP_US))
+    found = px4_parameters(aircraft, NavigationSensors())
+    return "parameters:\n" + "".join(f"  {p.name}: {p.value:.6g}  # {p.why}\n" for p in found)
 
 
 def _design(aircraft: str, options: DesignOptions) -> "Design":

@@ -30,6 +30,7 @@ from ftc_autopilot.estimation.estimator import estimate
 from ftc_autopilot.hot.navigation import estimator_of, write_estimate
 from ftc_autopilot.warm_up import PARTS
 from gcs.console.errors import BadInput
+from gcs.fleet.foreign import check_foreign
 from gcs.results.figures import FlightSummary
 from gcs.results.path_following import paths_of
 from gcs.results.recording import Ending, Recording, Steps
@@ -133,8 +134,9 @@ def begin(scenario: Scenario) -> InProcessFlight:
     """Return a flight before its first step, with its faults.
 
     Raises:
-        BadInput: A simulator, or a plug-in, cannot fly it.
+        BadInput: A simulator, or a plug-in, cannot fly it, or it has a foreign autopilot.
     """
+    check_foreign(scenario, over_udp=False)
     ids = tuple(uav.id for uav in scenario.uavs)
     configs = [scenario.autopilot_config(uav_id) for uav_id in ids]
     on_path = scenario.mission is not None

@@ -10,6 +10,7 @@ from typing import Any
 
 from gcs.console.errors import BadInput
 from gcs.fleet.disk_space import check_space
+from gcs.fleet.foreign import check_foreign
 from gcs.fleet.ports import check_ports
 from gcs.fleet.remarks import WARNING, WarningRemark, exposures, remarks_of
 from gcs.results.choices import Record
@@ -74,6 +75,7 @@ class How:
             if getattr(self, name):
                 text = f"{named(name)} is of processes; a flight in process has none"
                 raise BadInput(text, "leave it out, or fly over UDP")
+        check_foreign(scenario, over_udp=self.over_udp)
         if speed is not None and not 0.0 < speed < math.inf:
             raise BadInput(
                 f"{named('speed')} is {speed:g}, expected a factor above 0", "1 is real time"

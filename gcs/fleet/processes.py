@@ -123,15 +123,20 @@ class FleetProcesses:
         return self
 
     def _shares(self) -> list[list[int]]:
-        """Return the UAVs of each autopilot process, as many in one as in another."""
-        ids = [uav.id for uav in self._scenario.uavs]
+        """Return the UAVs of each autopilot process, as many in one as in another.
+
+        Each foreign autopilot has a bridge of its own.
+        """
+        foreign = self._scenario.foreign
+        ids = [uav.id for uav in self._scenario.uavs if uav.id not in foreign]
         count = min(self._autopilot_processes or len(ids), len(ids))
-        ends = [k * len(ids) // count for k in range(count + 1)]
-        return [ids[begin:end] for begin, end in itertools.pairwise(ends)]
+        ends = [k * len(ids) // count for k in range(count + 1)] if ids else []
+        ours = [ids[begin:end] for begin, end in itertools.pairwise(ends)]
+        return [*ours, *([uav] for uav in foreign)]
 
     def _options(self, uav: int) -> list[str]:
         """Return the options that only an autopilot has."""
-        if not self._restart:
+        if not self._restart or uav in self._scenario.foreign:
             return []
         checkpoint = self._folder / f"uav{uav}.checkpoint"
         checkpoint.unlink(missing_ok=True)

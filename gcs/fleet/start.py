@@ -6,7 +6,7 @@ process computes. One that is neither for a while, or whose process ends, ends t
 
 import asyncio
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Collection
 from functools import partial
 from typing import TypeAlias
 
@@ -68,6 +68,20 @@ async def prepare(
     fleet.check()
 
 
+async def start_vehicle(vehicle: Vehicle, scenario: Scenario) -> None:
+    """Start the mission of a vehicle, before it is armed; a foreign autopilot has its own way.
+
+    Raises:
+        CommandRefused, NoAnswer: As it answers.
+    """
+    own = scenario.foreign.get(vehicle.id)
+    if own is None:
+        await vehicle.start_mission()
+        return
+    for command, params in own.commands(has_mission=scenario.mission is not None):
+        await vehicle.command(command, params)
+
+
 class Liveness:
     """Notices UAVs that are neither heard nor compute."""
 
@@ -126,11 +140,13 @@ class _Start:
         for part, items in parts.items():
             if items:
                 upload = partial(self._upload, items=items, part=part)
-                await self._each(f"have their {part}", upload)
+                is_profile = part == "mission" and scenario.mission is None
+                others = scenario.foreign if is_profile else ()  # a profile is a law of ours
+                await self._each(f"have their {part}", upload, others)
         for uav_id, fault in scenario.fault_commands():
             await self._vehicle(uav_id).set_fault(fault)
         if start:
-            await self._each("have started it", Vehicle.start_mission)
+            await self._each("have started it", partial(start_vehicle, scenario=scenario))
             await self._each("are armed", Vehicle.arm)
 
     def _vehicle(self, uav: int) -> Vehicle:
@@ -145,8 +161,13 @@ class _Start:
             self._tell(len(ids) - len(waiting), "are ready")
             await client.until(lambda: client.not_ready(ids) != waiting, _LOOK_S)
 
-    async def _each(self, what: str, work: Callable[[Vehicle], Awaitable[None]]) -> None:
-        """Do some work with every UAV, with a few of them at a time: each answers at once."""
+    async def _each(
+        self,
+        what: str,
+        work: Callable[[Vehicle], Awaitable[None]],
+        others: Collection[int] = (),
+    ) -> None:
+        """Do some work with every UAV but others, a few of them at a time: each answers at once."""
         turns, done = asyncio.Semaphore(_AT_A_TIME), 0
 
         async def in_turn(uav: int) -> None:
@@ -156,7 +177,7 @@ class _Start:
             done += 1
             self._tell(done, what)
 
-        await asyncio.gather(*map(in_turn, self._ids))
+        await asyncio.gather(*(in_turn(uav) for uav in self._ids if uav not in others))
 
     async def _upload(self, vehicle: Vehicle, items: Mission, part: str = "mission") -> None:
         """Upload a part of the plan, again if another station's upload came between."""

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from rich.console import Console
 
 from ftc_autopilot.config import parts_of as parts_of_controller
+from ftc_autopilot.kinds import Px4Autopilot
 from gcs.console.progress import Task, working
 from gcs.scenario.model import Scenario
 from mavlink_defs.runtime.jit import EVERYTHING, cold_parts
@@ -72,11 +73,12 @@ def parts_of(scenario: Scenario, *, in_process: bool, standing: bool = False) ->
     """
     law, on_path = scenario.controller, standing or scenario.mission is not None
     has_gear = any(scenario.aircraft_of(uav.id).gear is not None for uav in scenario.uavs)
+    sends_sensors = any(isinstance(one, Px4Autopilot) for one in scenario.foreign.values())
     controller = parts_of_controller(law, scenario.navigation, on_path=on_path, has_gear=has_gear)
     uses = {
         **dict.fromkeys(controller, True),
         "ground": has_gear,
-        "sensors": scenario.navigation == "estimated",
+        "sensors": scenario.navigation == "estimated" or sends_sensors,
         "signing": standing or (not in_process and scenario.links.signing_key is not None),
         "turbulence": scenario.wind.turbulence != "none",
         "relay": not in_process and scenario.links.impairments is not None,

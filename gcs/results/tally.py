@@ -80,6 +80,7 @@ class Tally:
     def __init__(self, scenario: Scenario) -> None:
         n, step_us = len(scenario.uavs), scenario.step_us
         self._step_us, self._normal = step_us, scenario.ground.normal
+        self._foreign = {i for i, uav in enumerate(scenario.uavs) if uav.id in scenario.foreign}
         self.steps = 0
         self.traffic = Traffic(scenario)
         self.synchronisation = Synchronisation(scenario)
@@ -168,6 +169,8 @@ class Tally:
             tail=self._tail[i],
             errors=errors,
         )
+        if i in self._foreign:
+            _count_foreign(steps, column, self.uavs[i])
         if self.uavs[i]["changes"] > before["changes"]:
             self._note_decisions(i, steps.first, steps.signals[:, column], int(before["lost"]))
 
@@ -179,6 +182,18 @@ class Tally:
             offset = float(signals["offset"][k, c])
             decision = Decision(first + int(k), int(c), bool(lost[k, c]), offset)
             self._decisions[i].append(decision)
+
+
+def _count_foreign(steps: Steps, column: int, tally: np.void) -> None:
+    """Count what a foreign autopilot did, whose references are not known.
+
+    It controls in every step; its attitude is lost when it is more than 90° from the horizon.
+    """
+    tally["active"] += np.isfinite(steps.signals["V"][:, column]).sum()
+    roll, pitch = np.moveaxis(steps.states[:, column, 6:8], 1, 0)
+    tilted = np.flatnonzero((np.cos(roll) < 0.0) | (np.abs(pitch) > _MAX_ANGLE))
+    if tally["attitude_lost"] < 0 and len(tilted):
+        tally["attitude_lost"] = steps.first + tilted[0]
 
 
 @compiled

@@ -24,6 +24,8 @@ from sitl_plant.config import InitialState
 def network_problems(network: Network, ids: Sequence[int]) -> Found:
     """Yield what is wrong with the communication graph of the UAVs with these ids."""
     edges = [(*edge.between, edge.weight) for edge in network.edges]
+    if not ids:  # all have foreign autopilots
+        return
     for loc, text in formation_problems(ids, edges, network.leader_access):
         yield ("network", *loc), text
 

@@ -26,6 +26,7 @@ from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.guidance.planner import Planner
 from ftc_autopilot.guidance.runway import RunwayParameters, figures_of
+from ftc_autopilot.kinds import ForeignSection, FtcAutopilot
 from ftc_autopilot.plugins.loading import calling, without_code
 from gcs.scenario.aircraft_checks import (
     aircraft_law_problems,
@@ -43,6 +44,7 @@ from gcs.scenario.fence import (
     numbered,
     parameters_in,
 )
+from gcs.scenario.foreign_uavs import formation_without, network_without
 from gcs.scenario.formation_checks import (
     guidance_fit_problems,
     mission_problems,
@@ -210,12 +212,14 @@ class Scenario(Model):
         return AutopilotConfig(
             id=uav_id,
             name=uavs[uav_id].name,
+            autopilot=uavs[uav_id].autopilot,
             step_us=self.step_us,
             identity=self.identity,
             fleet=tuple(uavs),
             origin=self.origin,
             navigation=self.navigation,
             sensors=self.sensors.navigation,
+            sensor_seed=self.seed,
             estimator=self.estimator,
             aircraft=self.aircraft_of(uav_id),
             controller=controller,
@@ -225,7 +229,7 @@ class Scenario(Model):
             runway_guidance=self._on_runway,
             failsafe=self.failsafe,
             plugins=plugins_of(self.controller, self.trigger, self.guidance),
-            formation=self.formation,
+            formation=None if uav_id in self.foreign else self._own_formation,
             leader_access=self.network.leader_access.get(uav_id, 0.0),
             neighbours=tuple(
                 Neighbour(id=other, weight=weight, address=self._formation_address(other))
@@ -260,10 +264,10 @@ class Scenario(Model):
         return (own or self.servos).by_actuator().with_engine_lag(lag_s)
 
     def neighbours(self, uav_id: int) -> list[tuple[int, float]]:
-        """Return id and weight of each neighbour of a UAV."""
+        """Return id and weight of each neighbour of a UAV; a foreign autopilot has none."""
         return [
             (edge.between[1 - end], edge.weight)
-            for edge in self.network.edges
+            for edge in self._own_network.edges
             for end in (0, 1)
             if edge.between[end] == uav_id
         ]
@@ -297,7 +301,7 @@ class Scenario(Model):
         aircraft = self.aircraft if uav_id is None else self.aircraft_of(uav_id)
         bandwidth = self.controller.reference_bandwidth_rad_s
         runway = figures_of(self._on_runway, self.guidance, aircraft, bandwidth)
-        return Planner(aircraft, self.guidance, self.origin, self.formation, runway)
+        return Planner(aircraft, self.guidance, self.origin, self._own_formation, runway)
 
     @property
     def _on_runway(self) -> RunwayParameters:
@@ -331,13 +335,17 @@ class Scenario(Model):
             lambda: simulator_problems(
                 self.plant, self.disturbance, self.uncertainty, self.ground, self.uavs, self.step_us
             ),
-            lambda: network_problems(self.network, self._ids),
+            lambda: network_problems(self._own_network, self._own_ids),
             lambda: slot_problems(
-                self.formation, self.network, self._ids, self.guidance.period_s, self._silence_s
+                self._own_formation,
+                self._own_network,
+                self._own_ids,
+                self.guidance.period_s,
+                self._silence_s,
             ),
             lambda: profile_problems(self.profile, self.mission is not None, self._limits),
             lambda: guidance_fit_problems(
-                self.guidance, map(self.aircraft_of, self._ids), self.formation
+                self.guidance, map(self.aircraft_of, self._own_ids), self._own_formation
             ),
             lambda: mission_problems(
                 self.mission,
@@ -366,6 +374,9 @@ class Scenario(Model):
                     ("uavs", i, "initial", "on_ground"),
                     f"{text}; or set 'navigation: true_state'",
                 )
+            if uav.id in self.foreign and self.navigation == "estimated":
+                text = "its sensors are made of the true state: expected 'ftc', or"
+                yield ("uavs", i, "autopilot", "kind"), f"{text} navigation: true_state"
             if not uav.initial.on_ground:
                 place = ("uavs", i, "initial")
                 yield from airspeed_problems(
@@ -401,6 +412,24 @@ class Scenario(Model):
     def steps(self) -> int:
         """Control periods of the whole flight."""
         return round(self.duration_s * 1e6 / self.step_us)
+
+    @property
+    def foreign(self) -> dict[int, ForeignSection]:
+        """Which foreign autopilots fly which UAVs, by system id."""
+        return {u.id: u.autopilot for u in self.uavs if not isinstance(u.autopilot, FtcAutopilot)}
+
+    @property
+    def _own_ids(self) -> list[int]:
+        """UAVs with autopilots of ours."""
+        return [i for i in self._ids if i not in self.foreign]
+
+    @property
+    def _own_network(self) -> Network:
+        return network_without(self.network, self.foreign)
+
+    @property
+    def _own_formation(self) -> Formation | None:
+        return formation_without(self.formation, self.foreign)
 
     @property
     def _ids(self) -> list[int]:

@@ -11,7 +11,7 @@ from gcs.fleet.ports import on_free_ports
 from gcs.fleet.preparation import How, Prepared, prepare
 from gcs.fleet.remarks import warn
 from gcs.fleet.warm_up import warm_up
-from gcs.scenario.model import Scenario
+from gcs.scenario.model import Scenario, scenario_tree
 from gcs.testing.flying import TestFleet
 from gcs.testing.results import FlightResult
 from mavlink_defs.endpoint import UdpAddress
@@ -27,7 +27,8 @@ def prepared(
     Args:
         path: Scenario file.
         changes: Values by top-level key or path (``trigger.b2_deg``), merged as by `extends`:
-            mappings merge, None removes.
+            mappings merge, None removes. With `autopilot`, "ardupilot" say, and its keys such as
+            `binary`, that flies every UAV in place of ours.
         speed: Real-time factor; None for lockstep.
         mode: Whether it flies over UDP or in process.
 
@@ -38,10 +39,20 @@ def prepared(
         if mode not in get_args(FlightMode):
             raise BadInput(f"mode: expected 'wire' or 'in_process', got {mode!r}")
         how = How(over_udp=mode == "wire", speed=speed, free_ports=True)
-        flight = prepare(path, how, values=changes)
+        flight = prepare(path, how, values=_with_autopilot(path, dict(changes)))
     warn(flight.remarks)
     warm_up(flight.scenario, console_of(quiet=True), in_process=not how.over_udp)
     return flight
+
+
+def _with_autopilot(path: Path, changes: dict[str, Any]) -> dict[str, Any]:
+    """Return changes in which `autopilot` and its keys are those of every UAV."""
+    kind = changes.pop("autopilot", None)
+    if kind is None:
+        return changes
+    keys = {name: str(changes.pop(name)) for name in ("binary", "defaults") if name in changes}
+    uavs = scenario_tree(path)["uavs"]
+    return changes | {f"uavs[{i}].autopilot": {"kind": kind, **keys} for i in range(len(uavs))}
 
 
 def launch(flight: Prepared, folder: Path) -> TestFleet:

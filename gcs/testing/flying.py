@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 from gcs.console.errors import BadInput, FlightLost, NoAnswer
 from gcs.fleet.collector import Collector
 from gcs.fleet.processes import FleetProcesses
-from gcs.fleet.start import prepare
+from gcs.fleet.start import prepare, start_vehicle
 from gcs.results.recording import Mode
 from gcs.scenario.model import Scenario
 from gcs.station.client import Client
@@ -145,8 +145,8 @@ class TestFleet:
 
     def begin(self) -> None:
         """Start the missions and arm all UAVs: simulated time begins, and stands at 0."""
-        for uav in self.uavs.values():
-            uav.start()
+        for system in self._ids:
+            self.call(start_vehicle(self.client.vehicle(system), self.scenario))
         for uav in self.uavs.values():
             uav.arm()
 

@@ -43,7 +43,11 @@ class FramePacker:
 
     def pack(self, message: dialect.MAVLink_message) -> bytes:
         """Return the frame of a message and count it as sent."""
-        payload = _payload(message)
+        return self.pack_payload(message.get_msgId(), _payload(message))
+
+    def pack_payload(self, message_id: int, payload: bytes) -> bytes:
+        """Return the frame of a payload in wire order, as a record has it, and count it as sent."""
+        payload = payload.rstrip(b"\0") or payload[:1]
         header = _HEADER.pack(
             V2_MAGIC,
             len(payload),
@@ -51,23 +55,23 @@ class FramePacker:
             self._next_sequence() & 0xFF,
             self._system,
             self._component,
-            message.get_msgId().to_bytes(3, "little"),
+            message_id.to_bytes(3, "little"),
         )
         frame = header + payload
-        crc = mcrf4xx(frame[1:] + bytes((message.crc_extra,)))
+        crc = mcrf4xx(frame[1:] + bytes((dialect.mavlink_map[message_id].crc_extra,)))
         return frame + crc.to_bytes(CRC_SIZE, "little")
 
 
 def _payload(message: dialect.MAVLink_message) -> bytes:
-    """Return the fields in wire order, without the zeros at the end, which are not sent."""
+    """Return the fields in wire order."""
     numbers: list[float | bytes] = []
     for name, is_array in _wire_fields(message.get_msgId()):
         if is_array:
             numbers += getattr(message, name)
         else:
             numbers.append(getattr(message, name))
-    payload = message.unpacker.pack(*numbers)
-    return payload.rstrip(b"\0") or payload[:1]
+    payload: bytes = message.unpacker.pack(*numbers)
+    return payload
 
 
 @functools.cache

@@ -9,9 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sitl_plant.airframe.rigid_body import R1
+from mavlink_defs.runtime.jit import in_python
+from sitl_plant import vec3 as vectors
+from sitl_plant.airframe import rigid_body
 from sitl_plant.ardupilot.protocol import Measured
-from sitl_plant.vec3 import Vec3, norm, scale, sub, vec3
+from sitl_plant.vec3 import Vec3
+
+_R1 = in_python(rigid_body.R1)
+_norm, _scale, _sub = in_python(vectors.norm), in_python(vectors.scale), in_python(vectors.sub)
 
 
 class AircraftLaunch(NamedTuple):
@@ -33,17 +38,17 @@ class AircraftLaunch(NamedTuple):
         """
         moving = t >= 0.0
         share = max(t, 0.0) / self.duration_s if self.duration_s > 0.0 else 0.0
-        velocity = scale(share, self.velocity)
+        velocity = _scale(share, self.velocity)
         to_go = 0.5 * self.duration_s * (1.0 - share * share)
-        acceleration = scale(1.0 / self.duration_s, self.velocity) if moving else (0.0, 0.0, 0.0)
+        acceleration = _scale(1.0 / self.duration_s, self.velocity) if moving else (0.0, 0.0, 0.0)
         return Measured(
             time_s=time_s,
             rates=(0.0, 0.0, 0.0),
-            specific_force=into_body(sub(acceleration, (0.0, 0.0, self.gravity)), self.attitude),
-            position=sub(self.position, scale(to_go, self.velocity)),
+            specific_force=into_body(_sub(acceleration, (0.0, 0.0, self.gravity)), self.attitude),
+            position=_sub(self.position, _scale(to_go, self.velocity)),
             attitude=self.attitude,
             velocity=velocity,
-            airspeed=norm(sub(velocity, self.wind)),
+            airspeed=_norm(_sub(velocity, self.wind)),
             wind=self.wind,
         )
 
@@ -57,18 +62,23 @@ def new_launch(x: np.ndarray, air: np.ndarray, gravity: float, duration_s: float
         gravity: Acceleration of gravity [m/s²].
         duration_s: How long it takes [s].
     """
-    attitude = vec3(x[6:9])
-    velocity, wind = out_of_body(vec3(x[3:6]), attitude), out_of_body(vec3(air), attitude)
-    return AircraftLaunch(duration_s, vec3(x[0:3]), velocity, attitude, wind, gravity)
+    attitude = _floats(x[6:9])
+    velocity, wind = out_of_body(_floats(x[3:6]), attitude), out_of_body(_floats(air), attitude)
+    return AircraftLaunch(duration_s, _floats(x[0:3]), velocity, attitude, wind, gravity)
 
 
 def out_of_body(v: Vec3, attitude: Vec3) -> Vec3:
     """Return a vector in body axes as north, east, down; roll, pitch, yaw in rad."""
-    north, east, down = (float(x) for x in np.array(R1(attitude)) @ v)
+    north, east, down = (float(x) for x in np.array(_R1(attitude)) @ v)
     return north, east, down
 
 
 def into_body(v: Vec3, attitude: Vec3) -> Vec3:
     """Return a vector given as north, east, down in body axes; roll, pitch, yaw in rad."""
-    x, y, z = (float(x) for x in np.array(R1(attitude)).T @ v)
+    x, y, z = (float(x) for x in np.array(_R1(attitude)).T @ v)
+    return x, y, z
+
+
+def _floats(values: np.ndarray) -> Vec3:
+    x, y, z = values.tolist()
     return x, y, z

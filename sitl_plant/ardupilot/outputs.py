@@ -3,11 +3,13 @@
 import numpy as np
 
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
-from sitl_plant.airframe.aerodynamics import aerodynamics
+from mavlink_defs.runtime.jit import in_python
+from sitl_plant.airframe import aerodynamics
 from sitl_plant.airframe.aircraft import AircraftRecord
 from sitl_plant.ardupilot.config import ArduPilot, SurfaceOutput, ThrottleOutput
 
 _SURFACES = (AILERON, ELEVATOR, RUDDER)
+_aerodynamics = in_python(aerodynamics.aerodynamics)
 
 
 class Outputs:
@@ -28,7 +30,7 @@ class Outputs:
                 its nose up, by whatever deflection does that.
         """
         self._config = config
-        C = aerodynamics((1.0, 0.0, 0.0), (0.0, 0.0, 0.0), aircraft).C
+        C = _aerodynamics((1.0, 0.0, 0.0), (0.0, 0.0, 0.0), aircraft).C
         self._signs = [-1.0 if C[c][c] < 0.0 else 1.0 for c in _SURFACES]
         self.shares = np.zeros(N_CHANNELS, np.float32)
 

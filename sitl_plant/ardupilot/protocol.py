@@ -55,6 +55,16 @@ def parse_servo_packet(datagram: bytes) -> ServoPacket:
     return ServoPacket(rate_hz, frame_count, tuple(pulses_us))
 
 
+def steps_of(rate_hz: int, step_us: int) -> int:
+    """Return the control periods of a frame: at least one, and less than ArduPilot's limit.
+
+    Args:
+        rate_hz: Frames per second that ArduPilot asks for.
+        step_us: Control period [µs].
+    """
+    return min(max(round(1e6 / (rate_hz * step_us)), 1), (MAX_STEP_US - 1) // step_us)
+
+
 class Measured(NamedTuple):
     """What an answer tells of an aircraft."""
 

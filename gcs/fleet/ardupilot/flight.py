@@ -22,7 +22,7 @@ from mavlink_defs.runtime.memory import copy_values
 from sitl_plant.ardupilot.launch import AircraftLaunch, new_launch, out_of_body
 from sitl_plant.ardupilot.outputs import Outputs
 from sitl_plant.ardupilot.peer import Address, Frame, Peer
-from sitl_plant.ardupilot.protocol import MAX_STEP_US, Measured, answer
+from sitl_plant.ardupilot.protocol import Measured, answer, steps_of
 from sitl_plant.loop.fleet import (
     ADVANCE,
     PlantState,
@@ -202,10 +202,9 @@ class ArduPilotFlight:
         self._changed[i] |= self._outputs[i].receive(packet.pulses_us)
 
     def _steps_of(self, i: int, rate_hz: int) -> int:
-        """Return the control periods of a frame: at least one, and less than ArduPilot's limit."""
+        """Return the control periods of a frame, and say so if they are not what it asks for."""
         step_us = self._scenario.step_us
-        longest = (MAX_STEP_US - 1) // step_us
-        steps = min(max(round(1e6 / (rate_hz * step_us)), 1), longest)
+        steps = steps_of(rate_hz, step_us)
         off = abs(steps * step_us * rate_hz / 1e6 - 1.0)
         since = self._asked.setdefault((i, rate_hz), self._tick)
         if off > _NEAR and (self._tick - since) * step_us > _SETTLED_S * 1e6:

@@ -108,9 +108,11 @@ def _draw_errors(
 
 def _draw_map(axis: "Axes", flight: PlottedFlight, paths: np.ndarray) -> None:
     tracks = flight.recording.states[:, :, 1::-1]  # east, north
+    reached = flight.recording.signals["path_position"]
+    furthest = np.max(reached, initial=-np.inf, where=~np.isnan(reached))  # none of foreign ones
     for i, path in enumerate(paths):
         if i == 0 or path["id"] != paths[0]["id"]:
-            _draw_path(axis, path, float(np.nanmax(flight.recording.signals["path_position"])))
+            _draw_path(axis, path, float(furthest))
     _draw_faults(axis, flight)
     for i, name in enumerate(flight.names):
         axis.plot(*_thinned(tracks[:, i]).T, label=name, **style.style(i).thin)

@@ -1,0 +1,230 @@
+"""An ArduPlane SITL by its JSON interface, as one of the fleet.
+
+Its frames are the plant's steps: it is given the state of a step, and what it answers is commanded
+at that step. Until the flight begins it is held on a launcher, at rest, by a clock of its own.
+"""
+
+import contextlib
+import math
+import time
+from pathlib import Path
+
+import numpy as np
+
+from ftc_autopilot.config import AutopilotConfig
+from ftc_autopilot.foreign.base import ForeignError, ForeignInputError, PlantStep
+from ftc_autopilot.foreign.child import Child
+from ftc_autopilot.kinds import ArduPlaneAutopilot
+from mavlink_defs import dialect
+from mavlink_defs.endpoint import UdpAddress, bind_udp, free_ports
+from sitl_plant.airframe.aircraft import aircraft_record
+from sitl_plant.ardupilot.launch import AircraftLaunch, new_launch, out_of_body
+from sitl_plant.ardupilot.outputs import Outputs
+from sitl_plant.ardupilot.parameters import parameter_text, parameters_of
+from sitl_plant.ardupilot.peer import Frame, Peer
+from sitl_plant.ardupilot.protocol import Measured, answer, steps_of
+from sitl_plant.vec3 import Vec3
+
+_TURN_S = 0.02
+_WAIT_S = 0.5  # between two looks whether it runs
+_PATIENCE_S = 60.0  # that it may take for a frame on a busy machine, wall time
+_UNSUPPRESSED_S = 2.5  # after arming: its motor stands still for 2 s
+_AHEAD = 1000  # times real time: its clock is the plant's, which sets the pace
+_MAX_DATAGRAM = 2048
+
+
+class ArduPlane:
+    """One ArduPlane SITL."""
+
+    def __init__(self, config: AutopilotConfig, vehicle_link: UdpAddress) -> None:
+        """Prepare it; `begin` starts it.
+
+        Args:
+            config: The configuration of its bridge.
+            vehicle_link: Where it is to send its MAVLink.
+        """
+        assert isinstance(config.autopilot, ArduPlaneAutopilot)
+        self._config, self._own = config, config.autopilot
+        self._link = vehicle_link
+        self._peer = Peer()
+        self._outputs = Outputs(self._own.outputs, aircraft_record(config.aircraft))
+        self._sock = bind_udp(UdpAddress("127.0.0.1", 0), f"physics of UAV {config.id}")
+        self._child = Child("ArduPlane", config.id)
+        self._launch: AircraftLaunch | None = None
+        self._held = 0  # control periods of its clock before the flight
+        self._launched: int | None = None  # of these, when the launch began
+        self._armed: int | None = None
+        self._waits = False  # it has sent a frame that is not answered
+        self._due = 0  # step at which that is to be answered
+        self._frame_steps = 1
+        self._answer = b""
+        self._time_s: float | None = None  # of the flight, for messages
+        self._ready = False
+
+    def begin(self, first: PlantStep) -> None:
+        """Start it, and hold the aircraft on its launcher."""
+        config, state = self._config, first.state
+        if state is None:
+            text = "ArduPlane makes its own sensors of the true state: set navigation: true_state"
+            raise ForeignInputError(f"UAV {config.id}: {text}")
+        rc_port, base_port = free_ports(2)
+        at = config.origin
+        self._child.start(
+            self._own.binary,
+            [
+                "--model", "JSON:127.0.0.1",
+                "--sim-port-out", str(self._sock.getsockname()[1]),
+                "--rc-in-port", str(rc_port),
+                "--base-port", str(base_port),
+                "--serial0", f"udpclient:{self._link}",
+                "--serial1", "none:", "--serial2", "none:",
+                "--sysid", str(config.id),
+                "--speedup", str(_AHEAD),
+                "--home", f"{at.latitude_deg:.9f},{at.longitude_deg:.9f},{at.altitude_m:.3f},0",
+                "--defaults", self._defaults(),
+            ],
+        )  # fmt: skip
+        x = np.concatenate([state[name] for name in ("position", "velocity", "attitude", "rates")])
+        acceleration, period_s = self._own.outputs.launch_acceleration_m_s2, config.step_us / 1e6
+        steps = math.ceil(float(np.linalg.norm(state["velocity"])) / acceleration / period_s)
+        gravity = float(aircraft_record(config.aircraft)["g"])
+        self._launch = new_launch(x, state["wind"], gravity, steps * period_s)
+
+    def _defaults(self) -> str:
+        """Return the files of its parameters: derived ones, and behind them the user's."""
+        config, path = self._config, self._own.defaults
+        derived = self._child.folder / "derived.parm"
+        text = parameter_text(parameters_of(config.aircraft, self._own.outputs, config.step_us))
+        derived.write_text(text)
+        if path is None:
+            return str(derived)
+        own = Path(path).expanduser().resolve()
+        if not own.is_file():
+            text = f"autopilot.defaults is {path}, and there is no such file"
+            raise ForeignInputError(f"UAV {config.id}: {text}")
+        return f"{derived},{own}"
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether its checks before arming pass, so that stations may see its HEARTBEAT."""
+        return self._ready
+
+    def note(self, message: dialect.MAVLink_message) -> None:
+        """Take in a message of its MAVLink."""
+        if isinstance(message, dialect.MAVLink_sys_status_message):
+            checks = message.onboard_control_sensors_health
+            self._ready |= bool(checks & dialect.MAV_SYS_STATUS_PREARM_CHECK)
+
+    def hold(self, heartbeat: dialect.MAVLink_heartbeat_message | None) -> bool:
+        """Let its clock run on; return whether its launch is over."""
+        end = time.monotonic() + _TURN_S
+        self._check_ready()
+        armed = heartbeat is not None and bool(
+            heartbeat.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED
+        )
+        if not armed:
+            self._armed = None
+        elif self._armed is None:
+            self._armed = self._held
+        while (left := end - time.monotonic()) > 0.0:
+            if self._waits:
+                if self._is_launched():
+                    return True
+                self._reply(self._on_launcher())
+                self._held += self._frame_steps
+            self._receive(left)
+        return False
+
+    def _check_ready(self) -> None:
+        self._child.check()
+        passed_s, limit_s = self._held * self._config.step_us / 1e6, self._own.ready_within_s
+        if not self._ready and passed_s > limit_s:
+            text = f"ArduPlane is not ready to be armed after {limit_s:g} s of its time"
+            raise ForeignError(text)
+
+    def _is_launched(self) -> bool:
+        """Return whether the flight begins now; launch it when its motor may turn."""
+        if self._armed is None or self._launch is None:
+            return False
+        period_s = self._config.step_us / 1e6
+        stands = self._launch.duration_s == 0.0
+        if (self._held - self._armed) * period_s < (0.0 if stands else _UNSUPPRESSED_S):
+            return False
+        if self._launched is None:
+            self._launched = self._held
+        return (self._held - self._launched) * period_s >= self._launch.duration_s
+
+    def _on_launcher(self) -> Measured:
+        assert self._launch is not None
+        period_s = self._config.step_us / 1e6
+        since = -1 if self._launched is None else self._held - self._launched
+        return self._launch.at(since * period_s, self._held * period_s)
+
+    def exchange(self, sent: PlantStep) -> np.ndarray:
+        """Answer its frame with the state of a step, and return what it commands then."""
+        state = sent.state
+        assert state is not None
+        if sent.step < self._due:  # its frames are longer than a control period
+            return self._outputs.shares
+        period_s = self._config.step_us / 1e6
+        self._time_s = sent.time_us / 1e6
+        attitude, velocity, wind = (_floats(state[n]) for n in ("attitude", "velocity", "wind"))
+        self._reply(
+            Measured(
+                time_s=(self._held + sent.step) * period_s,
+                rates=_floats(state["rates"]),
+                specific_force=_floats(state["specific_force"]),
+                position=_floats(state["position"]),
+                attitude=attitude,
+                velocity=out_of_body(velocity, attitude),
+                airspeed=math.dist(velocity, wind),
+                wind=out_of_body(wind, attitude),
+            )
+        )
+        end = time.monotonic() + _PATIENCE_S
+        while not self._waits:
+            self._receive(_WAIT_S)
+            if not self._waits:
+                self._child.check(self._time_s)
+                if time.monotonic() > end:
+                    text = f"ArduPlane has been silent for {_PATIENCE_S:g} s"
+                    raise ForeignError(f"{text} at {self._time_s:.3f} s")
+        self._due = sent.step + self._frame_steps
+        return self._outputs.shares
+
+    def _reply(self, measured: Measured) -> None:
+        """Answer the frame that waits."""
+        self._answer, self._waits = answer(measured), False
+        self._send()
+
+    def _send(self) -> None:
+        if self._peer.address is not None:
+            with contextlib.suppress(OSError):  # it has ended, which `check` says
+                self._sock.sendto(self._answer, self._peer.address)
+
+    def _receive(self, timeout_s: float) -> None:
+        """Take in one of its frames, if one comes in time [s]."""
+        self._sock.settimeout(max(timeout_s, 1e-4))
+        try:
+            datagram, address = self._sock.recvfrom(_MAX_DATAGRAM)
+        except OSError:  # none came
+            return
+        match self._peer.receive(datagram, address, time.monotonic()):
+            case Frame.NEW | Frame.RESTARTED:
+                packet = self._peer.packet
+                assert packet is not None
+                self._outputs.receive(packet.pulses_us)
+                self._frame_steps = steps_of(packet.rate_hz, self._config.step_us)
+                self._waits = True
+            case Frame.REPEATED if not self._waits:
+                self._send()  # its answer was lost
+
+    def close(self) -> None:
+        """End it."""
+        self._child.close()
+        self._sock.close()
+
+
+def _floats(values: np.ndarray) -> Vec3:
+    x, y, z = values.tolist()
+    return x, y, z

@@ -1,0 +1,300 @@
+"""The bridge process of one UAV that a foreign autopilot flies: ``ftc-autopilot CONFIG``.
+
+To the plant it is an autopilot as ours is: it registers by HEARTBEAT, is sent the state of each
+step, sends HIL_ACTUATOR_CONTROLS when an output has changed, and FTC_STEP_DONE. On its other side
+it starts the autopilot's program, speaks its simulator protocol, and passes its MAVLink on.
+"""
+
+import contextlib
+import select
+import socket
+import time
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+
+from ftc_autopilot.config import AutopilotConfig
+from ftc_autopilot.foreign.arduplane import ArduPlane
+from ftc_autopilot.foreign.base import ForeignAutopilot, ForeignError, ForeignInputError
+from ftc_autopilot.foreign.plant_link import PlantLink
+from ftc_autopilot.foreign.px4_plane import Px4Plane
+from ftc_autopilot.foreign.recorder import ForeignRecorder
+from ftc_autopilot.foreign.vehicle import ForeignVehicle
+from ftc_autopilot.vehicle.gcs_signing import GcsSigning
+from mavlink_defs import dialect, endpoint
+from mavlink_defs.constants import MAX_DATAGRAM
+from mavlink_defs.endpoint import UdpAddress
+from mavlink_defs.framing.drop_reason import DropReason
+from mavlink_defs.framing.key_file import KeyFile
+from mavlink_defs.framing.signing import PLANT_LINK, Signer, counts_text, open_time
+from mavlink_defs.visible import log_line
+
+FOREIGN: dict[str, Callable[[AutopilotConfig, UdpAddress], ForeignAutopilot]] = {
+    "ardupilot": ArduPlane,
+    "px4": Px4Plane,
+}
+"""What flies by each `kind` of `uavs[].autopilot`."""
+
+_TICK_S = 0.02
+_TURN_S = 0.005  # between two looks at the other links while the plant's time runs
+_HEARTBEAT_S, _REGISTER_S = 1.0, 0.2
+_COUNT_S = 0.5
+_LOOPBACK = "127.0.0.1"
+
+
+class Bridge:
+    """Sockets and clock around one foreign autopilot.
+
+    Attributes:
+        stopping: Set to end it.
+        loss: Why it ended before the simulation did; None if it did not.
+        failure: How the autopilot has ended the flight; None if it has not.
+    """
+
+    def __init__(
+        self,
+        config: AutopilotConfig,
+        record: Path | None,
+        record_optional: bool,
+        sockets: contextlib.ExitStack,
+    ) -> None:
+        """Open the links; what is opened is closed with `sockets`.
+
+        Raises:
+            EndpointError, SigningError: A link cannot be used.
+            OSError: A file cannot be made; it is named.
+        """
+        self._config = config
+        self.stopping = False
+        self.loss: str | None = None
+        self.failure: str | None = None
+        key, shared = config.signing_key, None
+        if key is not None:
+            shared = Signer(KeyFile(key, self._log).at, open_time(key), PLANT_LINK)
+        self._link = PlantLink(config.id, shared)
+        self._signing = GcsSigning(config.id, key)
+        self._plant = sockets.enter_context(
+            endpoint.connect_udp(endpoint.parse_address(config.plant))
+        )
+        stations = [endpoint.resolve(endpoint.parse_address(text)) for text in config.gcs]
+        self._stations = [(one.host, one.port) for one in stations]
+        self._gcs = sockets.enter_context(endpoint.open_udp(stations))
+        own = UdpAddress(_LOOPBACK, 0)
+        self._side = sockets.enter_context(endpoint.bind_udp(own, f"MAVLink of UAV {config.id}"))
+        for sock in (self._gcs, self._side):
+            sock.setblocking(False)
+        self._plant.settimeout(_TICK_S)
+        self._recorder = ForeignRecorder(config, record, record_optional, self._log)
+        self._vehicle = ForeignVehicle(config.id, config.origin, self._link.counts)
+        self._peer: tuple[str, int] | None = None  # where the autopilot's MAVLink comes from
+        link = UdpAddress(_LOOPBACK, self._side.getsockname()[1])
+        self._autopilot = FOREIGN[config.autopilot.kind](config, link)
+        sockets.callback(self._autopilot.close)
+        self._armed = self._over = False
+        self._heard_s = time.monotonic()
+        self._due_s = self._count_due_s = self._turn_due_s = 0.0
+        self._steps = 0
+
+    def fly(self) -> None:
+        """Serve all links until the simulation is over, or `stopping` is set.
+
+        Raises:
+            ForeignInputError: The autopilot cannot be started.
+        """
+        try:
+            while not (self.stopping or self._over):
+                if not self._link.is_running and self._link.step is not None:
+                    self._hold()
+                self._wait_for_plant()
+                self._serve(time.monotonic())
+                self._check_plant()
+        except ForeignInputError:
+            raise
+        except ForeignError as problem:
+            if not self.stopping:
+                self._fail(str(problem))
+        self._autopilot.close()
+
+    def _fail(self, why: str) -> None:
+        """End the flight, as the autopilot cannot fly on; before it, as the bridge cannot."""
+        self._vehicle.say(dialect.MAV_SEVERITY_CRITICAL, why)
+        self._send_to_stations()
+        if self._link.is_running:
+            self.failure = why
+        else:
+            self.loss = why
+
+    def finish(self) -> int:
+        """Write the end of the record; return the exit status, as of `ftc_autopilot.process`.
+
+        There is no record of a flight that did not begin.
+        """
+        if self._steps or self.loss is None:
+            unwritable = self._recorder.finish(
+                self.loss, self._link.repeats.tolist(), self._link.is_over, self.failure
+            )
+            self.loss = self.loss or unwritable
+        drops = Counter({reason.text: n for reason, n in self._link.drops.items()})
+        if drops:
+            self._log(f"frames dropped: {counts_text(drops)}")
+        if self.failure is not None or self.loss is not None:
+            self._log(self.failure or self.loss or "")
+        return 3 if self.failure is not None else int(self.loss is not None)
+
+    _began = False
+
+    def _hold(self) -> None:
+        """Let the autopilot's own clock run, before the plant's does."""
+        assert self._link.step is not None
+        if not self._began:
+            self._began = True
+            self._autopilot.begin(self._link.step)
+        if self._armed:
+            return
+        self._armed = self._autopilot.hold(self._vehicle.heartbeat)
+        if self._armed:
+            self._due_s = 0.0  # the plant is to know it now
+
+    def _wait_for_plant(self) -> None:
+        """Take in what the plant sends; while its time stands still, only what has come."""
+        waits = self._link.is_running or self._armed or self._link.step is None
+        self._plant.settimeout(_TICK_S if waits else 1e-4)
+        while not self._over:
+            try:
+                datagram = self._plant.recv(MAX_DATAGRAM)
+            except OSError:  # none came, or nobody listens yet
+                return
+            self._heard_s = time.monotonic()
+            message = self._link.receive(datagram)
+            if message is not None:
+                self._vehicle.receive_from_plant(message, self._heard_s)
+            elif self._link.took_step and not self._is_overtaken():
+                self._answer()
+                self._heard_s = time.monotonic()  # what came meanwhile waits in the socket
+            if not self._link.is_running or self._heard_s >= self._turn_due_s:
+                return
+
+    def _is_overtaken(self) -> bool:
+        """Return whether a newer state has come already, in real time."""
+        waits = self._link.is_lockstep or self._link.is_over or not self._link.is_running
+        return not waits and bool(select.select([self._plant], [], [], 0.0)[0])
+
+    def _answer(self) -> None:
+        """Answer the plant's step."""
+        link = self._link
+        if link.restarted:
+            raise ForeignError("the plant was started again: start the flight again")
+        if link.is_over:
+            self._over = True
+            self._send(link.done())
+        elif link.is_running and link.is_repeated:
+            for frame in link.again() if link.is_lockstep else ():
+                self._send(frame)
+        elif link.is_running:
+            self._fly_step()
+
+    def _fly_step(self) -> None:
+        link, step = self._link, self._link.step
+        assert step is not None
+        if not self._armed:
+            raise ForeignError(
+                "the flight is under way already: a foreign autopilot begins with it"
+            )
+        shares = self._autopilot.exchange(step)
+        mask, frame = link.command(shares)
+        self._steps += 1
+        self._recorder.add(step, shares, mask)
+        if frame is not None:
+            self._send(frame)
+        if link.is_lockstep:
+            self._send(link.done())
+
+    def _serve(self, now: float) -> None:
+        """Do what is due on the links to the autopilot, the stations and the plant."""
+        if self._link.is_running and now < self._turn_due_s:
+            return
+        self._turn_due_s = now + _TURN_S
+        self._receive_from_autopilot()
+        self._receive_from_stations(now)
+        self._vehicle.handle_timer(now)
+        running = self._link.is_running
+        if now >= self._due_s:
+            self._due_s = now + (_REGISTER_S if self._link.step is None else _HEARTBEAT_S)
+            self._send(self._link.pack(self._registration()))
+        if running and now >= self._count_due_s:
+            self._count_due_s = now + _COUNT_S
+            self._vehicle.count()
+        for message in self._vehicle.to_plant():
+            self._send(self._link.pack(message))
+        if self._peer is not None:
+            for frame in self._vehicle.to_autopilot():
+                self._post(self._side, frame, self._peer)
+        self._send_to_stations()
+
+    def _registration(self) -> dialect.MAVLink_message:
+        armed = dialect.MAV_MODE_FLAG_SAFETY_ARMED if self._armed else 0
+        status = dialect.MAV_STATE_ACTIVE if armed else dialect.MAV_STATE_STANDBY
+        kind, autopilot = dialect.MAV_TYPE_FIXED_WING, dialect.MAV_AUTOPILOT_GENERIC
+        return dialect.MAVLink_heartbeat_message(kind, autopilot, armed, 0, status, 3)
+
+    def _receive_from_autopilot(self) -> None:
+        for datagram, sender in _waiting(self._side):
+            self._peer = self._peer or sender
+            if sender != self._peer:  # the autopilot has one socket: this is somebody else
+                self._link.drops[DropReason.STRANGER] += 1
+                continue
+            for message in self._vehicle.receive(datagram, self._autopilot.is_ready):
+                self._autopilot.note(message)
+
+    def _receive_from_stations(self, now: float) -> None:
+        for datagram, sender in _waiting(self._gcs):
+            if sender not in self._stations:
+                continue
+            message = self._signing.accept(datagram)
+            if isinstance(message, DropReason):
+                self._link.drops[message] += 1
+            elif isinstance(message, dialect.MAVLink_setup_signing_message):
+                text = self._signing.set_key(message, sender[0], self._armed)
+                if text is not None:
+                    self._vehicle.say(dialect.MAV_SEVERITY_WARNING, text)
+            else:
+                station = self._stations.index(sender)
+                self._vehicle.receive_from_station(message, now, station)
+
+    def _send_to_stations(self) -> None:
+        for frame in self._vehicle.to_stations():
+            signed = self._signing.sign(frame)
+            for station in self._stations:
+                self._post(self._gcs, signed, station)
+
+    def _check_plant(self) -> None:
+        """End if the plant has fallen silent."""
+        limit_s = self._config.silence_timeout_s
+        if self._link.step is None or time.monotonic() - self._heard_s <= limit_s:
+            return
+        at_s = self._link.step.time_us / 1e6
+        self.loss = f"the plant has been silent for {limit_s:g} s at {at_s:.3f} s"
+        self._over = True
+
+    def _send(self, frame: bytes) -> None:
+        with contextlib.suppress(OSError):  # the plant asks again for what it needs
+            self._plant.send(frame)
+
+    def _post(self, sock: socket.socket, frame: bytes, to: tuple[str, int]) -> None:
+        with contextlib.suppress(OSError):  # the microservices repeat what is lost
+            sock.sendto(frame, to)
+
+    def _log(self, text: str) -> None:
+        with contextlib.suppress(OSError):  # a full disk must not end the flight
+            log_line(f"ftc-autopilot {self._config.id}: {text}")
+
+
+def _waiting(sock: socket.socket) -> "list[tuple[bytes, tuple[str, int]]]":
+    """Return the datagrams that wait in a socket, and where each came from; not without end."""
+    found = []
+    for _ in range(64):
+        try:
+            found.append(sock.recvfrom(MAX_DATAGRAM))
+        except OSError:
+            break
+    return found

@@ -1,0 +1,219 @@
+"""The MAVLink of a foreign autopilot, as its bridge passes it on; no socket and no clock.
+
+What the autopilot sends goes to the ground stations, and theirs to it. Commands on faults go to
+the plant, which alone can execute them: the autopilot does not hear of them, as ours does not.
+"""
+
+from collections.abc import Callable
+
+from ftc_autopilot.vehicle.commands import Commands, Handler
+from ftc_autopilot.vehicle.telemetry import DEFAULT_INTERVALS_US
+from mavlink_defs import dialect
+from mavlink_defs.constants import SIMULATOR_COMPONENT
+from mavlink_defs.dialect import MAVLink_message
+from mavlink_defs.faults import COMMANDS as FAULT_COMMANDS
+from mavlink_defs.framing.frames import FramePacker, frame_size, parse, text_chunks
+from mavlink_defs.framing.header import HEADER_SIZE, MESSAGE_ID, V2_MAGIC, whole_size
+from mavlink_defs.origin import Origin
+from mavlink_defs.services.command import CommandMessage, command_params
+from mavlink_defs.services.machine import SystemId, is_for
+
+_FIRST_PRIVATE = 53_000
+_SHOWN = {dialect.MAVLINK_MSG_ID_STATUSTEXT, dialect.MAVLINK_MSG_ID_FTC_FAULT}
+_OWN_REQUESTS = {dialect.MAVLINK_MSG_ID_FTC_FAULT, dialect.MAVLINK_MSG_ID_FTC_EVENTS}
+_ASKED_OF_IT = [n for n in DEFAULT_INTERVALS_US if n < _FIRST_PRIVATE]
+_BESIDE = (dialect.MAVLINK_MSG_ID_SYS_STATUS, dialect.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT)
+
+
+class ForeignVehicle:
+    """One foreign autopilot's MAVLink.
+
+    Attributes:
+        heartbeat: Its last HEARTBEAT; None before the first.
+    """
+
+    def __init__(self, system: int, origin: Origin, counts: Callable[[], MAVLink_message]) -> None:
+        """Begin before it is heard.
+
+        Args:
+            system: System id of the UAV.
+            origin: Its home: it would be where it is held.
+            counts: Returns FTC_EVENTS.
+        """
+        self._counts = counts
+        self._system, self._origin = system, origin
+        self._has_home = False
+        self._own = SystemId(system, dialect.MAV_COMP_ID_AUTOPILOT1)
+        self._bridge = SystemId(system, SIMULATOR_COMPONENT)  # its own commands come from there
+        self.heartbeat: dialect.MAVLink_heartbeat_message | None = None
+        self._commands = Commands(self._own, self._handlers(), {})
+        self._packers: dict[tuple[int, int], FramePacker] = {}
+        self._to_autopilot: list[bytes] = []
+        self._to_stations: list[bytes] = []
+        self._texts = 0
+
+    # from the autopilot
+
+    def receive(self, datagram: bytes, shows: bool) -> list[MAVLink_message]:
+        """Take in a datagram of the autopilot, of one frame or several.
+
+        Args:
+            datagram: As it came.
+            shows: Whether stations may see its HEARTBEAT, because it can be armed.
+
+        Returns:
+            The HEARTBEAT and SYS_STATUS in it.
+        """
+        told: list[MAVLink_message] = []
+        for frame in frames_in(datagram):
+            number = int.from_bytes(frame[MESSAGE_ID:HEADER_SIZE], "little")
+            if number in {dialect.MAVLINK_MSG_ID_HEARTBEAT, dialect.MAVLINK_MSG_ID_SYS_STATUS}:
+                message = parse(frame)
+                if message is not None and message.get_srcSystem() == self._system:
+                    told.append(message)
+                    self._note(message, shows)
+                if number == dialect.MAVLINK_MSG_ID_HEARTBEAT and not (shows and self._has_home):
+                    continue
+            elif number == dialect.MAVLINK_MSG_ID_COMMAND_ACK and self._is_mine(parse(frame)):
+                continue
+            self._to_stations.append(frame)
+        return told
+
+    def _note(self, message: MAVLink_message, shows: bool) -> None:
+        if not isinstance(message, dialect.MAVLink_heartbeat_message):
+            return
+        if shows and not self._has_home:
+            self._set_home()
+        if self.heartbeat is None:  # it streams what ours do, so that displays have it
+            for number in (*_ASKED_OF_IT, *_BESIDE):
+                interval_us = DEFAULT_INTERVALS_US.get(number, 500_000)
+                self._tell(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, number, interval_us)
+        self.heartbeat = message
+
+    def _tell(self, command: int, *params: float) -> None:
+        seven = (*params, *[0.0] * 7)[:7]
+        message = dialect.MAVLink_command_long_message(*self._own, command, 0, *seven)
+        self._to_autopilot.append(self._packed(message, self._bridge))
+
+    def _set_home(self) -> None:
+        """Tell it where its home is, until it has acknowledged that."""
+        at = self._origin
+        message = dialect.MAVLink_command_int_message(
+            *self._own,
+            dialect.MAV_FRAME_GLOBAL,
+            dialect.MAV_CMD_DO_SET_HOME,
+            0,
+            0,
+            *(0.0, 0.0, 0.0, 0.0),
+            round(at.latitude_deg * 1e7),
+            round(at.longitude_deg * 1e7),
+            at.altitude_m,
+        )
+        self._to_autopilot.append(self._packed(message, self._bridge))
+
+    def _is_mine(self, message: MAVLink_message | None) -> bool:
+        """Return whether an acknowledgement is of a command of the bridge itself."""
+        if not isinstance(message, dialect.MAVLink_command_ack_message):
+            return False
+        if (message.target_system, message.target_component) != self._bridge:
+            return False
+        if message.command == dialect.MAV_CMD_DO_SET_HOME:
+            self._has_home |= message.result == dialect.MAV_RESULT_ACCEPTED
+        return True
+
+    # from ground stations
+
+    def receive_from_station(self, message: MAVLink_message, now: float, station: int) -> None:
+        """Take in a message of a ground station, which has a number."""
+        if self._is_of_plant(message):
+            self._commands.receive(message, now, station)
+            return
+        if getattr(message, "target_system", 0) in {0, self._system}:
+            sender = SystemId(message.get_srcSystem(), message.get_srcComponent())
+            self._to_autopilot.append(self._packed(message, sender))
+
+    def _is_of_plant(self, message: MAVLink_message) -> bool:
+        """Return whether a message is a command that the bridge executes, or hands to the plant."""
+        if not isinstance(message, CommandMessage) or not is_for(message, self._own):
+            return False
+        number, first = message.command, command_params(message)[0]
+        asks = number == dialect.MAV_CMD_REQUEST_MESSAGE and first in _OWN_REQUESTS
+        streams = number == dialect.MAV_CMD_SET_MESSAGE_INTERVAL and first >= _FIRST_PRIVATE
+        return number in FAULT_COMMANDS or asks or streams
+
+    def _handlers(self) -> dict[int, Handler]:
+        def request(_: tuple[float, ...]) -> int:
+            self.count()
+            return dialect.MAV_RESULT_ACCEPTED
+
+        def stream(params: tuple[float, ...]) -> int:
+            has = params[0] == dialect.MAVLINK_MSG_ID_FTC_EVENTS
+            return dialect.MAV_RESULT_ACCEPTED if has else dialect.MAV_RESULT_UNSUPPORTED
+
+        return {
+            dialect.MAV_CMD_REQUEST_MESSAGE: request,
+            dialect.MAV_CMD_SET_MESSAGE_INTERVAL: stream,
+        }
+
+    # from the plant
+
+    def receive_from_plant(self, message: MAVLink_message, now: float) -> None:
+        """Take in a message of the aircraft's simulator component."""
+        if message.get_msgId() in _SHOWN:
+            self._show(message)
+        self._commands.receive_from_simulator(message, now)
+
+    # out
+
+    def handle_timer(self, now: float) -> None:
+        """Do what is due; call it often."""
+        self._commands.handle_timer(now)
+
+    def count(self) -> None:
+        """Show stations the events so far."""
+        self._show(self._counts())
+
+    def say(self, severity: int, text: str) -> None:
+        """Send stations a STATUSTEXT."""
+        self._texts += 1
+        for message in text_chunks(severity, text, self._texts):
+            self._show(message)
+
+    def to_plant(self) -> list[MAVLink_message]:
+        """Hand over what the plant is to be sent."""
+        return self._commands.simulator_messages()
+
+    def to_autopilot(self) -> list[bytes]:
+        """Hand over what the autopilot is to be sent."""
+        frames, self._to_autopilot = self._to_autopilot, []
+        return frames
+
+    def to_stations(self) -> list[bytes]:
+        """Hand over what every ground station is to be sent."""
+        for message in self._commands.gcs_messages():
+            self._show(message)
+        frames, self._to_stations = self._to_stations, []
+        return frames
+
+    def _show(self, message: MAVLink_message) -> None:
+        self._to_stations.append(self._packed(message, self._own))
+
+    def _packed(self, message: MAVLink_message, sender: SystemId) -> bytes:
+        """Return the unsigned frame of a message of a sender, as its own sequence numbers it."""
+        if sender not in self._packers:
+            self._packers[sender] = FramePacker(*sender)
+        return self._packers[sender].pack(message)
+
+
+def frames_in(datagram: bytes) -> list[bytes]:
+    """Return the frames of the dialect in a datagram; what is something else is passed over."""
+    found, rest = [], datagram
+    while rest:
+        size = whole_size(rest, len(rest)) if rest[0] == V2_MAGIC else 0
+        if size <= 0:
+            rest = rest[max(rest.find(bytes([V2_MAGIC]), 1), 0) or len(rest) :]
+            continue
+        frame, rest = rest[:size], rest[size:]
+        if frame_size(frame)[0] == size:
+            found.append(frame)
+    return found

@@ -1,0 +1,44 @@
+"""What has to be there to fly a scenario with foreign autopilots."""
+
+import os
+from pathlib import Path
+
+from ftc_autopilot.kinds import Px4Autopilot
+from gcs.console.errors import BadInput
+from gcs.scenario.model import Scenario
+
+
+def check_foreign(scenario: Scenario, *, over_udp: bool) -> None:
+    """Check that the programs of foreign autopilots can be started, before any process is.
+
+    Args:
+        scenario: The scenario.
+        over_udp: Whether it is flown with processes.
+
+    Raises:
+        BadInput: One cannot, or the flight is in process.
+    """
+    for uav, own in scenario.foreign.items():
+        if not over_udp:
+            text = f"UAV {uav} has autopilot.kind: {own.kind}, a program that flies as a process"
+            raise BadInput(f"{text}; a flight in process has none", "fly it over UDP")
+        path = Path(own.binary).expanduser()
+        what = f"uavs[].autopilot.binary of UAV {uav} is {own.binary}"
+        if not path.is_file():
+            text = f"{what}: there is no such file in {Path.cwd()}"
+            raise BadInput(text, f"name the program of {own.kind}, built for SITL")
+        if not os.access(path, os.X_OK):
+            raise BadInput(f"{what}: it cannot be executed", f"chmod +x {path}")
+        if isinstance(own, Px4Autopilot):
+            _check_startup(uav, own)
+        elif own.defaults is not None and not Path(own.defaults).expanduser().is_file():
+            what = f"uavs[].autopilot.defaults of UAV {uav} is {own.defaults}"
+            raise BadInput(f"{what}: there is no such file in {Path.cwd()}")
+
+
+def _check_startup(uav: int, own: Px4Autopilot) -> None:
+    """Check that a PX4 has its startup scripts."""
+    folder = own.startup
+    if not (folder / "init.d-posix" / "rcS").is_file():
+        text = f"uavs[].autopilot of UAV {uav}: there is no init.d-posix/rcS in {folder}"
+        raise BadInput(text, "set its key data to the folder etc of the build")

@@ -1,0 +1,140 @@
+"""A program with ArduPlane's arguments that speaks as it does: JSON frames and MAVLink.
+
+Written from the published protocols; nothing is shared with the code under test. It flies by the
+law of `json_peer`. Its clock is that of the answers, so its MAVLink has the same times in each run.
+
+Options of its own, in the environment: PEER_READY_S, its time until it can be armed; PEER_REFUSES,
+the reason for which it refuses to be armed; PEER_DIES_S, its time at which it ends.
+"""
+
+import argparse
+import os
+import socket
+import sys
+from typing import Any
+
+from json_peer import Autopilot
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+RATE_HZ = 500
+ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+HEALTHY = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+
+
+class Vehicle:
+    """Its MAVLink: a UDP client of the address that --serial0 names."""
+
+    def __init__(self, serial0: str, system: int) -> None:
+        kind, host, port = serial0.split(":")
+        assert kind == "udpclient"
+        self._to = (host, int(port))
+        self._sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._sock.setblocking(False)
+        self._link = mavlink.MAVLink(None, system, mavlink.MAV_COMP_ID_AUTOPILOT1)
+        self._link.robust_parsing = True
+        self.armed, self.mode, self.items, self.home = False, 0, 0, False
+        self._expected = 0
+        self._refuses = os.environ.get("PEER_REFUSES", "")
+        self.ready = False
+
+    def send(self, *messages: Any) -> None:
+        """Send messages in one datagram, as ArduPilot does what has gathered."""
+        self._sock.sendto(b"".join(one.pack(self._link) for one in messages), self._to)
+
+    def beat(self, time_s: float, answer: dict[str, Any]) -> None:
+        health = HEALTHY if self.ready else 0
+        base = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | (ARMED if self.armed else 0)
+        status = mavlink.MAV_STATE_ACTIVE if self.armed else mavlink.MAV_STATE_STANDBY
+        roll, pitch, yaw = answer["attitude"]
+        self.send(
+            mavlink.MAVLink_heartbeat_message(1, 3, base, self.mode, status, 3),
+            mavlink.MAVLink_sys_status_message(0, 0, health, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
+            mavlink.MAVLink_attitude_message(int(time_s * 1e3), roll, pitch, yaw, 0, 0, 0),
+            mavlink.MAVLink_meminfo_message(0, 0),  # of its dialect, not of ours
+        )
+
+    def serve(self) -> None:
+        while True:
+            try:
+                data = self._sock.recv(65536)
+            except BlockingIOError:
+                return
+            for message in self._link.parse_buffer(bytearray(data)) or []:
+                self._receive(message)
+
+    def _receive(self, message: Any) -> None:
+        back = message.get_srcSystem(), message.get_srcComponent()
+        match message.get_type():
+            case "COMMAND_LONG" | "COMMAND_INT":
+                result = self._execute(message)
+                ack = mavlink.MAVLink_command_ack_message(message.command, result, 0, 0, *back)
+                self.send(ack)
+            case "MISSION_COUNT":
+                self._expected, self.items = message.count, 0
+                self._ask(back, message.mission_type)
+            case "MISSION_ITEM_INT" if message.seq == self.items:
+                self.items += 1
+                self._ask(back, message.mission_type)
+
+    def _ask(self, back: tuple[int, int], kind: int) -> None:
+        if self.items < self._expected:
+            self.send(mavlink.MAVLink_mission_request_int_message(*back, self.items, kind))
+        else:
+            self.send(mavlink.MAVLink_mission_ack_message(*back, 0, kind))
+
+    def _execute(self, message: Any) -> int:
+        match message.command:
+            case mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
+                if self._refuses or not self.ready:
+                    text = f"Arm: {self._refuses or 'not ready'}".encode()
+                    self.send(mavlink.MAVLink_statustext_message(2, text))
+                    return int(mavlink.MAV_RESULT_FAILED)
+                self.armed = message.param1 == 1.0
+            case mavlink.MAV_CMD_DO_SET_HOME:
+                self.home = True
+            case mavlink.MAV_CMD_MISSION_START:
+                self.mode = 10
+            case mavlink.MAV_CMD_DO_SET_MODE:
+                self.mode = int(message.param2)
+            case mavlink.MAV_CMD_SET_MESSAGE_INTERVAL if message.param1 < 50_000:
+                pass
+            case _:
+                return int(mavlink.MAV_RESULT_UNSUPPORTED)
+        return int(mavlink.MAV_RESULT_ACCEPTED)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    for name in ("model", "rc-in-port", "base-port", "serial1", "serial2", "speedup", "home"):
+        parser.add_argument(f"--{name}")
+    parser.add_argument("--sim-port-out", type=int, required=True)
+    parser.add_argument("--sysid", type=int, required=True)
+    parser.add_argument("--serial0", required=True)
+    parser.add_argument("--defaults", required=True)
+    # a latitude in the south looks like an option to argparse, and to getopt does not
+    given = " ".join(sys.argv[1:]).replace("--home ", "--home=").split(" ")
+    options = parser.parse_args(given)
+    assert options.model == "JSON:127.0.0.1"
+    for file in options.defaults.split(","):
+        assert os.path.getsize(file)
+    ready_s = float(os.environ.get("PEER_READY_S", "1"))
+    dies_s = float(os.environ.get("PEER_DIES_S", "inf"))
+    vehicle = Vehicle(options.serial0, options.sysid)
+    with Autopilot(options.sim_port_out, rate_hz=RATE_HZ) as peer:
+        frame = 0
+        while True:
+            pwm = peer.outputs(0.4)
+            answer = peer.exchange(pwm if vehicle.armed else [1500, 1500, 1000, *pwm[3:]])
+            time_s = answer["timestamp"]
+            vehicle.ready = time_s >= ready_s
+            if time_s >= dies_s:
+                print("panic: the peer was to end here", flush=True)
+                sys.exit(3)
+            vehicle.serve()
+            if frame % (RATE_HZ // 5) == 0:
+                vehicle.beat(time_s, answer)
+            frame += 1
+
+
+if __name__ == "__main__":
+    main()

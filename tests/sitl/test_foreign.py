@@ -1,0 +1,176 @@
+"""Flights with an ArduPlane beside autopilots of ours: a peer by its published protocols.
+
+If the environment names one in FTC_ARDUPLANE, a real ArduPlane flies, too.
+"""
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from flying import assert_one_message, run, scenario_tree, start, summary_of, table_of, wait_until
+from flying import write_scenario as written
+
+from mavlink_defs.endpoint import free_ports
+
+pytestmark = pytest.mark.sitl
+
+HELPERS = Path(__file__).parents[1] / "helpers"
+REAL = os.environ.get("FTC_ARDUPLANE", "")
+
+
+def peer(folder: Path, **environment: str) -> str:
+    """Return the program of a peer with these settings."""
+    path = folder / "arduplane"
+    environment["PEER_OF"] = str(path)
+    settings = " ".join(f"{name}='{value}'" for name, value in environment.items())
+    script = f"exec {sys.executable} {HELPERS / 'arduplane_peer.py'}"
+    path.write_text(f'#!/bin/sh\nPYTHONPATH={HELPERS} {settings} {script} "$@"\n')
+    path.chmod(0o755)
+    return str(path)
+
+
+def mixed(folder: Path, binary: str, duration_s: float = 1.0, **changes: Any) -> Path:
+    """Return a scenario of two UAVs of ours and one of an ArduPlane."""
+    tree = scenario_tree(faults=[], duration_s=duration_s) | changes
+    tree["uavs"][2]["autopilot"] = {"kind": "ardupilot", "binary": binary, "ready_within_s": 60.0}
+    return written(folder, tree)
+
+
+def flown(folder: Path, scenario: Path, *options: str) -> "subprocess.CompletedProcess[str]":
+    out = ("--out", str(folder / "run"), "--free-ports", "--quiet")
+    return run("gcs", "fly", str(scenario), *out, *options)
+
+
+def children_of(binary: str) -> list[int]:
+    """Return the processes that a program of `peer` has become."""
+    found = []
+    for one in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            if f"PEER_OF={binary}".encode() in (one / "environ").read_bytes().split(b"\0"):
+                found.append(int(one.name))
+    return found
+
+
+def test_it_flies_beside_ours_in_lockstep_twice_the_same(tmp_path: Path) -> None:
+    recorded = []
+    for name in ("first", "second"):
+        folder = tmp_path / name
+        folder.mkdir()
+        done = flown(folder, mixed(folder, peer(folder)), "--record", "full")
+        assert done.returncode == 0, done.stderr
+        summary = summary_of(folder / "run")
+        assert (summary["completed"], summary["steps"]) == (True, 1000)
+        own = summary["uavs"][2]
+        assert (own["active_steps"], own["missing_steps"]) == (1000, 0)
+        assert 4 < own["actuator_messages"] <= 500, "a frame of the peer has two control periods"
+        table = table_of(folder / "run" / "trajectory.arrows")
+        of_it = table["uav"] == 3
+        for channel, counted in own["channels"].items():
+            held = table[f"held_{channel}"][of_it]
+            assert counted["events"] == 1 + np.count_nonzero(np.diff(held))
+        recorded.append((folder / "run" / "trajectory.arrows").read_bytes())
+        assert not children_of(str(folder / "arduplane"))
+    assert recorded[0] == recorded[1]
+
+
+def test_a_fault_of_the_scenario_acts_on_it(tmp_path: Path) -> None:
+    stuck = {"uav": 3, "actuator": "rudder", "stuck_deg": 15.0, "start_s": 0.3, "end_s": 0.6}
+    done = flown(tmp_path, mixed(tmp_path, peer(tmp_path), faults=[stuck]), "--record", "full")
+    assert done.returncode == 0, done.stderr
+    table = table_of(tmp_path / "run" / "trajectory.arrows")
+    stands = np.isclose(np.degrees(table["applied_rudder"][table["uav"] == 3]), 15.0, atol=1e-4)
+    assert stands[301:600].all()
+    assert not stands[:300].any()
+    assert not stands[601:].any()
+
+
+def test_stations_set_faults_that_it_does_not_hear_of(tmp_path: Path) -> None:
+    (port,) = free_ports(1)
+    to = ("--connect", f"udpout:127.0.0.1:{port}", "--uav", "3")
+    options = ("--out", str(tmp_path / "run"), "--free-ports", "--hub-port", str(port), "--start")
+    up = start("gcs", "up", str(mixed(tmp_path, peer(tmp_path))), *options, "--speed", "1")
+    try:
+        wait_until(lambda: run("gcs", "status", *to).returncode == 0, "it is heard")
+        set_one = run(
+            "gcs", "fault", "set", "rudder", "--effectiveness", "0.9", "--for-s", "60", *to
+        )
+        assert set_one.returncode == 0, set_one.stderr
+        listed = run("gcs", "fault", "list", "--json", *to)
+        (fault,) = json.loads(listed.stdout)[0]["faults"]
+        assert fault["actuator"] == "rudder"
+        assert run("gcs", "fault", "clear", *to).returncode == 0
+        listed = run("gcs", "fault", "list", "--json", *to)
+        assert json.loads(listed.stdout)[0]["faults"] == []
+    finally:
+        up.terminate()
+        _, error = up.communicate(timeout=60)
+    assert not children_of(str(tmp_path / "arduplane")), error
+
+
+@pytest.mark.parametrize(
+    ("settings", "status", "text"),
+    [
+        ({"PEER_READY_S": "1e9"}, 1, "not ready to be armed after 60 s of its time"),
+        ({"PEER_REFUSES": "Compass not healthy"}, 3, "Arm: Compass not healthy"),
+        ({"PEER_DIES_S": "0.5"}, 1, "ArduPlane ended with status 3 before the flight: panic: the"),
+        ({"PEER_DIES_S": "9"}, 1, "UAV 3: ArduPlane ended with status 3 at "),
+    ],
+)
+def test_what_goes_wrong_is_one_line(
+    tmp_path: Path, settings: dict[str, str], status: int, text: str
+) -> None:
+    binary = peer(tmp_path, **settings)
+    done = flown(tmp_path, mixed(tmp_path, binary, duration_s=30.0))
+    assert (done.returncode, text in done.stderr) == (status, True), done.stderr
+    assert not children_of(binary)
+
+
+def test_a_killed_child_ends_the_flight(tmp_path: Path) -> None:
+    binary = peer(tmp_path)
+    scenario = mixed(tmp_path, binary, duration_s=60.0)
+    options = ("--out", str(tmp_path / "run"), "--free-ports", "--quiet", "--speed", "1")
+    flight = start("gcs", "fly", str(scenario), *options)
+    log = tmp_path / "run" / "processes" / "plant.log"
+    wait_until(lambda: log.exists() and "all armed" in log.read_text(), "it flies")
+    for child in children_of(binary):
+        os.kill(child, signal.SIGKILL)
+    _, error = flight.communicate(timeout=120)
+    assert flight.returncode == 1
+    assert "UAV 3: ArduPlane was ended by signal 9 at " in error
+
+
+def test_bad_input_is_one_message(tmp_path: Path) -> None:
+    plain = tmp_path / "plain"
+    plain.write_text("no program\n")
+    not_one = tmp_path / "not_one"
+    not_one.write_bytes(b"\x7fELF, but not much of it")
+    not_one.chmod(0o755)
+    good = peer(tmp_path)
+    attempts: list[tuple[str, dict[str, Any], tuple[str, ...], str]] = [
+        (str(tmp_path / "none"), {}, (), "there is no such file"),
+        (str(plain), {}, (), "it cannot be executed"),
+        (str(not_one), {}, (), "no program for this machine"),
+        (good, {}, ("--in-process",), "a flight in process has none"),
+        (good, {"navigation": "estimated"}, (), "navigation: true_state"),
+    ]
+    for binary, changes, options, text in attempts:
+        done = flown(tmp_path, mixed(tmp_path, binary, **changes), *options)
+        assert done.returncode == 2, done.stderr
+        assert text in done.stderr
+        assert_one_message(done.stderr)
+
+
+@pytest.mark.skipif(not REAL, reason="FTC_ARDUPLANE names no ArduPlane")
+def test_a_real_one_flies(tmp_path: Path) -> None:
+    done = flown(tmp_path, mixed(tmp_path, REAL, duration_s=10.0))
+    assert done.returncode == 0, done.stderr
+    own = summary_of(tmp_path / "run")["uavs"][2]
+    assert own["attitude_lost_at_s"] is None
+    assert own["actuator_messages"] > 100

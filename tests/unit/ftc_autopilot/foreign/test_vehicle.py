@@ -1,0 +1,131 @@
+"""The MAVLink of a foreign autopilot, as its bridge passes it on."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as theirs
+
+from ftc_autopilot.foreign.plant_link import PlantLink
+from ftc_autopilot.foreign.vehicle import ForeignVehicle, frames_in
+from mavlink_defs import dialect
+from mavlink_defs.framing.frames import FramePacker, parse
+from mavlink_defs.origin import Origin
+
+UAV = 7
+
+
+@pytest.fixture
+def vehicle() -> ForeignVehicle:
+    return ForeignVehicle(UAV, Origin(), PlantLink(UAV, None).counts)
+
+
+@pytest.fixture
+def link() -> Any:
+    return theirs.MAVLink(None, UAV, 1)
+
+
+def heartbeat(link: Any) -> bytes:
+    return bytes(theirs.MAVLink_heartbeat_message(1, 3, 81, 10, 3, 3).pack(link))
+
+
+def station_command(number: int, *params: float) -> dialect.MAVLink_message:
+    seven = (*params, *[0.0] * 7)[:7]
+    message = dialect.MAVLink_command_long_message(UAV, 1, number, 0, *seven)
+    parsed = parse(FramePacker(255, 190).pack(message))
+    assert parsed is not None
+    return parsed
+
+
+def test_a_datagram_of_several_frames_is_taken_apart(link: Any) -> None:
+    attitude = bytes(theirs.MAVLink_attitude_message(1, 0.1, 0, 0, 0, 0, 0).pack(link))
+    unknown = bytes(theirs.MAVLink_meminfo_message(1, 2).pack(link))
+    one = heartbeat(link)
+    assert frames_in(one + attitude + unknown + one) == [one, attitude, one]
+    assert frames_in(b"\x00garbage" + one + b"\xfd\x09") == [one]
+    assert frames_in(b"") == frames_in(b"\xfd") == []
+
+
+def test_its_heartbeat_shows_when_it_is_ready_and_has_its_home(
+    vehicle: ForeignVehicle, link: Any
+) -> None:
+    vehicle.receive(heartbeat(link), shows=False)
+    assert vehicle.to_stations() == []
+    vehicle.to_autopilot()
+    vehicle.receive(heartbeat(link), shows=True)
+    assert vehicle.to_stations() == []
+    (frame,) = vehicle.to_autopilot()
+    asked = parse(frame)
+    assert isinstance(asked, dialect.MAVLink_command_int_message)
+    assert (asked.command, asked.x) == (dialect.MAV_CMD_DO_SET_HOME, -353632620)
+    ack = theirs.MAVLink_command_ack_message(asked.command, 0, 0, 0, UAV, 25).pack(link)
+    beat = heartbeat(link)
+    vehicle.receive(bytes(ack) + beat, shows=True)
+    assert vehicle.to_stations() == [beat], "not the acknowledgement"
+
+
+def test_faults_go_to_the_plant_and_all_else_to_it(vehicle: ForeignVehicle) -> None:
+    for number in (dialect.MAV_CMD_FTC_SET_FAULT, dialect.MAV_CMD_INJECT_FAILURE):
+        vehicle.receive_from_station(station_command(number, 2.0), 0.0, 0)
+    (sent,) = vehicle.to_plant()  # one at a time
+    assert isinstance(sent, dialect.MAVLink_command_long_message)
+    assert (sent.command, sent.target_component) == (dialect.MAV_CMD_FTC_SET_FAULT, 25)
+    assert vehicle.to_autopilot() == []
+    arm = station_command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
+    vehicle.receive_from_station(arm, 0.0, 0)
+    (frame,) = vehicle.to_autopilot()
+    passed = parse(frame)
+    assert passed is not None
+    assert (passed.get_srcSystem(), passed.to_dict()) == (255, arm.to_dict())
+    assert vehicle.to_plant() == []
+
+
+def test_the_plants_answer_is_the_stations(vehicle: ForeignVehicle) -> None:
+    vehicle.receive_from_station(station_command(dialect.MAV_CMD_FTC_SET_FAULT, 2.0), 0.0, 0)
+    vehicle.to_plant()
+    ack = dialect.MAVLink_command_ack_message(dialect.MAV_CMD_FTC_SET_FAULT, 0, 255, 0, UAV, 1)
+    answer = parse(FramePacker(UAV, 25).pack(ack))
+    assert answer is not None
+    vehicle.receive_from_plant(answer, 0.1)
+    (frame,) = vehicle.to_stations()
+    heard = parse(frame)
+    assert isinstance(heard, dialect.MAVLink_command_ack_message)
+    told = heard.command, heard.result, heard.get_srcComponent(), heard.target_system
+    assert told == (dialect.MAV_CMD_FTC_SET_FAULT, 0, 1, 255)
+
+
+def test_only_changes_are_sent_and_what_was_lost_again() -> None:
+    link, simulator = PlantLink(UAV, None), FramePacker(UAV, 25)
+
+    def state(step: int, applied: int | None) -> bytes:
+        message = dialect.MAVLink_ftc_sim_state_message(
+            step * 1000, 2**64 - 1 if applied is None else applied * 1000,
+            [0.0] * 3, [20.0, 0, 0], [0.0] * 3, [0.0] * 3, [0.0] * 3, step, 3, 99,
+            [0.0] * 3, [0] * 32,
+        )  # fmt: skip
+        return simulator.pack(message)
+
+    shares = np.zeros(4, np.float32)
+    sent = []
+    for step, applied, rudder in [
+        (0, None, 0.0),
+        (1, 0, 0.0),
+        (2, 0, 0.5),
+        (3, 0, 0.5),
+        (4, 3, 0.5),
+    ]:
+        link.receive(state(step, applied))
+        assert link.took_step
+        assert not link.is_repeated
+        shares[2] = rudder
+        mask, frame = link.command(shares)
+        sent.append((mask, frame is not None))
+    assert sent == [(15, True), (0, False), (4, True), (0, True), (0, False)]
+    assert link.events.tolist() == [1, 1, 2, 1]
+    assert link.repeats.tolist() == [0, 0, 1, 0]
+    link.receive(state(4, 3))
+    assert link.is_repeated
+    assert len(link.again()) == 1
+    link.receive(state(4, 3)[:-1])
+    assert not link.took_step
+    assert link.drops.total() == 1
