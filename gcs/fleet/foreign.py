@@ -22,12 +22,12 @@ def check_foreign(scenario: Scenario, *, over_udp: bool) -> None:
             text = f"UAV {uav} has autopilot.kind: {own.kind}, a program that flies as a process"
             raise BadInput(f"{text}; a flight in process has none", "fly it over UDP")
         path = Path(own.binary).expanduser()
-        what = f"uavs[].autopilot.binary of UAV {uav} is {own.binary}"
+        what = f"autopilot.binary of UAV {uav} is {own.binary}"
         if not path.is_file():
             text = f"{what}: there is no such file in {Path.cwd()}"
             raise BadInput(text, f"name the program of {own.kind}, built for SITL")
         if not os.access(path, os.X_OK):
             raise BadInput(f"{what}: it cannot be executed", f"chmod +x {path}")
         if own.defaults is not None and not Path(own.defaults).expanduser().is_file():
-            what = f"uavs[].autopilot.defaults of UAV {uav} is {own.defaults}"
+            what = f"autopilot.defaults of UAV {uav} is {own.defaults}"
             raise BadInput(f"{what}: there is no such file in {Path.cwd()}")

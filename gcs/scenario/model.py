@@ -26,7 +26,12 @@ from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.guidance.planner import Planner
 from ftc_autopilot.guidance.runway import RunwayParameters, figures_of
-from ftc_autopilot.kinds import ArduPlaneAutopilot, ForeignSection, FtcAutopilot
+from ftc_autopilot.kinds import (
+    ArduPlaneAutopilot,
+    AutopilotSection,
+    ForeignSection,
+    FtcAutopilot,
+)
 from ftc_autopilot.plugins.loading import calling, without_code
 from gcs.scenario.aircraft_checks import (
     aircraft_law_problems,
@@ -99,6 +104,7 @@ class Scenario(Model):
         description: Purpose of the scenario, in a line or more.
         aircraft: The nominal aircraft of every UAV that has none of its own.
         plant: What flies the aircraft of every UAV that says nothing else.
+        autopilot: Which autopilot flies every UAV that says nothing else.
         uncertainty: True aircraft relative to the nominal one.
         disturbance: Disturbances of every aircraft.
         wind: Motion of the air.
@@ -134,6 +140,7 @@ class Scenario(Model):
     step_us: int = whole("us", "Control period.", 1000, ge=1, le=100_000)
     aircraft: Aircraft
     plant: PlantSection = OwnPlant()
+    autopilot: AutopilotSection = FtcAutopilot()
     uncertainty: Uncertainty = Uncertainty()
     disturbance: Disturbance = Disturbance()
     wind: Wind = Wind()
@@ -211,7 +218,7 @@ class Scenario(Model):
         return AutopilotConfig(
             id=uav_id,
             name=uavs[uav_id].name,
-            autopilot=uavs[uav_id].autopilot,
+            autopilot=uavs[uav_id].autopilot or self.autopilot,
             step_us=self.step_us,
             identity=self.identity,
             fleet=tuple(uavs),
@@ -368,9 +375,11 @@ class Scenario(Model):
                     ("uavs", i, "initial", "on_ground"),
                     f"{text}; or set 'navigation: true_state'",
                 )
-            if isinstance(uav.autopilot, ArduPlaneAutopilot) and self.navigation == "estimated":
+            own = self.foreign.get(uav.id)
+            if isinstance(own, ArduPlaneAutopilot) and self.navigation == "estimated":
                 text = "ArduPlane makes sensors of its own from the true state: expected 'ftc', or"
-                yield ("uavs", i, "autopilot", "kind"), f"{text} navigation: true_state"
+                place = ("autopilot",) if uav.autopilot is None else ("uavs", i, "autopilot")
+                yield (*place, "kind"), f"{text} navigation: true_state"
             if not uav.initial.on_ground:
                 place = ("uavs", i, "initial")
                 yield from airspeed_problems(
@@ -410,7 +419,8 @@ class Scenario(Model):
     @property
     def foreign(self) -> dict[int, ForeignSection]:
         """Which foreign autopilots fly which UAVs, by system id."""
-        return {u.id: u.autopilot for u in self.uavs if not isinstance(u.autopilot, FtcAutopilot)}
+        flown = ((uav.id, uav.autopilot or self.autopilot) for uav in self.uavs)
+        return {uav: own for uav, own in flown if not isinstance(own, FtcAutopilot)}
 
     @property
     def _ids(self) -> list[int]:
