@@ -31,7 +31,7 @@ from ftc_autopilot.hot.navigation import estimator_of, write_estimate
 from ftc_autopilot.warm_up import PARTS
 from gcs.console.errors import BadInput
 from gcs.results.figures import FlightSummary
-from gcs.results.path_following import paths_of
+from gcs.results.mission_paths import paths_of
 from gcs.results.recording import Ending, Recording, Steps
 from gcs.results.summary import summary_of
 from gcs.results.tally import Tally

@@ -11,7 +11,8 @@ import numpy as np
 
 from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.control.diagnosis import LOST
-from gcs.results.path_following import PathFigures, leaders_of, paths_of
+from gcs.results.mission_paths import leaders_of, paths_of
+from gcs.results.path_following import PathFigures
 from gcs.results.recording import Steps
 from gcs.results.separation import Separation
 from gcs.results.synchronisation import Synchronisation
@@ -173,11 +174,13 @@ class Tally:
 
     def _note_decisions(self, i: int, first: int, signals: np.ndarray, mask: int) -> None:
         """Note what a UAV's diagnosis has decided, given the channels lost before."""
+        heard = np.flatnonzero(~np.isnan(signals["V"]))
+        signals = signals[heard]
         lost = signals["phase"] == LOST
         before = (mask >> np.arange(N_CHANNELS) & 1).astype(np.bool_)
         for k, c in np.argwhere(np.diff(lost, axis=0, prepend=before[None])):
             offset = float(signals["offset"][k, c])
-            decision = Decision(first + int(k), int(c), bool(lost[k, c]), offset)
+            decision = Decision(first + int(heard[k]), int(c), bool(lost[k, c]), offset)
             self._decisions[i].append(decision)
 
 
@@ -256,7 +259,7 @@ def _count_signals(step: int, signal: np.void, tally: np.void) -> None:
     lost = 0
     for c in range(N_CHANNELS):
         lost |= (signal["phase"][c] == LOST) << c
-    if lost != tally["lost"]:
+    if lost != tally["lost"] and not math.isnan(signal["V"]):  # a missing step says nothing of it
         tally["lost"] = lost
         tally["changes"] += 1
     if math.isnan(signal["V"]):

@@ -79,11 +79,25 @@ def test_it_does_not_matter_how_the_steps_arrive(
             at = np.flatnonzero(flight.signals["events"][:, i] >> c & 1)
             assert own["events"][c] == len(at)
             assert own["min_gap"][c] == (np.diff(at).min() if len(at) > 1 else 0)
+        heard = ~flight.missing[:, i]  # what a missing step has says nothing
         lost = flight.signals["phase"][:, i] == LOST
+        for k in np.flatnonzero(~heard):
+            lost[k] = lost[k - 1] if k else False
         changes = np.argwhere(np.diff(lost, axis=0, prepend=False))
         assert [decision[:3] for decision in tally.decisions(i)] == [
             (k, c, lost[k, c]) for k, c in changes
         ]
+
+
+def test_missing_steps_bring_no_lost_actuator_back() -> None:
+    steps = random_flight(0, [], (0, 0))
+    steps.signals["phase"][:] = 0
+    steps.signals["phase"][100:, 0, 3] = LOST
+    steps.signals[110:300:2, 0] = no_signals(95)
+    tally = Tally(SCENARIO)
+    tally.add(steps)
+    tally.finish()
+    assert [decision[:3] for decision in tally.decisions(0)] == [(100, 3, True)]
 
 
 def test_an_empty_flight_has_no_figures() -> None:
