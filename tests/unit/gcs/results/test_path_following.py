@@ -154,14 +154,13 @@ def test_who_follows_another_path_is_not_judged_by_this_one() -> None:
 
 
 def test_a_path_that_begins_far_beside_this_one_is_another() -> None:
-    """After a loss it glides along its own path, 400 m beside; both are at equal places for 6 s."""
-    steps = flight(300, [(0.0, 0.0, 0.0)], [0.0], [0.0], [0.0])
-    at = 200
-    steps.states[at:, 0, 1] += 400.0
-    glide = np.arange(300 - at) * 1.5 * SPEED * STEP_US / 1e6
-    steps.signals["path_position"][at:, 0] = steps.signals["path_position"][at, 0] - 180.0 + glide
+    """After a loss it glides along its own path, 400 m beside; by and by both are as far along."""
+    steps = flight(390, [(0.0, 0.0, 0.0)], [0.0], [0.0], [0.0])
+    steps.states[120:, 0, 1] += 400.0
+    place = steps.signals["path_position"][120:, 0]
+    place += np.linspace(-150.0, 66.0, len(place))
     found = followed(steps).summary(0)
-    assert found.flown_steps == 300
+    assert found.flown_steps == 390
     assert found.straight_cross_track_m == pytest.approx(0.0, abs=1e-6)
 
 
