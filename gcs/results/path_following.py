@@ -11,20 +11,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ftc_autopilot.guidance.path import PATH, commands_between, locate, point_at
-from ftc_autopilot.hot.navigation import navigate, new_navigation, note_gps
+from ftc_autopilot.guidance.path import commands_between, locate, point_at
 from gcs.results.recording import Steps
-from gcs.scenario.model import Scenario
-from mavlink_defs.framing.codec import SIM_STATE, copy_step
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.loop.fleet import PlantState, navigates, new_plant_state, observe
 from sitl_plant.vec3 import hypot, square
 
 SETTLING_S = 10.0
 """A UAV's figures begin so long after it begins to follow the path; so long after its end a turn
 still counts as one [s]."""
 
-_ELSEWHERE_M = 100.0  # between true and supposed place along the path: it is another path
+_ELSEWHERE_M = 100.0
+"""Between true and supposed place along the path, or beside it where it is begun: another path."""
 _NEVER = -1
 _UNSETTLED, _STRAIGHT, _TURN = 0, 1, 2
 
@@ -265,7 +262,8 @@ def _follow(
     if path["count"] == 0 or not math.isfinite(own["s"] + north + east):
         return False
     s, right = locate(path, north, east, own["s"])
-    if follows and not abs(s - supposed) < _ELSEWHERE_M:
+    beside = right - signal["slot"][1] if own["began"] == _NEVER else 0.0
+    if follows and not (abs(s - supposed) < _ELSEWHERE_M and abs(beside) < _ELSEWHERE_M):
         _forget(own)
         return False
     own["s"] = s
@@ -340,44 +338,3 @@ def gather(errors: np.ndarray, followers: np.ndarray) -> None:
 def _larger(largest: float, error: float) -> float:
     """Return the larger absolute value; the error's if there is no largest yet."""
     return abs(error) if math.isnan(largest) else max(largest, abs(error))
-
-
-def paths_of(scenario: Scenario) -> np.ndarray | None:
-    """Return the path of each UAV, shape (n,), dtype `PATH`; None without a mission.
-
-    It begins where the UAV finds itself before the first step.
-    """
-    if scenario.mission is None:
-        return None
-    fleet = new_plant_state(scenario.plant_config())
-    items = scenario.mission_items()
-    paths = np.zeros(len(scenario.uavs), PATH)
-    for i, uav in enumerate(scenario.uavs):
-        observe(fleet, i, 0, scenario.step_us)
-        here = fleet.uavs[i]["message"]
-        if navigates(fleet):
-            here = _first_estimate(scenario, uav.id, fleet, i)
-        paths[i] = scenario.planner(uav.id).first_path(items, here)
-    return paths
-
-
-def _first_estimate(scenario: Scenario, system: int, fleet: PlantState, i: int) -> np.void:
-    """Return what a UAV estimates before the first step, a record of dtype SIM_STATE."""
-    navigation = new_navigation(scenario.autopilot_config(system))
-    state, samples = navigation.state[0], fleet.sensing.imus[i]
-    state["imus"][: len(samples)] = samples
-    if fleet.sensing.sites[i]["delivered"] == 1:
-        note_gps(state, fleet.sensing.gps[i])
-    copy_step(fleet.uavs[i]["message"], fleet.uavs[i]["step"])
-    measured = np.zeros(1, SIM_STATE)
-    navigate(state, navigation.history, fleet.uavs[i]["step"], measured[0])
-    own: np.void = measured[0]
-    return own
-
-
-def leaders_of(scenario: Scenario) -> tuple[int, ...]:
-    """Return the indices of the UAVs that slots count from; none without a formation."""
-    if scenario.formation is None:
-        return ()
-    access = scenario.network.leader_access
-    return tuple(i for i, uav in enumerate(scenario.uavs) if uav.id in access)
