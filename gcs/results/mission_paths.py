@@ -48,3 +48,9 @@ def leaders_of(scenario: Scenario) -> tuple[int, ...]:
         return ()
     access = scenario.network.leader_access
     return tuple(i for i, uav in enumerate(scenario.uavs) if uav.id in access)
+
+
+def silent_in(scenario: Scenario) -> list[int]:
+    """Return the indices of the UAVs whose autopilots do not say where on the path they are."""
+    foreign = scenario.foreign
+    return [i for i, uav in enumerate(scenario.uavs) if uav.id in foreign]

@@ -6,7 +6,7 @@ such as one that an operator has uploaded in flight, is not judged by this one.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,6 +37,7 @@ ERRORS = np.dtype(
 
 _FOLLOWER = np.dtype(
     [
+        ("silent", "u1"),  # its autopilot does not say where it is, and begins at the start
         ("s", "f8"),  # true place along the path [m], NaN: none yet
         ("began", "i8"),  # step at which it began to follow the path
         ("turned", "i8"),  # last step in a turn
@@ -104,7 +105,13 @@ class PassedCommand:
 class PathErrors:
     """Errors against the path, step by step."""
 
-    def __init__(self, paths: np.ndarray, leaders: tuple[int, ...], step_us: int) -> None:
+    def __init__(
+        self,
+        paths: np.ndarray,
+        leaders: tuple[int, ...],
+        step_us: int,
+        silent: Collection[int] = (),
+    ) -> None:
         """Prepare for the first step.
 
         Args:
@@ -113,6 +120,7 @@ class PathErrors:
             leaders: Indices of the UAVs whose place the slots count from, the first that follows
                 the path at a step; empty: there are no slots.
             step_us: Time from each step to the next [µs].
+            silent: Indices of the UAVs whose autopilots do not say where on the path they are.
         """
         self._paths, self._leaders = paths, np.array(leaders, np.int64)
         self._settling = round(SETTLING_S * 1e6 / step_us)
@@ -120,6 +128,7 @@ class PathErrors:
         for name in ("s", "straight", "turn", "height", "slot"):
             self.followers[name] = np.nan
         self.followers["began"] = self.followers["turned"] = _NEVER
+        self.followers["silent"][list(silent)] = 1
 
     def of(self, steps: Steps) -> np.ndarray:
         """Return the errors of the next steps, shape (steps, n), dtype `ERRORS`."""
@@ -140,9 +149,15 @@ class PathErrors:
 class PathFigures:
     """The figures of all UAVs that follow a path, taken while a flight is flown."""
 
-    def __init__(self, paths: np.ndarray, leaders: tuple[int, ...], step_us: int) -> None:
+    def __init__(
+        self,
+        paths: np.ndarray,
+        leaders: tuple[int, ...],
+        step_us: int,
+        silent: Collection[int] = (),
+    ) -> None:
         """Prepare as for `PathErrors`."""
-        self._errors = PathErrors(paths, leaders, step_us)
+        self._errors = PathErrors(paths, leaders, step_us, silent)
         self._paths, self._step_us = paths, step_us
         self._reached = np.full(len(paths), -1.0)  # greatest place along the path so far [m]
         self._passed: list[list[tuple[int, int, np.ndarray]]] = [[] for _ in paths]
@@ -151,7 +166,9 @@ class PathFigures:
         """Take the next steps."""
         errors = self._errors.of(steps)
         gather(errors, self._errors.followers)
-        for i in np.flatnonzero(self._paths["commands"]):
+        for i in np.flatnonzero(
+            (self._paths["commands"] > 0) & (self._errors.followers["silent"] == 0)
+        ):
             self._note_commands(int(i), steps, np.isfinite(errors["cross_track"][:, i]))
 
     def _note_commands(self, i: int, steps: Steps, known: np.ndarray) -> None:
@@ -251,7 +268,9 @@ def _follow(
     error: np.void,
 ) -> bool:
     """Compute a UAV's errors but the slot's at one step, and return whether it has a place."""
-    supposed = signal["path_position"]
+    supposed, beside, above = signal["path_position"], signal["slot"][1], signal["slot"][2]
+    if own["silent"] == 1:
+        supposed, beside, above = 0.0 if math.isnan(own["s"]) else own["s"], 0.0, 0.0
     follows = not math.isnan(supposed)
     own["flown"] += follows
     if not follows and not math.isnan(signal["V"]):
@@ -262,8 +281,8 @@ def _follow(
     if path["count"] == 0 or not math.isfinite(own["s"] + north + east):
         return False
     s, right = locate(path, north, east, own["s"])
-    beside = right - signal["slot"][1] if own["began"] == _NEVER else 0.0
-    if follows and not (abs(s - supposed) < _ELSEWHERE_M and abs(beside) < _ELSEWHERE_M):
+    off = right - beside if own["began"] == _NEVER else 0.0
+    if follows and not (abs(s - supposed) < _ELSEWHERE_M and abs(off) < _ELSEWHERE_M):
         _forget(own)
         return False
     own["s"] = s
@@ -273,8 +292,8 @@ def _follow(
     if point.curvature != 0.0:
         own["turned"] = step
     if follows:
-        error["cross_track"] = right - signal["slot"][1]
-        error["height"] = -down - point.height - signal["slot"][2]
+        error["cross_track"] = right - beside
+        error["height"] = -down - point.height - above
         error["part"] = _part(step, settling, own)
     return follows
 

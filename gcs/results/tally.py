@@ -11,7 +11,7 @@ import numpy as np
 
 from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.control.diagnosis import LOST
-from gcs.results.mission_paths import leaders_of, paths_of
+from gcs.results.mission_paths import leaders_of, paths_of, silent_in
 from gcs.results.path_following import PathFigures
 from gcs.results.recording import Steps
 from gcs.results.separation import Separation
@@ -81,14 +81,16 @@ class Tally:
     def __init__(self, scenario: Scenario) -> None:
         n, step_us = len(scenario.uavs), scenario.step_us
         self._step_us, self._normal = step_us, scenario.ground.normal
-        self._foreign = {i for i, uav in enumerate(scenario.uavs) if uav.id in scenario.foreign}
+        self._foreign = silent_in(scenario)
         self.steps = 0
         self.traffic = Traffic(scenario)
         self.synchronisation = Synchronisation(scenario)
         self.separation = Separation(tuple(uav.id for uav in scenario.uavs), step_us)
         paths = paths_of(scenario)
         self.following = (
-            None if paths is None else PathFigures(paths, leaders_of(scenario), step_us)
+            None
+            if paths is None
+            else PathFigures(paths, leaders_of(scenario), step_us, self._foreign)
         )
         self.uavs = np.zeros(n, TALLY)
         for name in ("last_event", "attitude_lost", "heading_lost", "control_failed"):
