@@ -13,14 +13,16 @@ from typing import Any
 from ftc_lab.campaigns.again import keep_flights
 from ftc_lab.campaigns.engine import fly_missing
 from ftc_lab.campaigns.findings import findings_of
-from ftc_lab.campaigns.model import Campaign
+from ftc_lab.campaigns.model import NO_PROGRAMS, Campaign
 from ftc_lab.campaigns.plan import Plan, load_plan, plan
 from ftc_lab.campaigns.until import begin_campaign
 from ftc_lab.campaigns.workers import Flown, check_scheduler
 from ftc_lab.reports.campaign import write_report
 from gcs.console.errors import BadInput
+from gcs.fleet.foreign import check_foreign
 from gcs.fleet.preparation import checked
 from gcs.scenario.bundled import find_scenario
+from gcs.scenario.model import Scenario
 from gcs.scenario.settings import plain
 from mavlink_defs.config.files import validate
 
@@ -41,26 +43,33 @@ def check_workers(
 
 
 def planned_campaign(
-    campaign: Path | str | Mapping[str, Any], draws: int | None = None
+    campaign: Path | str | Mapping[str, Any],
+    draws: int | None = None,
+    programs: Mapping[str, str] = NO_PROGRAMS,
 ) -> tuple[Plan, list[str]]:
     """Return a campaign with all its draws checked, and the remarks on its scenario.
 
     Args:
         campaign: A file, the name of a bundled one, or what a file has, as a mapping.
         draws: Number of draws instead of the campaign's.
+        programs: Files of foreign autopilots, by kind, for the variants of a file that they fly.
 
     Raises:
-        BadInput: It is none of these, or a simulator or a plug-in cannot fly it.
+        BadInput: It is none of these, or a simulator, a plug-in or a program cannot fly it.
         ConfigError: It cannot be flown; every problem is named.
     """
     if isinstance(campaign, Mapping):
         tree = plain(campaign) | ({} if draws is None else {"draws": draws})
         planned = plan(validate("campaign", tree, Campaign), Path("campaign"))
     elif isinstance(campaign, Path | str):
-        planned = load_plan(find_scenario(campaign), draws)
+        planned = load_plan(find_scenario(campaign), draws, programs)
     else:
         kind = type(campaign).__name__
         raise BadInput(f"campaign: expected a name, a path or a mapping, got {kind}")
+    for tree in planned.flights.filled.values():
+        flying = [tree["autopilot"], *(uav["autopilot"] or {} for uav in tree["uavs"])]
+        if any(own.get("kind", "ftc") != "ftc" for own in flying):
+            check_foreign(Scenario.model_validate(tree), over_udp=True)
     return planned, [] if planned.example is None else checked(planned.example)
 
 

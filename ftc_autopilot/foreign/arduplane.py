@@ -60,6 +60,7 @@ class ArduPlane:
         self._answer = b""
         self._time_s: float | None = None  # of the flight, for messages
         self._ready = False
+        self._heard: tuple[float, int] | None = None  # wall time and `_held` since it is
 
     def begin(self, first: PlantStep) -> None:
         """Start it, and hold the aircraft on its launcher."""
@@ -127,13 +128,23 @@ class ArduPlane:
         elif self._armed is None:
             self._armed = self._held
         while (left := end - time.monotonic()) > 0.0:
-            if self._waits:
+            if self._waits and not self._is_ahead():
                 if self._is_launched():
                     return True
                 self._reply(self._on_launcher())
                 self._held += self._frame_steps
             self._receive(left)
         return False
+
+    def _is_ahead(self) -> bool:
+        """Return whether it waits for the wall clock: stations talk to it, and it times them."""
+        if not self._ready or self._armed is not None:
+            return False
+        now = time.monotonic()
+        if self._heard is None:
+            self._heard = now, self._held
+        since, held = self._heard
+        return (self._held - held) * self._config.step_us / 1e6 > now - since
 
     def _check_ready(self) -> None:
         self._child.check()

@@ -170,6 +170,8 @@ class Planner:
         if self._in_formation and path.marks.landing:
             text = "a formation does not land; leave the landing out, and land each by itself"
             raise ItemError(int(path.legs[-1].item), dialect.MAV_MISSION_UNSUPPORTED, text)
+        if self._in_formation and start is None and self.limits.runway is not None:
+            path = _from_one_runway(path, mission)
         made = _record(path), path.remarks
         self._made.append((asked, made))
         return made
@@ -232,6 +234,20 @@ class Planner:
         if through_air < stall and norm(velocity) < STANDS * stall:
             return Start(Pose(north, east, attitude[2]), -down, airspeed, stands=True)
         return Start(Pose(north, east, math.atan2(v_east, v_north)), -down, airspeed)
+
+
+def _from_one_runway(path: MissionPath, mission: Sequence[MissionTarget]) -> MissionPath:
+    """Return the path of a formation with its take-off: along the first leg, from home.
+
+    It begins at its height, as members in the air are past the take-off.
+    """
+    take_off = next((one for one in mission if one.item.command == TAKEOFF), None)
+    if take_off is None or math.isnan(take_off.height):
+        return path
+    if path.legs[0].curvature_1_m or not math.isfinite(path.legs[0].length_m):
+        text = "a formation takes off from home straight to the first place; lead away from home"
+        raise ItemError(take_off.item.seq, dialect.MAV_MISSION_INVALID, text)
+    return path._replace(marks=path.marks._replace(climb=1, climb_to=take_off.height))
 
 
 def _record(path: MissionPath) -> np.void:

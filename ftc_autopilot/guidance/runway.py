@@ -101,6 +101,12 @@ class RunwayParameters(Model):
         le=20.0,
     )
     touchdown_m_s: float = quantity("m/s", "Sink at which it touches down.", 0.3, gt=0.0, le=3.0)
+    spacing_m: float = quantity(
+        "m",
+        "Distance from the member of a formation ahead from which the next one takes off.",
+        200.0,
+        ge=20.0,
+    )
     go_arounds: int = whole(
         "", "Approaches given up as not stable, at most; the next one is flown to its end.", 2, ge=0
     )
@@ -145,6 +151,7 @@ class RunwayFigures(NamedTuple):
         go_arounds: Approaches given up, at most.
         glide: Airspeed of a glide without thrust.
         sink: Its sink.
+        spacing: Distance from which the next member of a formation takes off.
     """
 
     stall: float
@@ -177,6 +184,7 @@ class RunwayFigures(NamedTuple):
     go_arounds: float
     glide: float
     sink: float
+    spacing: float
 
     def flare_height(self, slope: float) -> float:
         """Return the height at which the flare of an approach begins, above touchdown [m]."""
@@ -269,6 +277,7 @@ def figures_of(
         go_arounds=float(runway.go_arounds),
         glide=glide,
         sink=sink,
+        spacing=runway.spacing_m,
     )
 
 

@@ -60,7 +60,7 @@ def roll_along(
     The line is the runway's to the end: another path leads elsewhere, which is for the air.
     """
     phase, speed = state["phase"], hypot(now.velocity[0], now.velocity[1])
-    if phase == STANDING and path["take_off"] > 0.0 and now.s < path["take_off"]:
+    if phase == STANDING and state["waits"] == 0 and now.s < path["take_off"] > 0.0:
         enter(state, ROLLING)
         note_line(now, state)
         state["ground"], state["acceleration"] = -now.position[2], 0.0

@@ -26,6 +26,7 @@ RUNWAY_STATE = np.dtype(
         ("acceleration", "f8"),  # behind a low pass [m/s²]
         ("go_arounds", "i8"),  # made
         ("asked", "i8"),  # 1: a go-around is asked for
+        ("waits", "i8"),  # 1: another member of its formation takes off first
         ("reason", "i8"),  # of the last rejection or go-around
         ("bank_max", "f8"),  # as the ground permits it [rad]; 0: any
         # what is asked for on the ground

@@ -20,8 +20,9 @@ from mavlink_defs.config.output_files import naming
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.memory import bytes_of, copy_bytes
 
-VEHICLE = np.dtype([("mode", "i8"), ("item", "i8")])
-"""Of a vehicle, besides its compiled records: custom_mode, current mission item."""
+VEHICLE = np.dtype([("mode", "i8"), ("item", "i8"), ("acted", "i8")])
+"""Of a vehicle, besides its compiled records: custom_mode, current mission item, bit per actuator
+whose loss has acted."""
 
 _HEAD = 16  # bytes of a slot before its content: count, checksum
 _DIGEST = 64  # bytes of the file before the slots

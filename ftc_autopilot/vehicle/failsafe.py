@@ -18,7 +18,7 @@ from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.vehicle.changes import Change
 from ftc_autopilot.vehicle.modes import Modes
 from mavlink_defs import dialect
-from mavlink_defs.constants import ACTUATORS, LOITER, RTL, THROTTLE
+from mavlink_defs.constants import ACTUATORS, LOITER, N_CHANNELS, RTL, THROTTLE
 from mavlink_defs.runtime.jit import in_python
 
 _PERIOD_US = 100_000
@@ -50,11 +50,19 @@ class ActuatorFailsafe:
         self._changes: list[Change] = []
         self.restart()
 
-    def restart(self) -> None:
-        """Begin another flight, or go on with one: what is lost by now has acted."""
-        self._lost = self._losses()
+    def restart(self, acted: int = 0) -> None:
+        """Begin another flight, or go on with one.
+
+        Args:
+            acted: As of `acted` then.
+        """
+        self._lost = {c for c in range(N_CHANNELS) if acted >> c & 1}
         self._next_step = self._hot.step + self._period
-        self._glide = -1  # number of the path of its own glide
+
+    @property
+    def acted(self) -> int:
+        """Bit per actuator whose loss has acted."""
+        return sum(1 << c for c in self._lost)
 
     @property
     def next_step(self) -> int:
@@ -70,7 +78,7 @@ class ActuatorFailsafe:
         phase = self._path.phase
         if self._action == REPORT or not self._modes.armed or _stands(phase):
             return
-        if THROTTLE in self._lost and self._is_glide:
+        if THROTTLE in self._lost and self._path.flown and _flies_glide(self._path.record):
             self._glide_on(phase)
         elif names := [ACTUATORS[c] for c in sorted(self._lost - before)]:
             text = f"{' and '.join(names)} lost: {self._act(phase)}"
@@ -86,10 +94,6 @@ class ActuatorFailsafe:
     @property
     def _action(self) -> int:
         return int(self._uav["parameters"]["failsafe"]["act_fail_act"])
-
-    @property
-    def _is_glide(self) -> bool:
-        return self._glide == self._path.number and _flies_glide(self._path.record)
 
     def _losses(self) -> set[int]:
         return set(np.flatnonzero(self._uav["signals"]["phase"] == LOST).tolist())
@@ -119,7 +123,6 @@ class ActuatorFailsafe:
     def _begin_glide(self) -> str:
         way, there = self._path.glide(self._wind)
         self._modes.guide(way, RTL)
-        self._glide = self._path.number
         return "glide to the runway" if there else "no runway within reach, straight ahead"
 
     def _glide_on(self, phase: int) -> None:
@@ -131,7 +134,6 @@ class ActuatorFailsafe:
         way, there = path.glide(self._wind)
         if there:
             path.begin(way)
-            self._glide = path.number
 
     @property
     def _wind(self) -> tuple[float, float]:

@@ -252,12 +252,13 @@ class VehicleServices:
         items = segments_to_items(segments, *self._own) if segments else []
         self._plan.resume(plan, items, int(saved["item"]))
         self.modes.resume(int(saved["mode"]))
-        self._failsafe.restart()
+        self._failsafe.restart(int(saved["acted"]))
         self._resumption.resume()
 
     def save(self, to: np.void) -> None:
         """Write what a checkpoint has of the vehicle, record of dtype `hot.checkpoint.VEHICLE`."""
         to["mode"], to["item"] = self.modes.mode, self._plan.mission.server.current
+        to["acted"] = self._failsafe.acted
 
     def mission_checkpoint(self) -> tuple[int, MissionCheckpoint]:
         """Return the plan, and a number that changes with it."""

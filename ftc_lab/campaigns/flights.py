@@ -161,10 +161,10 @@ def fly_rows(flights: Flights, rows: Sequence[Row]) -> "pa.Table":
 
 
 def _fly(flights: Flights, row: Row) -> dict[str, Any]:
-    from gcs.fleet.in_process import fly_and_summarise
+    from gcs.fleet.flying import figures_of_flight
 
     try:
-        summary = fly_and_summarise(flights.scenario(row))
+        summary = figures_of_flight(flights.scenario(row))
     except ConfigError as error:
         return ended(row, "invalid", "; ".join(map(str, error.problems)))
     except PlaceError as error:

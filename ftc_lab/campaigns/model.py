@@ -4,7 +4,9 @@ Errors of a file are found as in a scenario, all at once; what needs the scenari
 (keys, ranges) is checked by `ftc_lab.campaigns.plan`.
 """
 
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, StringConstraints, model_validator
@@ -26,6 +28,7 @@ from mavlink_defs.config.models import (
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.visible import visible
 
+NO_PROGRAMS: Mapping[str, str] = MappingProxyType({})
 Design = Literal["grid", "random", "latin_hypercube", "sobol", "saltelli"]
 Name = Annotated[str, StringConstraints(pattern=r"^[\w.\[\]-]+$")]
 VariantName = Annotated[
@@ -153,13 +156,36 @@ def load_campaign(path: Path | str, draws: int | None = None) -> Campaign:
     return validate(path, campaign_tree(path, draws), Campaign)
 
 
-def campaign_tree(path: Path | str, draws: int | None = None) -> dict[Any, Any]:
-    """Read a campaign file as plain data that is not checked yet; arguments as `load_campaign`.
+def campaign_tree(
+    path: Path | str, draws: int | None = None, programs: Mapping[str, str] = NO_PROGRAMS
+) -> dict[Any, Any]:
+    """Read a campaign file as plain data that is not checked yet.
+
+    Args:
+        path: The file.
+        draws: Number of draws instead of the file's.
+        programs: Files of foreign autopilots, by kind, for the variants that they fly.
 
     Raises:
-        ConfigError: It cannot be read, is not a YAML mapping, or is a scenario.
+        ConfigError: It cannot be read, is not a YAML mapping, or is a scenario, or no variant is
+            flown by a program.
     """
     tree = read(path)
     if "scenario" not in tree and tree.keys() & {"aircraft", "extends"}:
         raise ConfigError(path, [Problem((), "a scenario, not a campaign; see gcs fly")])
+    variants = tree.get("variants")
+    for kind, program in programs.items():
+        flown = [own for own in _autopilots(variants) if own.get("kind") == kind]
+        for own in flown:
+            own["binary"] = program
+        if not flown:
+            text = f"none has autopilot.kind: {kind}, for which --autopilot names a program"
+            raise ConfigError(path, [Problem(("variants",), text)])
     return tree if draws is None else with_values(tree, {"draws": draws}, "--draws")
+
+
+def _autopilots(variants: Any) -> Iterator[dict[Any, Any]]:
+    """Yield the sections `autopilot` of variants, of which nothing is checked yet."""
+    for changes in variants.values() if isinstance(variants, dict) else ():
+        if isinstance(changes, dict) and isinstance(changes.get("autopilot"), dict):
+            yield changes["autopilot"]

@@ -3,7 +3,7 @@
 import copy
 import difflib
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,7 @@ from ftc_lab.campaigns.draws import draw_table
 from ftc_lab.campaigns.faults import DrawnFault
 from ftc_lab.campaigns.flights import Flights, Row, variant_trees
 from ftc_lab.campaigns.mark import Mark
-from ftc_lab.campaigns.model import Campaign, campaign_tree
+from ftc_lab.campaigns.model import NO_PROGRAMS, Campaign, campaign_tree
 from ftc_lab.campaigns.store import results_schema
 from gcs.scenario.bundled import base_of
 from gcs.scenario.code import code_digest, code_version
@@ -53,17 +53,20 @@ class Plan:
     example: Scenario | None
 
 
-def load_plan(path: Path, draws: int | None = None) -> Plan:
+def load_plan(
+    path: Path, draws: int | None = None, programs: Mapping[str, str] = NO_PROGRAMS
+) -> Plan:
     """Read a campaign file, draw its flights and check each of them.
 
     Args:
         path: The file; its scenario is searched for beside it.
         draws: Number of draws instead of the file's.
+        programs: Files of foreign autopilots, by kind, for the variants that they fly.
 
     Raises:
         ConfigError: It cannot be flown; every problem of the file is named.
     """
-    tree = rest = campaign_tree(path, draws)
+    tree = rest = campaign_tree(path, draws, programs)
     problems: list[Problem] = []
     whole = True
     while True:

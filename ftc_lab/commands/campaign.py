@@ -9,7 +9,7 @@ import typer
 
 from ftc_lab.commands.flights import JobsOption, fly_plan, interruptible
 from gcs.commands.common import QuietOption, option, tell
-from gcs.console.errors import GcsError
+from gcs.console.errors import BadInput, GcsError
 from gcs.console.progress import working
 from gcs.console.terminal import Terminal, console_of, numbers, table_of, texts
 
@@ -24,6 +24,7 @@ def campaign(
     jobs: JobsOption = None,
     scheduler: Annotated[str | None, typer.Option(metavar="tcp://HOST:PORT")] = None,
     until: Annotated[str | None, typer.Option(metavar="CONDITION")] = None,
+    autopilot: Annotated[list[str] | None, typer.Option(metavar="KIND=PATH")] = None,
     quiet: QuietOption = False,
 ) -> None:
     """Fly every draw of a campaign, on all cores or a cluster.
@@ -39,12 +40,15 @@ def campaign(
         scheduler: Dask scheduler whose workers fly, instead of this machine.
         until: Stop as soon as this is shown or refuted for every variant, as in 'p(attitude_lost) <
             0.05 at 95 %'.
+        autopilot: Program of a foreign autopilot, such as ardupilot=PATH, for the variants that it
+            flies; may be repeated.
 
     Examples:
         - gcs campaign campaigns/uncertainty
         - gcs campaign my.yaml --draws 59 --out runs/robust
         - gcs campaign my.yaml --scheduler tcp://cluster:8786
         - gcs campaign my.yaml --until 'p(attitude_lost) < 0.05 at 95 %'
+        - gcs campaign campaigns/autopilots --autopilot ardupilot=./arduplane
         - gcs fly --campaign runs/robust --row 17
 
     Exit status: 0 every draw is flown (lost flights are results, too), 1 a flight could not be
@@ -56,9 +60,10 @@ def campaign(
     from ftc_lab.run import check_workers, planned_campaign
 
     check_workers(jobs, scheduler, option)
+    programs = dict(map(_program, autopilot or ()))
     console = console_of(quiet=quiet)
     with working(console, "checking every draw"):
-        planned, remarks = planned_campaign(file, draws)
+        planned, remarks = planned_campaign(file, draws, programs)
     tell(remarks, console)
     folder = out or default_folder(planned.mark)
     enough = begin_campaign(planned, folder, until)
@@ -71,6 +76,14 @@ def campaign(
         for line in verdict_lines(folder, stopping_condition(until, planned.mark.campaign)):
             output.print(line, soft_wrap=True)
     _report(folder, console)
+
+
+def _program(text: str) -> tuple[str, str]:
+    kind, separator, path = text.partition("=")
+    if not (kind and separator and path):
+        expected = "expected KIND=PATH, such as ardupilot=./arduplane"
+        raise BadInput(f"--autopilot is {text!r}, {expected}")
+    return kind, str(Path(path).expanduser().absolute())
 
 
 def _keep(planned: "Plan", folder: Path, console: Terminal) -> None:

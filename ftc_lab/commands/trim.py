@@ -113,7 +113,7 @@ def _aircraft_of(scenario: "Scenario", uav: int | None) -> "Aircraft":
 
 def _airspeeds(scenario: "Scenario") -> list[float]:
     """Return the airspeeds of a scenario's profile, or of the path of its mission [m/s]."""
-    from gcs.results.path_following import paths_of
+    from gcs.results.mission_paths import paths_of
 
     if (paths := paths_of(scenario)) is None:
         return [segment.airspeed_m_s for segment in scenario.profile]

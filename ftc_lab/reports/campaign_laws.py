@@ -19,6 +19,9 @@ from gcs.results.runs.details import leaves
 _FIGURES = {
     **{f"iae_filtered_{name}": f"IAE of {name} [{IAE_UNITS[name]}]" for name in QUANTITIES},
     **{f"max_error_{name}": f"largest error of {name} [{UNITS[name]}]" for name in QUANTITIES},
+    "straight_cross_track_m": "farthest beside straights of the path [m]",
+    "turn_cross_track_m": "farthest beside its turns [m]",
+    "height_max_m": "largest height error [m]",
     "messages": "messages",
 }
 """Figures that laws are compared by, with their names."""
@@ -99,10 +102,10 @@ def _rows(flights: Mapping[str, Sample]) -> Iterator[LawRow]:
             continue  # a campaign of an earlier version
         digits = 0 if name == "messages" else 2
         costs = {variant: own.cost(name) for variant, own in flights.items()}
-        yield LawRow(
-            [f"{title}: median, most"],
-            {
-                variant: [Value.of(float(of(each)), digits) for of in (np.median, np.max)]
-                for variant, each in costs.items()
-            },
-        )
+        cells = {
+            variant: [Value.of(float(of(each)), digits) for of in (np.median, np.max)]
+            for variant, each in costs.items()
+            if np.isfinite(each).any()  # a foreign autopilot tells no references, say
+        }
+        if cells:
+            yield LawRow([f"{title}: median, most"], cells)

@@ -230,7 +230,7 @@ class Flight:
         """
         from gcs.reports.figures.mission import mission_figure
         from gcs.reports.figures.overview import overview
-        from gcs.results.path_following import leaders_of, paths_of
+        from gcs.results.mission_paths import leaders_of, paths_of
         from gcs.results.preview import recorded_gaps
 
         with python_errors():

@@ -78,7 +78,7 @@ def _draw(scenario: Scenario, folder: Path, shown: _Flown | None, _worker: str =
     from gcs.reports.figures.mission import draw_mission
     from gcs.reports.figures.overview import draw_flight
     from gcs.reports.figures.style import load_matplotlib
-    from gcs.results.path_following import leaders_of, paths_of
+    from gcs.results.mission_paths import leaders_of, paths_of
 
     if shown is None:
         leave_server()

@@ -8,11 +8,15 @@ from pathlib import Path
 
 from gcs.fleet.event_loops import beside_any_loop, unless_cancelled
 from gcs.fleet.flight import fly_over_udp
-from gcs.fleet.in_process import OnProgress, fly_in_steps
+from gcs.fleet.foreign import check_foreign
+from gcs.fleet.in_process import OnProgress, fly_and_summarise, fly_in_steps
 from gcs.fleet.ports import on_free_ports
 from gcs.fleet.preparation import Prepared, begun
+from gcs.results.figures import FlightSummary
 from gcs.results.recorder import FlightRecorder
 from gcs.results.recording import Ending
+from gcs.results.summary import summary_of
+from gcs.results.tally import Tally
 from gcs.scenario.model import Scenario
 from mavlink_defs.endpoint import UdpAddress
 
@@ -83,6 +87,25 @@ def fly(
             )
 
         return on_free_ports(scenario, flown) if how.free_ports else flown(scenario)
+
+
+def figures_of_flight(scenario: Scenario) -> FlightSummary:
+    """Fly a scenario and return its figures: in process, or with processes if one is a program.
+
+    Raises:
+        BadInput: It cannot be flown so.
+        FlightLost, CommandRefused, NoAnswer, OSError: As of `fly_over_udp`, if processes fly it.
+    """
+    if not scenario.foreign:
+        return fly_and_summarise(scenario)
+    check_foreign(scenario, over_udp=True)
+    tally = Tally(scenario)
+    with tempfile.TemporaryDirectory(prefix="ftc-sitl-") as folder:
+
+        def flown(on_ports: Scenario, _hub: UdpAddress) -> Ending:
+            return beside_any_loop(lambda: fly_over_udp(on_ports, Path(folder), tally.add))
+
+        return summary_of(tally, on_free_ports(scenario, flown), scenario)
 
 
 def _load_ahead(recorder: FlightRecorder) -> None:

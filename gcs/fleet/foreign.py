@@ -23,7 +23,7 @@ def check_foreign(scenario: Scenario, *, over_udp: bool) -> None:
             text = f"UAV {uav} has autopilot.kind: {own.kind}, a program that flies as a process"
             raise BadInput(f"{text}; a flight in process has none", "fly it over UDP")
         path = Path(own.binary).expanduser()
-        what = f"uavs[].autopilot.binary of UAV {uav} is {own.binary}"
+        what = f"autopilot.binary of UAV {uav} is {own.binary}"
         if not path.is_file():
             text = f"{what}: there is no such file in {Path.cwd()}"
             raise BadInput(text, f"name the program of {own.kind}, built for SITL")
@@ -32,7 +32,7 @@ def check_foreign(scenario: Scenario, *, over_udp: bool) -> None:
         if isinstance(own, Px4Autopilot):
             _check_startup(uav, own)
         elif own.defaults is not None and not Path(own.defaults).expanduser().is_file():
-            what = f"uavs[].autopilot.defaults of UAV {uav} is {own.defaults}"
+            what = f"autopilot.defaults of UAV {uav} is {own.defaults}"
             raise BadInput(f"{what}: there is no such file in {Path.cwd()}")
 
 
@@ -40,5 +40,5 @@ def _check_startup(uav: int, own: Px4Autopilot) -> None:
     """Check that a PX4 has its startup scripts."""
     folder = own.startup
     if not (folder / "init.d-posix" / "rcS").is_file():
-        text = f"uavs[].autopilot of UAV {uav}: there is no init.d-posix/rcS in {folder}"
+        text = f"autopilot of UAV {uav}: there is no init.d-posix/rcS in {folder}"
         raise BadInput(text, "set its key data to the folder etc of the build")

@@ -32,7 +32,7 @@ from ftc_autopilot.warm_up import PARTS
 from gcs.console.errors import BadInput
 from gcs.fleet.foreign import check_foreign
 from gcs.results.figures import FlightSummary
-from gcs.results.path_following import paths_of
+from gcs.results.mission_paths import paths_of
 from gcs.results.recording import Ending, Recording, Steps
 from gcs.results.summary import summary_of
 from gcs.results.tally import Tally

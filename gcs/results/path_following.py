@@ -6,25 +6,22 @@ such as one that an operator has uploaded in flight, is not judged by this one.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from ftc_autopilot.guidance.path import PATH, commands_between, locate, point_at
-from ftc_autopilot.hot.navigation import navigate, new_navigation, note_gps
+from ftc_autopilot.guidance.path import commands_between, locate, point_at
 from gcs.results.recording import Steps
-from gcs.scenario.model import Scenario
-from mavlink_defs.framing.codec import SIM_STATE, copy_step
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.loop.fleet import PlantState, navigates, new_plant_state, observe
 from sitl_plant.vec3 import hypot, square
 
 SETTLING_S = 10.0
 """A UAV's figures begin so long after it begins to follow the path; so long after its end a turn
 still counts as one [s]."""
 
-_ELSEWHERE_M = 100.0  # between true and supposed place along the path: it is another path
+_ELSEWHERE_M = 100.0
+"""Between true and supposed place along the path, or beside it where it is begun: another path."""
 _NEVER = -1
 _UNSETTLED, _STRAIGHT, _TURN = 0, 1, 2
 
@@ -40,6 +37,7 @@ ERRORS = np.dtype(
 
 _FOLLOWER = np.dtype(
     [
+        ("silent", "u1"),  # its autopilot does not say where it is, and begins at the start
         ("s", "f8"),  # true place along the path [m], NaN: none yet
         ("began", "i8"),  # step at which it began to follow the path
         ("turned", "i8"),  # last step in a turn
@@ -107,7 +105,13 @@ class PassedCommand:
 class PathErrors:
     """Errors against the path, step by step."""
 
-    def __init__(self, paths: np.ndarray, leaders: tuple[int, ...], step_us: int) -> None:
+    def __init__(
+        self,
+        paths: np.ndarray,
+        leaders: tuple[int, ...],
+        step_us: int,
+        silent: Collection[int] = (),
+    ) -> None:
         """Prepare for the first step.
 
         Args:
@@ -116,6 +120,7 @@ class PathErrors:
             leaders: Indices of the UAVs whose place the slots count from, the first that follows
                 the path at a step; empty: there are no slots.
             step_us: Time from each step to the next [µs].
+            silent: Indices of the UAVs whose autopilots do not say where on the path they are.
         """
         self._paths, self._leaders = paths, np.array(leaders, np.int64)
         self._settling = round(SETTLING_S * 1e6 / step_us)
@@ -123,6 +128,7 @@ class PathErrors:
         for name in ("s", "straight", "turn", "height", "slot"):
             self.followers[name] = np.nan
         self.followers["began"] = self.followers["turned"] = _NEVER
+        self.followers["silent"][list(silent)] = 1
 
     def of(self, steps: Steps) -> np.ndarray:
         """Return the errors of the next steps, shape (steps, n), dtype `ERRORS`."""
@@ -143,9 +149,15 @@ class PathErrors:
 class PathFigures:
     """The figures of all UAVs that follow a path, taken while a flight is flown."""
 
-    def __init__(self, paths: np.ndarray, leaders: tuple[int, ...], step_us: int) -> None:
+    def __init__(
+        self,
+        paths: np.ndarray,
+        leaders: tuple[int, ...],
+        step_us: int,
+        silent: Collection[int] = (),
+    ) -> None:
         """Prepare as for `PathErrors`."""
-        self._errors = PathErrors(paths, leaders, step_us)
+        self._errors = PathErrors(paths, leaders, step_us, silent)
         self._paths, self._step_us = paths, step_us
         self._reached = np.full(len(paths), -1.0)  # greatest place along the path so far [m]
         self._passed: list[list[tuple[int, int, np.ndarray]]] = [[] for _ in paths]
@@ -154,7 +166,9 @@ class PathFigures:
         """Take the next steps."""
         errors = self._errors.of(steps)
         gather(errors, self._errors.followers)
-        for i in np.flatnonzero(self._paths["commands"]):
+        for i in np.flatnonzero(
+            (self._paths["commands"] > 0) & (self._errors.followers["silent"] == 0)
+        ):
             self._note_commands(int(i), steps, np.isfinite(errors["cross_track"][:, i]))
 
     def _note_commands(self, i: int, steps: Steps, known: np.ndarray) -> None:
@@ -254,7 +268,9 @@ def _follow(
     error: np.void,
 ) -> bool:
     """Compute a UAV's errors but the slot's at one step, and return whether it has a place."""
-    supposed = signal["path_position"]
+    supposed, beside, above = signal["path_position"], signal["slot"][1], signal["slot"][2]
+    if own["silent"] == 1:
+        supposed, beside, above = 0.0 if math.isnan(own["s"]) else own["s"], 0.0, 0.0
     follows = not math.isnan(supposed)
     own["flown"] += follows
     if not follows and not math.isnan(signal["V"]):
@@ -265,7 +281,8 @@ def _follow(
     if path["count"] == 0 or not math.isfinite(own["s"] + north + east):
         return False
     s, right = locate(path, north, east, own["s"])
-    if follows and not abs(s - supposed) < _ELSEWHERE_M:
+    off = right - beside if own["began"] == _NEVER else 0.0
+    if follows and not (abs(s - supposed) < _ELSEWHERE_M and abs(off) < _ELSEWHERE_M):
         _forget(own)
         return False
     own["s"] = s
@@ -275,8 +292,8 @@ def _follow(
     if point.curvature != 0.0:
         own["turned"] = step
     if follows:
-        error["cross_track"] = right - signal["slot"][1]
-        error["height"] = -down - point.height - signal["slot"][2]
+        error["cross_track"] = right - beside
+        error["height"] = -down - point.height - above
         error["part"] = _part(step, settling, own)
     return follows
 
@@ -340,44 +357,3 @@ def gather(errors: np.ndarray, followers: np.ndarray) -> None:
 def _larger(largest: float, error: float) -> float:
     """Return the larger absolute value; the error's if there is no largest yet."""
     return abs(error) if math.isnan(largest) else max(largest, abs(error))
-
-
-def paths_of(scenario: Scenario) -> np.ndarray | None:
-    """Return the path of each UAV, shape (n,), dtype `PATH`; None without a mission.
-
-    It begins where the UAV finds itself before the first step.
-    """
-    if scenario.mission is None:
-        return None
-    fleet = new_plant_state(scenario.plant_config())
-    items = scenario.mission_items()
-    paths = np.zeros(len(scenario.uavs), PATH)
-    for i, uav in enumerate(scenario.uavs):
-        observe(fleet, i, 0, scenario.step_us)
-        here = fleet.uavs[i]["message"]
-        if navigates(fleet):
-            here = _first_estimate(scenario, uav.id, fleet, i)
-        paths[i] = scenario.planner(uav.id).first_path(items, here)
-    return paths
-
-
-def _first_estimate(scenario: Scenario, system: int, fleet: PlantState, i: int) -> np.void:
-    """Return what a UAV estimates before the first step, a record of dtype SIM_STATE."""
-    navigation = new_navigation(scenario.autopilot_config(system))
-    state, samples = navigation.state[0], fleet.sensing.imus[i]
-    state["imus"][: len(samples)] = samples
-    if fleet.sensing.sites[i]["delivered"] == 1:
-        note_gps(state, fleet.sensing.gps[i])
-    copy_step(fleet.uavs[i]["message"], fleet.uavs[i]["step"])
-    measured = np.zeros(1, SIM_STATE)
-    navigate(state, navigation.history, fleet.uavs[i]["step"], measured[0])
-    own: np.void = measured[0]
-    return own
-
-
-def leaders_of(scenario: Scenario) -> tuple[int, ...]:
-    """Return the indices of the UAVs that slots count from; none without a formation."""
-    if scenario.formation is None:
-        return ()
-    access = scenario.network.leader_access
-    return tuple(i for i, uav in enumerate(scenario.uavs) if uav.id in access)

@@ -9,7 +9,7 @@ from gcs.results.choices import Record
 from gcs.results.columns import Column, columns_of
 from gcs.results.export import save_arrays_of
 from gcs.results.figures import FlightSummary
-from gcs.results.path_following import paths_of
+from gcs.results.mission_paths import paths_of
 from gcs.results.preview import Preview
 from gcs.results.recording import Ending, Recording, Steps, events_of
 from gcs.results.run_folder import save_summary

@@ -11,8 +11,8 @@ from gcs.results.figures import figure_of
 
 SIMPLEST_FIRST = ("pid", "backstepping", "proposed", "surviving", "tube")
 """Our laws by simplicity. A law of another package counts as less simple than all of them."""
-_OWN = ("name", "description", "controller", "trigger")
-"""Sections in which the scenarios of the same flight may differ under two laws."""
+_OWN = ("name", "description", "controller", "trigger", "autopilot")
+"""Sections in which the scenarios of the same flight may differ under two laws or autopilots."""
 _ASKED = ("controller.reference_bandwidth_rad_s",)
 """What of them says how a law is to fly."""
 LEGEND = (
@@ -73,8 +73,9 @@ def cost_of(name: str, value: float | None) -> float:
 
 
 def law_of(keys: Mapping[str, str]) -> str:
-    """Return the law of a scenario, given its keys as of `leaves`, such as controller.kind."""
-    return keys.get("controller.kind", "proposed")
+    """Return what flies a scenario, a law or a foreign autopilot; its keys as of `leaves`."""
+    autopilot = keys.get("autopilot.kind", "ftc")
+    return keys.get("controller.kind", "proposed") if autopilot == "ftc" else autopilot
 
 
 def flight_of(keys: Mapping[str, str]) -> frozenset[tuple[str, str]]:

@@ -11,7 +11,8 @@ import numpy as np
 
 from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.control.diagnosis import LOST
-from gcs.results.path_following import PathFigures, leaders_of, paths_of
+from gcs.results.mission_paths import leaders_of, paths_of, silent_in
+from gcs.results.path_following import PathFigures
 from gcs.results.recording import Steps
 from gcs.results.separation import Separation
 from gcs.results.synchronisation import Synchronisation
@@ -80,14 +81,16 @@ class Tally:
     def __init__(self, scenario: Scenario) -> None:
         n, step_us = len(scenario.uavs), scenario.step_us
         self._step_us, self._normal = step_us, scenario.ground.normal
-        self._foreign = {i for i, uav in enumerate(scenario.uavs) if uav.id in scenario.foreign}
+        self._foreign = silent_in(scenario)
         self.steps = 0
         self.traffic = Traffic(scenario)
         self.synchronisation = Synchronisation(scenario)
         self.separation = Separation(tuple(uav.id for uav in scenario.uavs), step_us)
         paths = paths_of(scenario)
         self.following = (
-            None if paths is None else PathFigures(paths, leaders_of(scenario), step_us)
+            None
+            if paths is None
+            else PathFigures(paths, leaders_of(scenario), step_us, self._foreign)
         )
         self.uavs = np.zeros(n, TALLY)
         for name in ("last_event", "attitude_lost", "heading_lost", "control_failed"):
@@ -176,11 +179,13 @@ class Tally:
 
     def _note_decisions(self, i: int, first: int, signals: np.ndarray, mask: int) -> None:
         """Note what a UAV's diagnosis has decided, given the channels lost before."""
+        flown = np.flatnonzero(np.isfinite(signals["command"][:, 0]))
+        signals = signals[flown]
         lost = signals["phase"] == LOST
         before = (mask >> np.arange(N_CHANNELS) & 1).astype(np.bool_)
         for k, c in np.argwhere(np.diff(lost, axis=0, prepend=before[None])):
             offset = float(signals["offset"][k, c])
-            decision = Decision(first + int(k), int(c), bool(lost[k, c]), offset)
+            decision = Decision(first + int(flown[k]), int(c), bool(lost[k, c]), offset)
             self._decisions[i].append(decision)
 
 
@@ -271,7 +276,8 @@ def _count_signals(step: int, signal: np.void, tally: np.void) -> None:
     lost = 0
     for c in range(N_CHANNELS):
         lost |= (signal["phase"][c] == LOST) << c
-    if lost != tally["lost"]:
+    flown = math.isfinite(signal["command"][0])  # else it says nothing of the diagnosis
+    if flown and lost != tally["lost"]:
         tally["lost"] = lost
         tally["changes"] += 1
     if math.isnan(signal["V"]):
@@ -284,8 +290,7 @@ def _count_signals(step: int, signal: np.void, tally: np.void) -> None:
         for j in range(4):
             tally["target"][0, j] = signal["command"][j]
             tally["target"][1, j] = signal["reference"][j]
-    if math.isfinite(signal["command"][0]):
-        tally["active"] += 1
+    tally["active"] += flown
     _count_events(step, signal["events"], tally)
     if signal["not_finite"] != 0:
         if tally["control_failed"] < 0:

@@ -26,7 +26,7 @@ from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.guidance.planner import Planner
 from ftc_autopilot.guidance.runway import RunwayParameters, figures_of
-from ftc_autopilot.kinds import ForeignSection, FtcAutopilot
+from ftc_autopilot.kinds import AutopilotSection, ForeignSection, FtcAutopilot
 from ftc_autopilot.plugins.loading import calling, without_code
 from gcs.scenario.aircraft_checks import (
     aircraft_law_problems,
@@ -100,6 +100,7 @@ class Scenario(Model):
         description: Purpose of the scenario, in a line or more.
         aircraft: The nominal aircraft of every UAV that has none of its own.
         plant: What flies the aircraft of every UAV that says nothing else.
+        autopilot: Which autopilot flies every UAV that says nothing else.
         uncertainty: True aircraft relative to the nominal one.
         disturbance: Disturbances of every aircraft.
         wind: Motion of the air.
@@ -135,6 +136,7 @@ class Scenario(Model):
     step_us: int = whole("us", "Control period.", 1000, ge=1, le=100_000)
     aircraft: Aircraft
     plant: PlantSection = OwnPlant()
+    autopilot: AutopilotSection = FtcAutopilot()
     uncertainty: Uncertainty = Uncertainty()
     disturbance: Disturbance = Disturbance()
     wind: Wind = Wind()
@@ -212,7 +214,7 @@ class Scenario(Model):
         return AutopilotConfig(
             id=uav_id,
             name=uavs[uav_id].name,
-            autopilot=uavs[uav_id].autopilot,
+            autopilot=uavs[uav_id].autopilot or self.autopilot,
             step_us=self.step_us,
             identity=self.identity,
             fleet=tuple(uavs),
@@ -376,7 +378,8 @@ class Scenario(Model):
                 )
             if uav.id in self.foreign and self.navigation == "estimated":
                 text = "its sensors are made of the true state: expected 'ftc', or"
-                yield ("uavs", i, "autopilot", "kind"), f"{text} navigation: true_state"
+                place = ("autopilot",) if uav.autopilot is None else ("uavs", i, "autopilot")
+                yield (*place, "kind"), f"{text} navigation: true_state"
             if not uav.initial.on_ground:
                 place = ("uavs", i, "initial")
                 yield from airspeed_problems(
@@ -416,7 +419,8 @@ class Scenario(Model):
     @property
     def foreign(self) -> dict[int, ForeignSection]:
         """Which foreign autopilots fly which UAVs, by system id."""
-        return {u.id: u.autopilot for u in self.uavs if not isinstance(u.autopilot, FtcAutopilot)}
+        flown = ((uav.id, uav.autopilot or self.autopilot) for uav in self.uavs)
+        return {uav: own for uav, own in flown if not isinstance(own, FtcAutopilot)}
 
     @property
     def _own_ids(self) -> list[int]:

@@ -10,7 +10,7 @@ from pydantic import Discriminator, Field, Tag, create_model, model_validator
 
 from ftc_autopilot.config import NEIGHBOUR_TIMEOUT_S, TelemetryClockKind
 from ftc_autopilot.control.config import FormationTrigger
-from ftc_autopilot.kinds import AutopilotSection, FtcAutopilot
+from ftc_autopilot.kinds import AutopilotSection
 from mavlink_defs.capture.impairment import Impairment
 from mavlink_defs.config.models import (
     AtMost,
@@ -50,7 +50,7 @@ class ScenarioUav(Model):
         servos: Its servos, in place of the scenario's.
         aircraft: Its nominal aircraft, in place of the scenario's.
         plant: What flies it, in place of the scenario's.
-        autopilot: Which autopilot flies it.
+        autopilot: Which autopilot flies it, in place of the scenario's.
     """
 
     id: SystemId
@@ -59,7 +59,7 @@ class ScenarioUav(Model):
     servos: Servos | None = None
     aircraft: Aircraft | None = None
     plant: PlantSection | None = None
-    autopilot: AutopilotSection = FtcAutopilot()
+    autopilot: AutopilotSection | None = None
 
 
 class Edge(Model):

@@ -10,6 +10,7 @@ from ftc_autopilot.guidance.path import point_at
 from gcs.reports.figures import style
 from gcs.reports.figures.flown import PlottedFlight
 from gcs.reports.figures.overview import draw_command
+from gcs.results.mission_paths import silent_in
 from gcs.results.path_following import PathErrors
 from gcs.results.quantities import PAPER_ORDER
 from gcs.results.recording import Recording
@@ -65,7 +66,8 @@ def mission_figure(
     beside: list[Axes] = [figure.add_subplot(grid[k, 2:], sharex=below[0]) for k in range(3)]
     chart = figure.add_subplot(grid[:3, :2])
     _draw_map(chart, flight, paths)
-    errors = PathErrors(paths, leaders, recording.step_us).of(recording.steps)
+    silent = silent_in(scenario)
+    errors = PathErrors(paths, leaders, recording.step_us, silent).of(recording.steps)
     _draw_errors(beside, flight, errors, bool(leaders))
     for axis, channel in zip(below, PAPER_ORDER, strict=True):
         draw_command(axis, flight, channel)

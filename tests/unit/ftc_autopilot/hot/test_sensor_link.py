@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import common
 from ftc_autopilot.control.controllers import begin_path
 from ftc_autopilot.hot.drops import SIMULATOR
 from ftc_autopilot.hot.state import reset_links
-from gcs.results.path_following import paths_of
+from gcs.results.mission_paths import paths_of
 from gcs.scenario.changes import with_changes
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect

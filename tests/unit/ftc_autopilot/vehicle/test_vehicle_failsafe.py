@@ -2,27 +2,29 @@
 
 from typing import Any
 
+import numpy as np
 import pytest
 from flying_bench import FlyingBench
 from vehicle_bench import ACCEPTED, ARM, DENIED, START, Bench, of_type
 
 from ftc_autopilot.common.phases import LOST
-from ftc_autopilot.guidance.runway_state import FINAL, STOPPED
-from gcs.scenario.model import load_scenario
+from ftc_autopilot.guidance.runway_state import FINAL, FLYING, STOPPED
+from ftc_autopilot.hot.checkpoint import VEHICLE
+from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs import dialect
 from mavlink_defs.constants import AUTO, LOITER, RTL, RUDDER, THROTTLE
 
-CIRCUIT = load_scenario("runway/circuit")
+CIRCUIT, ENGINE_LOST = load_scenario("runway/circuit"), load_scenario("runway/engine_lost")
 REPORT, TO_LOITER, TO_LAND, TO_RTL = range(4)
 
 
 class FailsafeBench(Bench):
     """A bench whose aircraft flies its mission, and whose diagnosis says what a test says."""
 
-    def __init__(self, action: int) -> None:
-        super().__init__(CIRCUIT)
+    def __init__(self, action: int, scenario: Scenario = CIRCUIT) -> None:
+        super().__init__(scenario)
         self.hot.measured["position"] = (-4000.0, 0.0, -60.0)
-        self.upload_items(list(CIRCUIT.mission_items()))
+        self.upload_items(list(scenario.mission_items()))
         self.say(dialect.MAVLink_param_set_message(1, 1, b"COM_ACT_FAIL_ACT", action, 6))
         assert self.command(ARM, 1.0) == ACCEPTED
         assert self.command(START) == ACCEPTED
@@ -33,6 +35,15 @@ class FailsafeBench(Bench):
         """Let the diagnosis declare an actuator lost; return what the vehicle tells."""
         self.controllers.uavs[0]["signals"]["phase"][channel] = LOST
         return self.look()
+
+    def resume(self) -> None:
+        """Go on from a checkpoint; the signals of the diagnosis are not in it."""
+        saved, plan = np.zeros(1, VEHICLE)[0], self.vehicle.mission_checkpoint()[1]
+        self.vehicle.save(saved)
+        phases = self.controllers.uavs[0]["signals"]["phase"]
+        before, phases[:] = phases.copy(), 0
+        self.vehicle.resume(saved, plan)
+        phases[:] = before
 
     def look(self) -> str:
         self.hot.step += 1000
@@ -67,6 +78,38 @@ def test_it_acts_once_and_whoever_changes_the_mode_is_obeyed() -> None:
     assert bench.command(dialect.MAV_CMD_DO_SET_MODE, 1.0, LOITER) == ACCEPTED
     bench.look()
     assert bench.modes.mode == LOITER
+
+
+def test_a_resumed_vehicle_does_not_act_again() -> None:
+    bench = FailsafeBench(TO_RTL)
+    bench.lose(RUDDER)
+    assert bench.command(dialect.MAV_CMD_DO_SET_MODE, 1.0, LOITER) == ACCEPTED
+    bench.resume()
+    assert "lost:" not in bench.look()
+    assert bench.modes.mode == LOITER
+
+
+@pytest.mark.parametrize(("phase", "again"), [(FLYING, 1), (FINAL, 0)])
+def test_a_resumed_glide_is_planned_again_up_to_its_final(phase: int, again: int) -> None:
+    bench = FailsafeBench(TO_RTL, ENGINE_LOST)
+    bench.hot.measured["position"] = (300.0, -400.0, -100.0)
+    assert "glide to the runway" in bench.lose(THROTTLE)
+    bench.resume()
+    bench.controllers.uavs[0]["guidance"]["runway"]["phase"] = phase
+    bench.hot.measured["position"][2] -= 10.0
+    before = bench.modes.path.number
+    assert "lost:" not in bench.look()
+    assert bench.modes.path.number == before + again
+
+
+def test_no_glide_is_planned_for_who_flies_no_path() -> None:
+    bench = FailsafeBench(TO_RTL, ENGINE_LOST)
+    bench.hot.measured["position"] = (300.0, -400.0, -100.0)
+    bench.lose(THROTTLE)
+    bench.modes.point((0.0, 0.0, 0.0))
+    bench.hot.measured["position"][2] -= 10.0
+    bench.look()
+    assert not bench.modes.path.flown
 
 
 def test_without_a_landing_in_the_mission_it_returns() -> None:

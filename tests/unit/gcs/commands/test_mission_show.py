@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from ftc_autopilot.common.geography import Origin, place_of
 from gcs.commands.cli import app
-from gcs.results.path_following import paths_of
+from gcs.results.mission_paths import paths_of
 from gcs.scenario.itinerary import dry_run, load_mission, outline
 from gcs.scenario.mission import MissionSection
 from gcs.scenario.model import load_scenario

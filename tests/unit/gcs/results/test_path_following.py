@@ -153,6 +153,17 @@ def test_who_follows_another_path_is_not_judged_by_this_one() -> None:
     assert following.summary(2).slot_max_m == pytest.approx(0.0, abs=1e-6)
 
 
+def test_a_path_that_begins_far_beside_this_one_is_another() -> None:
+    """After a loss it glides along its own path, 400 m beside; by and by both are as far along."""
+    steps = flight(390, [(0.0, 0.0, 0.0)], [0.0], [0.0], [0.0])
+    steps.states[120:, 0, 1] += 400.0
+    place = steps.signals["path_position"][120:, 0]
+    place += np.linspace(-150.0, 66.0, len(place))
+    found = followed(steps).summary(0)
+    assert found.flown_steps == 390
+    assert found.straight_cross_track_m == pytest.approx(0.0, abs=1e-6)
+
+
 def test_the_next_leader_serves_if_the_first_has_left() -> None:
     steps = flight(300, V_FORMATION, [0.0, 6.0, 0.0], [0.0] * 3, [0.0] * 3)
     steps.signals["path_position"][:, 0] = np.nan

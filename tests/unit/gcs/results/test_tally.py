@@ -79,11 +79,28 @@ def test_it_does_not_matter_how_the_steps_arrive(
             at = np.flatnonzero(flight.signals["events"][:, i] >> c & 1)
             assert own["events"][c] == len(at)
             assert own["min_gap"][c] == (np.diff(at).min() if len(at) > 1 else 0)
+        flown = np.isfinite(flight.signals["command"][:, i, 0])
         lost = flight.signals["phase"][:, i] == LOST
+        for k in np.flatnonzero(~flown):  # a step without the law says nothing
+            lost[k] = lost[k - 1] if k else False
         changes = np.argwhere(np.diff(lost, axis=0, prepend=False))
         assert [decision[:3] for decision in tally.decisions(i)] == [
             (k, c, lost[k, c]) for k, c in changes
         ]
+
+
+def test_steps_without_the_law_bring_no_lost_actuator_back() -> None:
+    """Some were missed, and at the end the vehicle is disarmed."""
+    steps = random_flight(0, [], (0, 0))
+    steps.signals["phase"][:] = 0
+    steps.signals["phase"][100:, 0, 3] = LOST
+    steps.signals[110:250:2, 0] = no_signals(70)
+    steps.signals[250:, 0] = no_signals(50)
+    steps.signals["V"][250:, 0] = 0.0
+    tally = Tally(SCENARIO)
+    tally.add(steps)
+    tally.finish()
+    assert [decision[:3] for decision in tally.decisions(0)] == [(100, 3, True)]
 
 
 def test_an_empty_flight_has_no_figures() -> None:

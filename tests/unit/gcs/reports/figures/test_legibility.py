@@ -43,7 +43,7 @@ from gcs.reports.figures.style import (
     usual_range,
 )
 from gcs.reports.figures.tracking import fig6, fig10, fig11
-from gcs.results.path_following import leaders_of, paths_of
+from gcs.results.mission_paths import leaders_of, paths_of
 from gcs.results.preview import Preview
 from gcs.results.recording import Recording, events_of
 from gcs.results.summary import summarise

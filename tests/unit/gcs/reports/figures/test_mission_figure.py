@@ -15,7 +15,7 @@ from gcs.reports.flight import flight_tables
 from gcs.results.choices import Format, Record
 from gcs.results.export import convert
 from gcs.results.figures import FlightSummary
-from gcs.results.path_following import leaders_of, paths_of
+from gcs.results.mission_paths import leaders_of, paths_of
 from gcs.results.recorder import FlightRecorder
 from gcs.results.recording import Recording
 from gcs.results.summary import summarise
