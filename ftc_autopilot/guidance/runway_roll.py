@@ -76,7 +76,8 @@ def roll_along(
     if phase in (STANDING, STOPPED):
         state["heading"] = now.motion.phi[2]
     lowered = min(state["time"] / _ROTATION_S, 1.0) if phase == ROLL_OUT else 1.0
-    state["thrust"], state["brake"] = 0.0, lowered
+    rolls_on = phase == ROLL_OUT and now.s < state["brake_from"]
+    state["thrust"], state["brake"] = 0.0, 0.0 if rolls_on else lowered
     state["pitch"] += (figures["pitch"] - state["pitch"]) * lowered
     if phase in (REJECTED, ROLL_OUT):
         state["doubt"] = state["doubt"] + now.dt if speed < 0.05 * figures["stall"] else 0.0
