@@ -3,7 +3,7 @@
 Nobody gives an order. A member waits while another one is ahead of it on the runway, and until that
 is off the ground and the spacing away: a take-off that is rejected keeps all behind it on the
 ground. From the line of the landing on each flies by itself, without its slot. After touchdown it
-rolls on without brakes, to leave room for those that are still to come.
+rolls on, to leave room for those that are still to come.
 """
 
 import math
