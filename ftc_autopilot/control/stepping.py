@@ -38,8 +38,8 @@ from ftc_autopilot.guidance.runway_phases import (
     note_path,
     uses_runway,
 )
-from ftc_autopilot.guidance.runway_sequence import is_behind
-from ftc_autopilot.guidance.runway_state import FINAL, FLARE, STANDING, is_glide, on_ground
+from ftc_autopilot.guidance.runway_sequence import lands_alone, note_others
+from ftc_autopilot.guidance.runway_state import FINAL, FLARE, is_glide, on_ground
 from ftc_autopilot.plugins.models import PLUGIN
 from mavlink_defs.constants import AILERON, BRAKE, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.framing.codec import RELAYED_AT, REPORT_AT, SIM_STATE
@@ -317,10 +317,9 @@ def _guide(
             guidance["law"],
             uav["formation"],
         )
-        now = replaced(now, "coordination", coordination)
-        if guidance["runway"]["phase"] == STANDING:
-            behind = is_behind(now, step, dt, uav["layout"], uav["formation"], uav)
-            guidance["runway"]["waits"] = int(behind)
+        if not lands_alone(path, s):
+            now = replaced(now, "coordination", coordination)
+        note_others(now, step, dt, path, uav)
     if uses_runway(path, guidance["runway"]):
         _fly_near_ground(uav, path, now)
     else:

@@ -25,6 +25,7 @@ from ftc_autopilot.guidance.mission_path import MissionPath, Start, mission_path
 from ftc_autopilot.guidance.mission_places import Home
 from ftc_autopilot.guidance.path import path_record
 from ftc_autopilot.guidance.runway import STANDS, RunwayFigures
+from ftc_autopilot.guidance.runway_sequence import why_not_in_sequence
 from mavlink_defs import dialect
 from mavlink_defs.mission_files import mission_item
 from mavlink_defs.profile import AirspeedLimits, ItemError
@@ -66,7 +67,7 @@ class Planner:
             formation: What it flies in, if any.
             runway: Its take-off and landing; None: neither is planned.
         """
-        self._origin, self._in_formation = origin, formation is not None
+        self._origin, self._formation = origin, formation
         self._made: deque[tuple[tuple[object, ...], tuple[np.void, tuple[str, ...]]]] = deque(
             maxlen=2
         )
@@ -131,7 +132,8 @@ class Planner:
         Raises:
             ItemError: It cannot be flown.
         """
-        start = None if self._in_formation else self.start_of(measured, self.limits.cruise_m_s)
+        in_formation = self._formation is not None
+        start = None if in_formation else self.start_of(measured, self.limits.cruise_m_s)
         return self.path(items, start)
 
     def path(
@@ -167,10 +169,11 @@ class Planner:
         if start is not None and start.stands and not path.marks.climb:
             text = "the aircraft stands on the ground; begin with NAV_TAKEOFF (22)"
             raise ItemError(first, dialect.MAV_MISSION_INVALID, text)
-        if self._in_formation and path.marks.landing:
-            text = "a formation does not land; leave the landing out, and land each by itself"
-            raise ItemError(int(path.legs[-1].item), dialect.MAV_MISSION_UNSUPPORTED, text)
-        if self._in_formation and start is None and self.limits.runway is not None:
+        if self._formation is not None and path.marks.landing and self.limits.runway is not None:
+            text = why_not_in_sequence(self._formation, self.limits.runway)
+            if text is not None:
+                raise ItemError(int(path.legs[-1].item), dialect.MAV_MISSION_UNSUPPORTED, text)
+        if self._formation is not None and start is None and self.limits.runway is not None:
             path = _from_one_runway(path, mission)
         made = _record(path), path.remarks
         self._made.append((asked, made))

@@ -42,6 +42,8 @@ _SLOW = 0.2
 """Speed below which it does not turn back faster, relative to V_s."""
 _DECISION = 0.95
 """Airspeed up to which a take-off is rejected, relative to the one of the rotation."""
+_ROLLING_ON = 0.4
+"""Speed at which it rolls on, clear of those behind it, relative to V_s."""
 LIFTED = 0.1
 """Height by which it has left the ground, in spans."""
 
@@ -77,6 +79,11 @@ def roll_along(
         state["heading"] = now.motion.phi[2]
     lowered = min(state["time"] / _ROTATION_S, 1.0) if phase == ROLL_OUT else 1.0
     state["thrust"], state["brake"] = 0.0, lowered
+    if phase == ROLL_OUT and now.s < state["brake_from"]:
+        faster = (_ROLLING_ON * figures["stall"] - speed) / _FILTER_S
+        needed = aircraft["m"] * faster + _resistance(now, aircraft, figures)
+        most = limits["thrust_share_max"] * available_thrust(now.motion.V, aircraft)
+        state["thrust"], state["brake"] = clamp(needed, 0.0, most), 0.0
     state["pitch"] += (figures["pitch"] - state["pitch"]) * lowered
     if phase in (REJECTED, ROLL_OUT):
         state["doubt"] = state["doubt"] + now.dt if speed < 0.05 * figures["stall"] else 0.0
@@ -102,9 +109,7 @@ def _take_off(
 ) -> None:
     """Accelerate along the runway, rotate, and notice the lift-off, or that it is not coming."""
     V, motion = now.motion.V, now.motion
-    pressure = 0.5 * aircraft["rho"] * square(V) * aircraft["S"]
-    resistance = drag(pressure, math.atan2(motion.v[2], max(motion.v[0], 1.0)), aircraft)
-    resistance += aircraft["m"] * aircraft["g"] * figures["rolling"]
+    resistance = _resistance(now, aircraft, figures)
     most = limits["thrust_share_max"] * available_thrust(V, aircraft)
     needed = aircraft["m"] * figures["acceleration"] + resistance
     state["thrust"], state["brake"] = min(needed, most), 0.0
@@ -139,3 +144,12 @@ def _take_off(
     if state["doubt"] > _REJECTED_S:
         enter(state, REJECTED)
         state["reason"], state["thrust"], state["brake"] = reason, 0.0, 1.0
+
+
+@compiled
+def _resistance(now: Situation, aircraft: AircraftRecord, figures: np.void) -> float:
+    """Return drag and friction of an aircraft that rolls [N]."""
+    x, _, z = now.motion.v
+    pressure = 0.5 * aircraft["rho"] * square(now.motion.V) * aircraft["S"]
+    friction = aircraft["m"] * aircraft["g"] * figures["rolling"]
+    return float(drag(pressure, math.atan2(z, max(x, 1.0)), aircraft) + friction)

@@ -34,6 +34,7 @@ RUNWAY_STATE = np.dtype(
         ("pitch", "f8"),  # rad
         ("thrust", "f8"),  # N
         ("brake", "f8"),  # share
+        ("brake_from", "f8"),  # path parameter up to which a landing rolls on [m]
         ("pitch_integral", "f8"),  # rad s
         ("turn_integral", "f8"),  # of the rudder [rad]
     ]
