@@ -52,9 +52,6 @@ _SHORT_S = 0.4
 _MODEL_S = 60.0  # in which the model's errors are learned
 _BELIEVED_S = 5.0  # of flight, that the model counts for at the least
 _LEARN_S = 8.0  # before a change of the wind says something
-_NO_GUST = 14.0  # m/s: no wind changes so far in the memory of its mean
-_CALM = 0.6  # m/s
-_GUSTS, _MAX_GUSTS = 6.0, 5.0  # how much larger the square of the least change is in gusts
 _MIN_LIFT = 0.3  # of the weight: of less, nothing can be said
 _MIN_AIRSPEED = 5.0  # m/s
 _MODEL = 0.1  # standard deviation of the ratio by errors of mass and coefficients
@@ -111,8 +108,8 @@ def _learned_s(airspeed: np.void) -> float:
 
 
 @compiled
-def _excess(airspeed: np.void) -> float:
-    return float(min(max(airspeed["excess"] - 1.0, 0.0), _MAX_GUSTS))
+def _excess(airspeed: np.void, assumed: np.void) -> float:
+    return float(min(max(airspeed["excess"] - 1.0, 0.0), assumed["gust_excess"]))
 
 
 @compiled
@@ -122,7 +119,7 @@ def _by_gusts(airspeed: np.void, assumed: np.void) -> float:
     At first they are the filter's, then what was seen, a correlation time counting as a sample.
     """
     first_s, learned_s = assumed["vertical_wind_s"], _learned_s(airspeed)
-    growth = assumed["gust_growth"] * _excess(airspeed)
+    growth = assumed["gust_growth"] * _excess(airspeed, assumed)
     first = (1.0 + growth) * square(airspeed["slope"] * assumed["vertical_wind_m_s"])
     return float((first * first_s + airspeed["scatter"] * learned_s) / (first_s + learned_s))
 
@@ -163,7 +160,9 @@ def _least_change(airspeed: np.void, assumed: np.void) -> float:
 
     It is more in gusts, and where the wind itself is not known so well.
     """
-    change = square(assumed["icing_change_m_s"]) * (1.0 + _GUSTS * _excess(airspeed))
+    change = square(assumed["icing_change_m_s"]) * (
+        1.0 + assumed["icing_gusts"] * _excess(airspeed, assumed)
+    )
     return float(math.sqrt(change + assumed["gate"] * airspeed["unknown"]))
 
 
@@ -217,12 +216,12 @@ def is_icing(kalman: np.void, airspeed: np.void, period_s: float, assumed: np.vo
         variance += (c[0] * P[WIND, WIND + k] + c[1] * P[WIND + 1, WIND + k]) * c[k]
     airspeed["unknown"] += gain * (variance - airspeed["unknown"])
     change, least = abs(change), _least_change(airspeed, assumed)
-    if change < _CALM or airspeed["age"] < _LEARN_S:
+    if change < assumed["icing_calm_m_s"] or airspeed["age"] < _LEARN_S:
         airspeed["excess"] += gain * (kalman["gusts"] - airspeed["excess"])
     if change < least:  # else it is not the usual
         _learn(airspeed, period_s, assumed)
     lift = lift_disagrees(airspeed, SHORT, assumed) or lift_disagrees(airspeed, LONG, assumed)
-    least_alone = least * _NO_GUST / assumed["icing_change_m_s"]
+    least_alone = least * assumed["icing_alone_m_s"] / assumed["icing_change_m_s"]
     agree = (change > least and lift) or change > least_alone or is_stalled(airspeed, assumed)
     airspeed["suspicious"] = airspeed["suspicious"] + period_s if agree else 0.0
     return bool(airspeed["age"] > _LEARN_S and airspeed["suspicious"] > assumed["icing_confirm_s"])

@@ -41,6 +41,7 @@ class EstimatorParameters(Model):
     gust_growth: float = _number(
         10.0, "Growth of the wind's noise with the excess of the pitot tube's mean NIS in gusts."
     )
+    gust_excess: float = _number(5.0, "Largest excess that counts, here and of icing in gusts.")
     pitot_scale_s: float = _time(
         30.0,
         "Correlation time of the pitot tube's scale error: a constant would be learned from gusts.",
@@ -140,6 +141,25 @@ class EstimatorParameters(Model):
         "m/s",
         "Icing: least change of the wind along the x axis against its mean; more in gusts.",
         1.5,
+        gt=0.0,
+        le=100.0,
+    )
+    icing_gusts: float = _number(
+        6.0, "Icing: growth of that change's square with the excess of the mean NIS in gusts."
+    )
+    icing_calm_m_s: float = quantity(
+        "m/s",
+        "Icing: change below which a wind is calm, and the usual NIS is learned: 2.2 standard "
+        "deviations, wind_walk sqrt(icing_mean/2) each, of a random walk about its own mean.",
+        0.6,
+        gt=0.0,
+        le=100.0,
+    )
+    icing_alone_m_s: float = quantity(
+        "m/s",
+        "Icing: change that no wind makes, whatever the lift: a gust of 12 m/s, the strongest of "
+        "`benchmarks/sensor_attacks.py`, and the least change, rounded up.",
+        14.0,
         gt=0.0,
         le=100.0,
     )

@@ -30,7 +30,6 @@ from ftc_autopilot.estimation.state import (
 from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import Vec3, mul, norm, scale, square, vec3
 
-_MAX_GUSTS = 5.0  # largest excess of the pitot tube's NIS with which the wind's noise grows
 _UNKNOWN_RATES = 2.0 * math.radians(20.0) ** 2 * 0.3
 _UNKNOWN_FORCES = 2.0 * 4.0**2 * 0.5
 """Densities of rates of 20°/s over 0.3 s [rad²/s], of 4 m/s² over 0.5 s [m²/s³]: of an aircraft
@@ -133,7 +132,9 @@ def _add_noise(P: np.ndarray, kalman: np.void, assumed: np.void) -> None:
     fade(kalman, GNSS_ERROR, dt / assumed["gnss_correlation"], assumed["gnss_error"][0])
     fade(kalman, GNSS_ERROR + 1, dt / assumed["gnss_correlation"], assumed["gnss_error"][1])
     fade(kalman, GNSS_ERROR + 2, dt / assumed["gnss_correlation"], assumed["gnss_error"][2])
-    gusts = 1.0 + assumed["gust_growth"] * min(max(kalman["gusts"] - 1.0, 0.0), _MAX_GUSTS)
+    gusts = 1.0 + assumed["gust_growth"] * min(
+        max(kalman["gusts"] - 1.0, 0.0), assumed["gust_excess"]
+    )
     vertical = assumed["vertical_wind_m_s"]
     fade(kalman, WIND + 2, dt / assumed["vertical_wind_s"], gusts * square(vertical))
     fade(kalman, PITOT_SCALE, dt / assumed["pitot_scale_s"], assumed["pitot_scale"])

@@ -51,7 +51,8 @@ def compare(
     Two campaigns: whether NEW is worse. If both flew the same draws, flights are compared in pairs
     (McNemar's exact test, the sign test), else as two samples (Fisher's exact test, the
     Mann-Whitney test). A test that finds nothing does not prove that both are equal; the interval
-    beside it, at the level of the condition, shows what could have escaped it.
+    beside it, at the level of the condition, shows what could have escaped it. Where both flew the
+    same draws by different laws, a table marks figures in which the simpler one is better.
 
     Of two flights: what was set, figures of every UAV, decisions of the diagnosis, and the keys in
     which their scenarios differ. Nothing is tested, so of the options only --json and --all apply.
@@ -94,6 +95,8 @@ def _compare_campaigns(old: Path, new: Path, options: CompareOptions) -> None:
     from ftc_lab.campaigns.findings import findings_of
     from ftc_lab.campaigns.gate import DEFAULT, gate, parse_rules
     from ftc_lab.reports import gate as reports
+    from ftc_lab.reports.campaign_laws import between
+    from ftc_lab.reports.laws import law_markdown, law_terminal
 
     for path, option in ((options.junit, "--junit"), (options.markdown, "--markdown")):
         if path is not None:
@@ -103,14 +106,19 @@ def _compare_campaigns(old: Path, new: Path, options: CompareOptions) -> None:
     before, after = both[0].counted, both[1].counted
     rules = parse_rules(options.fail_if or [DEFAULT], [*before.values(), *after.values()])
     checks = gate(before, after, rules)
+    laws = {f"{name}, of {of.draws} draws": of for name, of in between(*both)}
     if options.markdown is not None:
-        text = visible_lines(reports.gate_markdown(str(old), str(new), checks, notes))
+        tables = [law_markdown([title], of.rows, of.laws) for title, of in laws.items()]
+        text = reports.gate_markdown(str(old), str(new), checks, notes)
+        text = visible_lines("\n".join([text, *tables]))
         write_file(options.markdown, text, "--markdown")
     if options.junit is not None:
         write_file(options.junit, reports.junit(str(old), str(new), checks, notes), "--junit")
     console = console_of(stderr=False)
     for line in reports.gate_lines(checks, notes):
         console.print(line, soft_wrap=True)
+    for title, of in laws.items():
+        console.print(law_terminal([title], of.rows, of.laws))
     if any(check.violated for check in checks):
         raise typer.Exit(1)
 

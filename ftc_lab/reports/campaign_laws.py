@@ -10,7 +10,7 @@ from ftc_autopilot.plugins.loading import without_code
 from ftc_lab.campaigns.conditions import happened
 from ftc_lab.campaigns.findings import Findings
 from ftc_lab.campaigns.flights import variant_trees
-from ftc_lab.campaigns.samples import Sample, figures_of
+from ftc_lab.campaigns.samples import Sample, figures_of, same_draws
 from ftc_lab.reports.laws import LawRow, Value
 from gcs.results.quantities import IAE_UNITS, QUANTITIES, UNITS
 from gcs.results.rivals import ADD_SIMPLER, flight_of, law_of, simplicity
@@ -65,21 +65,44 @@ def hint(findings: Findings) -> str:
     return f"No simpler law flew the same as {', '.join(alone)}; to add one, {ADD_SIMPLER}"
 
 
+def between(old: Findings, new: Findings) -> Iterator[tuple[str, SameFlights]]:
+    """Yield the variants that two campaigns fly by different laws, on the same draws.
+
+    Columns are named old and new.
+    """
+    keys = [_keys(findings) for findings in (old, new)]
+    for name, before in old.counted.items():
+        if not all(name in one for one in keys):
+            continue
+        first, second = (one[name] for one in keys)
+        if law_of(first) == law_of(second) or flight_of(first) != flight_of(second):
+            continue
+        pair = same_draws(before, new.counted[name])
+        if pair is not None:
+            laws = {"old": law_of(first), "new": law_of(second)}
+            rows = list(_rows(dict(zip(laws, pair, strict=True))))
+            yield name, SameFlights(laws, len(pair[0]), rows)
+
+
 def _groups(findings: Findings) -> list[dict[str, str]]:
-    """Return the laws of variants with flights, by variant, of those that fly the same.
+    """Return the laws of variants with flights, by variant, of those that fly the same."""
+    groups: dict[frozenset[tuple[str, str]], dict[str, str]] = {}
+    for name, keys in _keys(findings).items():
+        groups.setdefault(flight_of(keys), {})[name] = law_of(keys)
+    return [dict(sorted(g.items(), key=lambda one: simplicity(one[1]))) for g in groups.values()]
+
+
+def _keys(findings: Findings) -> dict[str, dict[str, str]]:
+    """Return every key of the scenario of each variant with flights.
 
     None if the law itself is drawn: a variant has many then.
     """
     mark = findings.mark
     if any((factor.key or name) in _LAW_KEYS for name, factor in mark.campaign.factors.items()):
-        return []
+        return {}
     with without_code():
         trees, filled, _ = variant_trees(mark.campaign, mark.file, mark.scenario)
-    keys = {name: dict(leaves(filled.get(name, tree), "")) for name, tree in trees.items()}
-    groups: dict[frozenset[tuple[str, str]], dict[str, str]] = {}
-    for name in findings.counted:
-        groups.setdefault(flight_of(keys[name]), {})[name] = law_of(keys[name])
-    return [dict(sorted(g.items(), key=lambda one: simplicity(one[1]))) for g in groups.values()]
+    return {name: dict(leaves(filled.get(name, trees[name]), "")) for name in findings.counted}
 
 
 def _compared(findings: Findings, laws: Mapping[str, str]) -> SameFlights:

@@ -30,7 +30,7 @@ from mavlink_defs.runtime.jit import compiled
 from sitl_plant.vec3 import square
 
 WATCHED = 2.0
-"""Cooldowns after a return, in which none holds."""
+"""Cooldowns after a return, in which none holds, and another loss is a relapse."""
 
 
 @compiled
@@ -96,6 +96,7 @@ def decide(
     found = _estimates(actuator, dither, lags, limits, on_trial, dt, gains, is_throttle)
     actuator["confidence"] = max(0.0, 1.0 - found.error)
     actuator["decided_s"] += dt
+    actuator["owed_s"] = max(actuator["owed_s"] + (dt if actuator["lost"] != 0 else -dt), 0.0)
     if actuator["lost"] == 0:
         actuator["lately_s"] = max(actuator["lately_s"] - dt, 0.0)
         seen, dead = _looks_lost(actuator, found, is_check, limits, age, dt, gains)
@@ -209,7 +210,7 @@ def _looks_well(
         _change(actuator, gains)
         actuator["effectiveness"] = min(found.by_dither, 1.0)
         if found.by_dither < gains["following"]:  # it is weak, and was so all the time
-            actuator["lately_s"] = 0.0
+            actuator["lately_s"] = actuator["owed_s"] = 0.0
         actuator["offset"] = actuator["measured"] - found.by_dither * actuator["commanded"]
         seen = False
     return bool(seen)
@@ -219,13 +220,13 @@ def _looks_well(
 def _take_care(actuator: np.void, moved: float, limits: Limits, dt: float, gains: np.void) -> None:
     """Count how long an actuator that was lost again soon after its return has been well.
 
-    It is kept where it sticks, well or not, so that its coming and going disturbs nothing.
+    The others go on as if it stuck, well or not, so that its coming and going disturbs nothing.
     """
     if abs(actuator["smooth"]) < gains["quiet"] * limits.jump:
         actuator["care_s"] = max(actuator["care_s"] - dt, 0.0)
     else:
         more = gains["relapse_weight"] * dt
-        actuator["care_s"] = min(actuator["care_s"] + more, gains["relapse_s"])
+        actuator["care_s"] = min(actuator["care_s"] + more, actuator["patience_s"])
         actuator["stuck"] += dt / gains["mean_s"] * moved
 
 
@@ -321,14 +322,16 @@ def _change(actuator: np.void, gains: np.void) -> None:
     actuator["suspect_s"] = 0.0
     if actuator["lost"] == 0:
         actuator["lost"] = 1
-        actuator["stuck"] = actuator["measured"]
+        actuator["stuck"] = actuator["sticks"] = actuator["measured"]
         actuator["offset"], actuator["effectiveness"] = 0.0, 1.0
         actuator["long_var_u"], actuator["long_cov"], actuator["long_var_y"] = 0.0, 0.0, 0.0
         restart_instrument(actuator, False)
-        watched_s = WATCHED * gains["cooldown_s"]
-        if actuator["lately_s"] > watched_s - gains["relapse_s"]:
-            actuator["care_s"], actuator["decided_s"] = gains["relapse_s"], gains["trial_s"]
-        actuator["lately_s"] = watched_s
+        if actuator["lately_s"] > 0.0:
+            actuator["patience_s"] = max(2.0 * actuator["patience_s"], gains["relapse_s"])
+            actuator["care_s"], actuator["decided_s"] = actuator["patience_s"], gains["trial_s"]
+        else:
+            actuator["patience_s"] = 0.0
+        actuator["lately_s"] = WATCHED * gains["cooldown_s"]
     else:
         actuator["lost"] = 0
         actuator["offset"] = actuator["measured"] - actuator["commanded"]

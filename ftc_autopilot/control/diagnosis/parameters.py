@@ -209,8 +209,9 @@ class DiagnosisParameters(Renaming):
     weak_sigma: float = _number(5.5, "Return test: standard errors between it and none.")
     relapse_s: float = _time(
         1.0,
-        "Relapse: an actuator that is lost again within this time of its return stays lost until "
-        "it has been well for as long: a period of the probe.",
+        "Relapse: an actuator that is lost again within two cooldowns of its return stays lost "
+        "until it has been well for so long, a period of the probe; after each further one twice "
+        "as long.",
     )
     relapse_weight: float = _number(10.0, "Relapse: what is not well counts so many times as much.")
     return_r2: float = _number(0.6, "Return test: least coefficient of determination.")

@@ -63,9 +63,12 @@ ACTUATOR = np.dtype(
         ("quiet_s", "f8"),  # for which the residual has been small
         ("lately_s", "f8"),  # left, in service, in which no cooldown holds after a loss
         ("care_s", "f8"),  # left until one with a relapse may return
+        ("owed_s", "f8"),  # time lost less time in service since, for which it is not trusted
+        ("patience_s", "f8"),  # for which it must be well, doubled by each relapse
         # results
         ("lost", "i8"),
         ("stuck", "f8"),  # mean of y while lost
+        ("sticks", "f8"),  # y when it was lost
         ("offset", "f8"),  # f, to be subtracted from a command
         ("effectiveness", "f8"),  # ρ in use
         ("confidence", "f8"),  # 1 - standard error of the window's ρ, not below 0

@@ -152,12 +152,18 @@ function showDifferences(chosen) {
   const two = chosen.length === 2;
   if (two) head.append(make("th", "second − first"));
   const inside = shown.createTBody();
-  const add = (name, texts, values) => {
+  let marked = false;
+  const add = (name, texts, values, beaten) => {
     if (texts.every((text) => text === texts[0])) return;
     const row = inside.insertRow();
     row.append(make("th", name));
-    texts.forEach((text, k) => row.append(
-      make("td", text, { className: typeof values[k] === "number" ? "number" : "" })));
+    texts.forEach((text, k) => {
+      const kind = typeof values[k] === "number" ? "number" : "";
+      const worse = Boolean(beaten && beaten[k] && text);
+      marked = marked || worse;
+      row.append(make("td", worse ? `${text}*` : text,
+                      { className: worse ? `${kind} beaten` : kind }));
+    });
     if (!two) return;
     const [a, b] = values;
     const both = typeof a === "number" && typeof b === "number";
@@ -168,7 +174,9 @@ function showDifferences(chosen) {
   columns.forEach((column, k) => {
     if (column === "run" || column === "time") return;
     const cells = chosen.map((row) => row.cells[first + k]);
-    add(column, cells.map((cell) => cell.textContent), chosen.map((row) => valueOf(row, first + k)));
+    const beaten = chosen.map((row) => isBeaten(row.dataset.name, column, chosen));
+    const values = chosen.map((row) => valueOf(row, first + k));
+    add(column, cells.map((cell) => cell.textContent), values, beaten);
   });
   const details = chosen.map((row) => data.runs[row.dataset.name]);
   const named = new Set(details.flatMap((one) => Object.keys((one && one.keys) || {})));
@@ -180,6 +188,12 @@ function showDifferences(chosen) {
     add(name, texts, texts.map((text) => (text === "" || isNaN(text) ? null : Number(text))));
   }
   if (!inside.rows.length) shown.append(make("caption", "nothing differs"));
+  else if (marked) shown.append(make("caption", data.legend));
+}
+
+function isBeaten(name, column, chosen) {
+  const better = ((data.beaten[name] || {})[column]) || [];
+  return chosen.some((row) => better.includes(row.dataset.name));
 }
 
 for (const heading of headings) {

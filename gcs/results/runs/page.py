@@ -2,6 +2,7 @@
 
 import html
 import json
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
@@ -12,6 +13,7 @@ from urllib.parse import quote
 
 from gcs.console.outputs import write_file
 from gcs.results.quantities import IAE_UNITS, QUANTITIES, UNITS
+from gcs.results.rivals import LEGEND, beaten_by, cost_of, flight_of, law_of
 from gcs.results.runs.details import curves_of, figure_of, own_keys, scenario_keys, thumbnail
 from gcs.results.runs.run import Run
 from gcs.results.runs.scan import Foreign
@@ -52,6 +54,20 @@ _COLUMNS: dict[str, Callable[[Run], Cell]] = {
 }
 """In this order: what a flight was and how good it was is seen without scrolling."""
 _PROSE = {"changes", "faults", "reason", "note"}
+_COMPARED: dict[str, Callable[[Run], float]] = {
+    **{
+        f"IAE {name} [{IAE_UNITS[name]}]": lambda run, name=name: cost_of(  # type: ignore[misc]  # a default binds the name
+            f"iae_{name}", run.iae.get(name)
+        )
+        for name in QUANTITIES
+    },
+    "saved [%]": lambda run: cost_of("saving", run.saving),
+    "messages": lambda run: cost_of("messages", run.messages),
+    "events": lambda run: cost_of("events", run.events),
+}
+"""What a figure costs, of the columns in which laws are compared."""
+_NO_FIGURES = {"interrupted", "killed", "unfinished", "under_way"}
+_LOST = {"ground", "control_failed", "lost"}
 
 
 def save_page(
@@ -99,15 +115,46 @@ def save_page(
         "head": head,
         "rows": rows,
         "foreign": f"<h2>No runs</h2><ul>{strange}</ul>" if strange else "",
-        "data": _data(keys, curves, compared),
+        "data": _data(keys, curves, _beaten(runs[:figures], keys), compared),
         "script": _resource("page.js"),
     }.items():
         page = page.replace(f"<!-- {name} -->", value)
     write_file(path, page)
 
 
+def _beaten(runs: Sequence[Run], keys: Sequence[dict[str, str]]) -> dict[str, dict[str, list[str]]]:
+    """Return, by run and column, which flights of the same by a simpler law are better by a tenth.
+
+    A flight that was lost is worse than any; one that did not end is not compared.
+    """
+    same: dict[frozenset[tuple[str, str]], list[tuple[Run, str]]] = {}
+    for run, own in zip(runs, keys, strict=True):
+        if run.kind == "flight" and own and run.outcome not in _NO_FIGURES:
+            same.setdefault(flight_of(own), []).append((run, law_of(own)))
+    return {
+        run.name: {
+            column: [
+                other.name
+                for other, rival in flights
+                if beaten_by(law, _cost(run, column), [(rival, _cost(other, column))])
+            ]
+            for column in _COMPARED
+        }
+        for flights in same.values()
+        for run, law in flights
+        if len({law for _, law in flights}) > 1
+    }
+
+
+def _cost(run: Run, column: str) -> float:
+    return math.inf if run.outcome in _LOST else _COMPARED[column](run)
+
+
 def _data(
-    keys: Sequence[dict[str, str]], curves: Mapping[str, object], compared: Sequence[str]
+    keys: Sequence[dict[str, str]],
+    curves: Mapping[str, object],
+    beaten: Mapping[str, object],
+    compared: Sequence[str],
 ) -> str:
     """Return what the page's script draws and compares, as JSON within HTML."""
     common, own = own_keys(keys)
@@ -117,6 +164,8 @@ def _data(
             name: {"curves": curve, "keys": mine, "has_keys": bool(all_)}
             for (name, curve), mine, all_ in zip(curves.items(), own, keys, strict=True)
         },
+        "beaten": beaten,
+        "legend": f"*: {LEGEND}",
         "compared": list(compared),
         "panels": {
             **{name: f"largest error of {name} [{UNITS[name]}]" for name in QUANTITIES},

@@ -7,7 +7,7 @@ import numpy as np
 
 from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.common.motion import MeasuredMotion
-from ftc_autopilot.control.diagnosis import is_in_care, may_be_weak, probed
+from ftc_autopilot.control.diagnosis import is_in_care, may_be_weak, probe, probed
 from ftc_autopilot.control.laws.surviving.gains import gain_at
 from ftc_autopilot.control.step import Step
 from mavlink_defs.constants import AILERON, RUDDER
@@ -43,6 +43,9 @@ def turn_rates(
 
         r* + K1 (β - β*)
 
+    One that has been lost for longer than it has been back may stick again where it did: until
+    then no sideslip is built up on the side away from what balances it there.
+
     Args:
         now: The present step.
         aircraft: Nominal aircraft.
@@ -55,6 +58,13 @@ def turn_rates(
     least, most = f + rho * stops[0] + room, f + rho * stops[1] - room
     low = lateral_trim(now, AILERON, least, aircraft, diagnosis)
     high = lateral_trim(now, AILERON, most, aircraft, diagnosis)
+    if aileron["owed_s"] > 0.0 and low.beta * high.beta < 0.0:
+        share = low.beta / (low.beta - high.beta)  # of the way, where it balances no sideslip
+        straight = LateralTrim(0.0, 0.0, low.r + share * (high.r - low.r))
+        if aileron["sticks"] < least + share * (most - least):
+            high = straight
+        else:
+            low = straight
     beta = sideslip(now.motion)
     one, other = low.r + k * (beta - low.beta), high.r + k * (beta - high.beta)
     return min(one, other), max(one, other)
@@ -148,23 +158,31 @@ def driven_aileron(
     """Return what the lost aileron is sent [rad]: its position, a probe, and a drive.
 
     Until it has shown whether it is only weak, it is sent what then makes the deflection that the
-    roll needs: the rudder alone rolls the wrong way at first. When the rudder has stood at its stop
-    for long, the aileron is driven toward the helping side: that costs nothing if it is stuck, and
-    decides if it is only very weak. One that comes and goes stays where it sticks.
+    roll needs: the rudder alone rolls the wrong way at first. One that jumps is free, and is sent
+    what the roll needs. When the rudder has stood at its stop for long, the aileron is driven
+    toward the helping side: that costs nothing if it is stuck, and decides if it is only very weak.
+    One that comes and goes is sent what the roll needs: in the trim of the rudder that is where it
+    sticks, so that it does the same then whether it sticks or not.
     """
     own, stops = range_of(aircraft, AILERON), range_of(aircraft, RUDDER)
-    mean, comes_and_goes = state["rudder_mean"], is_in_care(AILERON, state["diagnosis"])
-    if comes_and_goes:
+    if is_in_care(AILERON, state["diagnosis"]):
+        state["aileron_driven"] = 0.0
+        return needed + float(probe(AILERON, gains["diagnosis"], state["diagnosis"]))
+    lost, diagnosis = state["diagnosis"]["actuators"][AILERON], gains["diagnosis"]
+    base, half_s = float(lost["stuck"]), diagnosis["dither_half_s"][AILERON]
+    on_trial = lost["decided_s"] < diagnosis["trial_s"]
+    jumped = on_trial and not may_be_weak(AILERON, diagnosis, state["diagnosis"])
+    mean = state["rudder_mean"]
+    if jumped:
         state["aileron_driven"] = 0.0
     elif mean < _AT_THE_STOP * stops[0] or mean > _AT_THE_STOP * stops[1]:
         more = math.copysign(now.dt * gains["driving_rad_s"], state["rudder_mean"])
         driven = state["aileron_driven"] + more
         state["aileron_driven"] = clamp(driven, -_MAX_DRIVE, _MAX_DRIVE)
-    lost, diagnosis = state["diagnosis"]["actuators"][AILERON], gains["diagnosis"]
-    base, half_s = float(lost["stuck"]), diagnosis["dither_half_s"][AILERON]
-    if may_be_weak(AILERON, diagnosis, state["diagnosis"]):
+    if on_trial:
         size = diagnosis["trial_rad"][AILERON]
-        base = clamp(needed / diagnosis["weak_effectiveness"], own[0] + size, own[1] - size)
+        share = 1.0 if jumped else diagnosis["weak_effectiveness"]
+        base = clamp(needed / share, own[0] + size, own[1] - size)
         is_sent_anyway = lost["decided_s"] % half_s < now.dt
         if is_sent_anyway or abs(base - state["aileron_tried"]) > size:
             state["aileron_tried"] = base

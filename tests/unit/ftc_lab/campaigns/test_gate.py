@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from campaign_tables import campaign, draws_table, results_table, samples, write_campaign
+from campaign_tables import UAVS, campaign, draws_table, results_table, samples, write_campaign
 from typer.testing import CliRunner
 
 from ftc_lab.campaigns.gate import DEFAULT, Check, gate, parse_rules
@@ -223,3 +223,27 @@ def test_a_variant_cannot_disappear(tmp_path: Path) -> None:
 def test_a_folder_of_something_else_is_bad_input(tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["compare", str(tmp_path), str(tmp_path)])
     assert isinstance(done.exception, BadInput)
+
+
+def test_two_campaigns_by_different_laws_mark_what_the_simpler_one_does_better(
+    tmp_path: Path,
+) -> None:
+    def flown(name: str, law: str, roll: float, seed: int = 7) -> str:
+        draws = draws_table(["a"], 40, seed)
+        figures = {f"uav{k}.iae_filtered_roll": np.full(40, roll) for k in UAVS}
+        results = results_table(draws, {"a": GOOD}, figures)
+        request = campaign(["a"], 40, variants={"a": {"controller": {"kind": law}}})
+        return str(write_campaign(tmp_path / name, request, draws, results))
+
+    simple, later = flown("simple", "pid", 2.0), flown("later", "tube", 3.0)
+    markdown = tmp_path / "gate.md"
+    for old, new, cells in (
+        (simple, later, "| 2.00, 2.00 | **3.00**, **3.00** |"),
+        (later, simple, "| **3.00**, **3.00** | 2.00, 2.00 |"),
+    ):
+        done = CliRunner().invoke(app, ["compare", old, new, "--markdown", str(markdown)])
+        assert "3.00*, 3.00*" in done.output
+        assert "a, of 40 draws" in done.output
+        assert cells in markdown.read_text()
+    for other in (flown("other draws", "pid", 2.0, seed=8), flown("same law", "tube", 2.0)):
+        assert "*" not in CliRunner().invoke(app, ["compare", other, later]).output

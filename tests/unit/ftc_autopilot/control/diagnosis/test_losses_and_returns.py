@@ -324,14 +324,23 @@ def test_a_surface_that_runs_away_is_lost_within_each_limit(name: str) -> None:
 # lost again soon after its return
 
 
-def test_a_second_loss_within_a_second_is_a_relapse() -> None:
-    for lately_s, care_s, decided_s in ((4.02, 1.0, 0.6), (4.0, 0.0, 0.0)):
-        actuator = flat(lately_s=lately_s)
-        while decided(actuator, 1) != LOST:
-            pass
-        assert actuator["care_s"] == pytest.approx(care_s)
-        assert actuator["decided_s"] == pytest.approx(decided_s)  # no trial, if it is one
-        assert actuator["lately_s"] == 5.0
+@pytest.mark.parametrize(
+    ("lately_s", "before_s", "care_s", "decided_s"),
+    [(4.9, 0.0, 1.0, 0.6), (0.1, 0.0, 1.0, 0.6), (0.1, 2.0, 4.0, 0.6), (0.0, 2.0, 0.0, 0.0)],
+)
+def test_a_second_loss_soon_after_a_return_is_a_relapse(
+    lately_s: float, before_s: float, care_s: float, decided_s: float
+) -> None:
+    """And each further one doubles the time for which it must be well; a late one begins again."""
+    actuator = flat(lately_s=lately_s, patience_s=before_s)
+    while decided(actuator, 1) != LOST:
+        pass
+    assert actuator["care_s"] == actuator["patience_s"] == pytest.approx(care_s)
+    assert actuator["decided_s"] == pytest.approx(decided_s)  # no trial, if it is one
+    assert actuator["lately_s"] == 5.0
+
+
+def test_one_that_is_not_back_yet_has_not_been_back_lately() -> None:
     away = gone(lately_s=5.0, **of_long(0.0, 0.0, 0.0))
     decided(away, 9)
     assert away["lately_s"] == 5.0  # it is not back yet
@@ -346,12 +355,22 @@ def test_a_relapse_is_over_when_the_actuator_has_long_been_well() -> None:
 
 def test_what_is_not_well_counts_ten_times_as_much() -> None:
     for smooth, care_s in ((1.49, 0.5 - DT), (-1.51, 0.5 + 10.0 * DT)):
-        actuator = gone(care_s=0.5, smooth=smooth)
+        actuator = gone(care_s=0.5, patience_s=1.0, smooth=smooth)
         decided(actuator, 1)
         assert actuator["care_s"] == pytest.approx(care_s)
-    longest = gone(care_s=1.0, smooth=9.0)
+    longest = gone(care_s=2.0, patience_s=2.0, smooth=9.0)
     decided(longest, 3)
-    assert longest["care_s"] == 1.0
+    assert longest["care_s"] == 2.0
+
+
+def test_the_time_lost_is_owed_until_it_has_been_back_for_as_long() -> None:
+    actuator = gone(care_s=1.0, patience_s=1.0, owed_s=0.5)
+    decided(actuator, 10)
+    assert actuator["owed_s"] == pytest.approx(0.5 + 10 * DT)
+    for owed_s, left_s in ((0.5, 0.5 - 10 * DT), (0.005, 0.0)):
+        back = actuator_with(owed_s=owed_s)
+        decided(back, 10)
+        assert back["owed_s"] == pytest.approx(left_s)
 
 
 def test_one_that_comes_and_goes_stays_where_it_sticks() -> None:

@@ -24,8 +24,8 @@ TIMERS = {
     "decided_s": 0.0,
 }
 """Running timers; of all but the last, which counts up, it is the time that is left [s]."""
-COUNTERS = {"z_s", "dither_s", "confirmed_s", "followed_s", "quiet_s"}
-"""For how long something has lasted: of one test alone, and nothing waits for their end."""
+COUNTERS = {"z_s", "dither_s", "confirmed_s", "followed_s", "quiet_s", "owed_s", "patience_s"}
+"""For how long something has lasted, or must: no test waits for their end."""
 
 
 class Shown(NamedTuple):

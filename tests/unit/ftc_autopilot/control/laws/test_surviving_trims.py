@@ -225,6 +225,17 @@ def test_the_lost_aileron_is_driven_while_the_rudder_is_at_its_stop(
     assert sent == pytest.approx(0.1 + math.radians(2.0 + after_deg))  # 2°: the probe
 
 
+def test_an_aileron_that_comes_and_goes_is_sent_what_the_roll_needs(
+    nominal: np.void, gains: np.void, state: np.void
+) -> None:
+    state["rudder_mean"], state["aileron_driven"] = STOP, 0.3
+    aileron = state["diagnosis"]["actuators"][AILERON]
+    aileron["lost"], aileron["stuck"], aileron["decided_s"], aileron["care_s"] = 1, 0.1, 9.0, 0.5
+    sent = driven_aileron(seen(nominal), -0.2, gains, state, nominal)
+    assert sent == pytest.approx(-0.2 + math.radians(2.0))
+    assert state["aileron_driven"] == 0.0
+
+
 TRIED = ((0.0, 0.2), (0.002, 0.2), (0.035, 0.5), (0.037, 0.5), (0.07, 0.1), (0.072, 0.4))
 """Times since the loss [s], and what the aileron is then moved about [rad]."""
 
@@ -233,7 +244,10 @@ TRIED = ((0.0, 0.2), (0.002, 0.2), (0.035, 0.5), (0.037, 0.5), (0.07, 0.1), (0.0
 def test_an_aileron_that_may_be_weak_is_sent_what_the_roll_needs(
     jumped: bool, decided_s: float, nominal: np.void, gains: np.void, state: np.void
 ) -> None:
-    """As for the least effectiveness; it changes with the movements of the trial, or as far."""
+    """As for the least effectiveness; it changes with the movements of the trial, or as far.
+
+    One that has jumped is free.
+    """
     aileron = state["diagnosis"]["actuators"][AILERON]
     aileron["lost"], aileron["stuck"], aileron["z_tail"] = 1, 0.1, float(jumped)
     for k, (time_s, base) in enumerate(TRIED):
@@ -245,7 +259,8 @@ def test_an_aileron_that_may_be_weak_is_sent_what_the_roll_needs(
             continue
         first_half = time_s % 0.07 < 0.035
         room = math.radians(25.0)  # the stop less the movement
-        about = 0.1 if jumped else min(base, room)
+        free = (0.2, 0.2, 9.0, 0.4, 0.1, 0.1)[k] * 0.13  # as of an aileron with all its power
+        about = min(free if jumped else base, room)
         assert sent == pytest.approx(about + math.radians(10.0 if first_half else -10.0))
 
 
@@ -265,6 +280,22 @@ def test_a_turn_leaves_the_aileron_room_for_the_roll(
         ]
         limits = sorted(trim.r + 5.2 * (beta - trim.beta) for trim in trims)
         assert turn_rates(now, nominal, gains, state["diagnosis"]) == pytest.approx(limits)
+
+
+@pytest.mark.parametrize(("sticks", "changed"), [(-0.2, 1), (0.2, 0)])
+def test_an_aileron_that_may_stick_again_turns_with_no_sideslip_on_the_wrong_side(
+    sticks: float, changed: int, nominal: np.void, gains: np.void, state: np.void
+) -> None:
+    """It sticks at negative deflections with positive sideslip, in a turn to the left."""
+    aileron, now = state["diagnosis"]["actuators"][AILERON], seen(nominal, beta=0.1)
+    trusted = turn_rates(now, nominal, gains, state["diagnosis"])
+    aileron["owed_s"], aileron["sticks"] = 0.1, sticks
+    bounds = turn_rates(now, nominal, gains, state["diagnosis"])
+    assert bounds[1 - changed] == trusted[1 - changed]
+    assert trusted[0] < bounds[changed] < trusted[1]
+    low, high = (lateral_trim(now, AILERON, a, nominal, state["diagnosis"]) for a in (-0.3, 0.3))
+    straight = np.interp(0.0, *zip(*sorted((t.beta, t.r) for t in (low, high)), strict=True))
+    assert bounds[changed] == pytest.approx(straight + 5.2 * 0.1)
 
 
 def test_the_aileron_alone_makes_the_roll_acceleration(nominal: np.void, state: np.void) -> None:

@@ -4,6 +4,7 @@ import base64
 import io
 import json
 import re
+import shutil
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
@@ -222,3 +224,26 @@ def test_a_mistake_gets_one_message(
     assert done.exit_code != 0
     assert message in str(done.exception)
     assert not (root / "index.html").exists()
+
+
+def test_figures_in_which_a_simpler_law_flew_the_same_better_are_known(
+    cache: Path, tmp_path: Path
+) -> None:
+    root = tmp_path / "runs"
+    laws = {"simple": "pid", "later": "tube", "other": "tube"}
+    for name, law in laws.items():
+        folder = make_run(cache, root / name, saving={"simple": 0.9}.get(name, 0.5))
+        tree = yaml.safe_load((folder / "scenario.yaml").read_text())
+        tree["controller"] = {"kind": law}
+        tree["duration_s"] += name == "other"  # another flight: nothing to compare with
+        (folder / "scenario.yaml").write_text(yaml.safe_dump(tree))
+    beaten = page_of(root, figures=3).data["beaten"]
+    assert set(beaten) == {"simple", "later"}
+    assert {column for column, better in beaten["later"].items() if better} == {"saved [%]"}
+    assert beaten["later"]["saved [%]"] == ["simple"]
+    assert not any(beaten["simple"].values())
+    make_run(cache, root / "fallen", completed=False, loss="it fell")
+    folder = root / "fallen"
+    shutil.copy(root / "later" / "scenario.yaml", folder / "scenario.yaml")
+    beaten = page_of(root, figures=4).data["beaten"]["fallen"]
+    assert all(better == ["simple"] for better in beaten.values())
