@@ -107,6 +107,7 @@ def _json(found: "ReplayedFault") -> dict[str, object]:
             "unexplained": fault.unexplained,
         },
         "model": {
+            "confirms_the_fault": errors.confirms,
             "diverged_s": errors.diverged_s,
             "judged_s": errors.judged_s,
             "largest_errors": {"with": errors.faulty, "without": errors.healed},
@@ -118,7 +119,7 @@ def _json(found: "ReplayedFault") -> dict[str, object]:
 
 
 def _print(found: "ReplayedFault", *, quiet: bool) -> None:
-    from ftc_lab.reports.replay import divergence, side_by_side
+    from ftc_lab.reports.replay import confirmation, divergence, side_by_side
 
     output, fault = console_of(stderr=False, quiet=quiet), found.read.fault
     output.print(
@@ -131,6 +132,7 @@ def _print(found: "ReplayedFault", *, quiet: bool) -> None:
     for row in side_by_side(found):
         table.add_row(*row)
     output.print(table)
-    output.print(divergence(found), soft_wrap=True)
+    for line in (divergence(found), confirmation(found)):
+        output.print(line, soft_wrap=True)
     for remark in found.read.remarks:
         console_of(quiet=quiet).print(f"remark: {remark}", soft_wrap=True)

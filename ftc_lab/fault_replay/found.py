@@ -16,7 +16,7 @@ from sitl_plant.airframe.config import Aircraft
 
 _BEFORE_S, _AFTER_S = 10.0, 5.0  # from which the value is known: healthy, and faulty
 _SETTLED_S = 0.3  # after the latest onset: means are over less
-_BETTER = 0.8  # of what is left by one number: two are needed
+_BETTER = 0.8  # of what a simpler fault leaves: it is another one
 _SLOWEST = 0.8  # of the lowest airspeed command
 _LEAST_GAIN = 0.3  # of the healthy response to a command, that says how wrong a model is
 
@@ -179,16 +179,17 @@ def _values(
     if np.std(sent) > 1e-9:
         slope = float(np.clip(np.polyfit(sent, did, 1)[0], 0.0, 1.0))
         offset = float(np.mean(did - slope * sent))
-    tried = {
-        "stuck": ((0.0, stuck), {"stuck": stuck}),
-        "loss": ((share, 0.0), {"effectiveness": share}),
-        "bias": ((1.0, bias), {"bias": bias}),
-    }
-    left = {name: _rms(did, *line, sent) for name, (line, _) in tried.items()}
-    best = min(left, key=lambda name: left[name])
-    keys, rest = tried[best][1], left[best]
-    if slope > 0.0 and (both := _rms(did, slope, offset, sent)) < _BETTER * rest:
-        keys, rest = {"effectiveness": slope, "bias": offset}, both
+    tried: list[tuple[tuple[float, float], dict[str, float]]] = [
+        ((share, 0.0), {"effectiveness": share}),
+        ((1.0, bias), {"bias": bias}),
+        ((0.0, stuck), {"stuck": stuck}),
+    ]
+    if slope > 0.0:
+        tried.append(((slope, offset), {"effectiveness": slope, "bias": offset}))
+    keys, rest = dict[str, float](), np.inf
+    for line, found_keys in tried:  # a command that hardly moves shows no difference
+        if (left := _rms(did, *line, sent)) < _BETTER * rest:
+            keys, rest = found_keys, left
     of_thrust = actuator == "throttle"
     unit, size = ("n", 1.0) if of_thrust else ("deg", 180.0 / np.pi)
     low, high = (

@@ -21,6 +21,8 @@ HORIZONS_S = (0.5, 1.0, 2.0, 5.0)
 DIVERGED = {"roll": 10.0, "pitch": 10.0, "airspeed": 3.0}
 """Differences of model and aircraft from which on they do not fly the same."""
 _STEP_S = 0.01
+_EARLY = 2  # of `HORIZONS_S`: later a fault that is compensated shows in all
+_CLEARLY = 0.8
 _STARTS = 24  # healthy ones, of which bands are made
 _ONE = {name: k for k, name in enumerate(ACTUATORS)}
 
@@ -86,6 +88,8 @@ class LogMotion:
         if measured is not None and measured.name == "V":
             through = measured.at(self.time_s)
         self.airspeed = through
+        if measured is not None and signals.has("angle_of_attack", "sideslip"):
+            self.wind = self._by_vanes(signals, rotation, ground)
         limits = [*np.radians(aircraft.stops_deg).tolist(), (0.0, aircraft.thrust_limit_n)]
         late = self.time_s - servos.delay_s
         self.sent = np.stack(
@@ -98,6 +102,16 @@ class LogMotion:
         self.known = np.isfinite(
             np.column_stack([ground, self.rates, self.airspeed, self.sent, self.height])
         ).all(axis=1)
+
+    def _by_vanes(
+        self, signals: FlightSignals, rotation: np.ndarray, ground: np.ndarray
+    ) -> np.ndarray:
+        """Return the wind that airspeed and vanes measured, gusts and all, shape (n, 3)."""
+        alpha, beta = signals.of("angle_of_attack"), signals.of("sideslip")
+        level = np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)
+        body = ground - self.airspeed[:, None] * np.stack(level, axis=1)
+        found = np.einsum("nij,nj->ni", rotation, body)
+        return np.where(np.isfinite(found), found, self.wind)
 
     @staticmethod
     def _height(signals: FlightSignals) -> np.ndarray:
@@ -187,6 +201,15 @@ class ReplayErrors(NamedTuple):
     healed: Mapping[str, tuple[float, ...]]
     diverged_s: float | None
     judged_s: float
+
+    @property
+    def confirms(self) -> bool:
+        """Whether the model with the fault flies clearly more like the aircraft than without."""
+        apart = [
+            sum(sizes[name][_EARLY] / most for name, most in DIVERGED.items())
+            for sizes in (self.faulty, self.healed)
+        ]
+        return apart[0] < _CLEARLY * apart[1]
 
 
 def healthy_bands(log: LogMotion, until_s: float) -> tuple[dict[str, tuple[float, ...]], int]:

@@ -27,7 +27,8 @@ def replay_report(found: ReplayedFault) -> str:
         f"{table(_COLUMNS, side_by_side(found))}\n"
         '<img src="flights.png" alt="Roll, pitch, yaw, airspeed and height of each flight">\n\n'
         "## How far the model is to be trusted\n\n"
-        f"{divergence(found)}\n\n{table(*_errors(found))}\n{_identified(found)}"
+        f"{divergence(found)} {confirmation(found)}\n\n{table(*_errors(found))}\n"
+        f"{_identified(found)}"
         f"{bullets(plain(one) for one in read.remarks)}\n## Fly it yourself\n\n"
         + bullets(f"`gcs fly {one.scenario.name}`, in this folder: {one.law}" for one in found.laws)
     )
@@ -78,6 +79,16 @@ def divergence(found: ReplayedFault) -> str:
         f"Under the recorded commands the model does what the aircraft did for "
         f"{errors.diverged_s:.1f} s after the fault; then they are more than {most} apart, and "
         "what comes later says nothing of this aircraft."
+    )
+
+
+def confirmation(found: ReplayedFault) -> str:
+    """Return whether the replay confirms the fault, as a sentence."""
+    if found.errors.confirms:
+        return "The replay confirms the fault: without it the model flies less like the aircraft."
+    return (
+        "The replay does NOT confirm the fault: without it the model flies as much, or more, like "
+        "the aircraft. Either the model is too wrong to say, or nothing failed."
     )
 
 
