@@ -49,7 +49,6 @@ def test_fault_time_and_value_are_found_and_the_model_then_crashes_as_it_did(los
     errors = errors_of(read.log, begin, begin + 400, read.fault)
     assert errors.confirms
     assert errors.faulty["roll"][0] < 0.2 * errors.healed["roll"][0]
-    assert errors.diverged_s is None or errors.diverged_s > 1.0
 
 
 @pytest.mark.parametrize(
