@@ -23,6 +23,13 @@ baseline = _command(
     LAB_PACKAGES,
 )
 diagnose = _command("diagnose", "Say what failed in a flight, and when.", "Study")
+estimate = _command("estimate", "Estimate a flight by its recorded sensors.", "Study", LAB_PACKAGES)
+replay_fault = _command(
+    "replay_fault",
+    "Fly a flight that failed again, by its own and by other laws.",
+    "Study",
+    LAB_PACKAGES,
+)
 reproduce = _command(
     "reproduce", "Fly the paper's scenarios, compare with its results.", "Study", LAB_PACKAGES
 )

@@ -21,9 +21,10 @@ class GcsCommand(NamedTuple):
     """A command, which is imported when it is run; until then only its line of help is there."""
 
     module: str
-    """It has a function of the command's name, whose docstring is its help, or a typer `app`.
+    """It has a function of the command's name, `_` for `-`, or a typer `app`.
 
-    What follows `Examples:` is shown below the options, as `EPILOG` of the module is.
+    The function's docstring is its help. What follows `Examples:` is shown below the options, as
+    `EPILOG` of the module is.
     """
     line: str
     """Of help: the first line of the command's own."""

@@ -6,22 +6,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ftc_lab.written_files import check_picture, save_picture
 from gcs.commands.common import QuietOption
 from gcs.commands.options import JsonOption, LogColumnsOption, LogUavOption
 from gcs.console.errors import BadInput
 from gcs.console.lines import print_json
-from gcs.console.outputs import check_file, make_folder
 from gcs.console.progress import working
 from gcs.console.terminal import console_of, numbers, table_of, texts
-from mavlink_defs.config.output_files import complete_file
 
 if TYPE_CHECKING:
     from ftc_lab.flight_diagnosis.decisions import Diagnosis, Learnt, Watched
     from ftc_lab.flight_diagnosis.relations import Relations, Surface
     from gcs.console.terminal import Terminal
     from gcs.results.logs.table import FlightTable
-
-_PICTURES = (".png", ".svg", ".pdf")
 
 
 def diagnose(
@@ -60,8 +57,7 @@ def diagnose(
     """
     from ftc_lab.flight_diagnosis.decisions import diagnose_flight, learnt, watch
 
-    if out is not None:
-        _check_picture(out)
+    check_picture(out)
     console = console_of(quiet=quiet)
     with working(console, "reading the flight"):
         log, relations = _read(flight, uav, columns, aircraft)
@@ -73,7 +69,9 @@ def diagnose(
     known = learnt(relations)
     diagnosis = diagnose_flight(relations, watched, known)
     if out is not None:
-        _draw(out, watched, diagnosis)
+        from ftc_lab.figures.diagnosis import draw_diagnosis
+
+        save_picture(out, draw_diagnosis(watched, diagnosis))
     if as_json:
         print_json(_json(watched, diagnosis, log.remarks), indent=2)
     else:
@@ -102,24 +100,6 @@ def _read(
         log = flown_run(flight, log, uav)
         nominal = nominal or flown.aircraft_of(uav or flown.uavs[0].id)
     return log, relations_of(log) if nominal is None else relations_by_model(log, nominal)
-
-
-def _check_picture(output: Path) -> None:
-    check_file(output, "--out")
-    if output.suffix not in _PICTURES:
-        raise BadInput(f"--out is {output}, expected a name that ends in {' or '.join(_PICTURES)}")
-
-
-def _draw(output: Path, watched: "Mapping[Surface, Watched]", diagnosis: "Diagnosis") -> None:
-    from ftc_lab.figures.diagnosis import draw_diagnosis
-
-    make_folder(output.parent, "--out")
-    try:
-        with complete_file(output) as file:
-            draw_diagnosis(watched, diagnosis).savefig(file, format=output.suffix[1:])
-    except OSError as problem:  # whose status would be as of a fault that is found
-        text = f"cannot write {output}: {problem.strerror}"
-        raise BadInput(text, "choose another with --out") from None
 
 
 def _json(

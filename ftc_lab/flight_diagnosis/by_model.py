@@ -15,16 +15,15 @@ import numpy as np
 from ftc_autopilot.control.inversion import inversion_problem
 from ftc_lab.flight_diagnosis.relations import (
     LearningPace,
-    MissingError,
     Relation,
     Relations,
-    Signals,
     Surface,
     before,
     only_while,
 )
-from ftc_lab.identification.log_signals import to_ned
+from ftc_lab.flight_signals import FlightSignals, MissingError, command_in, held_mean, to_ned
 from gcs.console.errors import BadInput
+from gcs.results.logs import names
 from gcs.results.logs.table import FlightTable, channel
 from gcs.results.store import EVENTS
 from gcs.results.ulog_export import sent_in
@@ -80,7 +79,7 @@ def relations_by_model(flight: FlightTable, aircraft: Aircraft) -> Relations:
     """
     if (problem := inversion_problem(aircraft, needs_rudder=False)) is not None:
         raise BadInput(f"cannot diagnose by this aircraft: {problem}")
-    signals = Signals(flight, BY_MODEL.rate_hz)
+    signals = FlightSignals.renewed(flight, BY_MODEL.rate_hz)
     try:
         v, attitude, omega = _motion(signals)
         commanded = np.stack([_command(signals, name, aircraft) for name in ACTUATORS], axis=1)
@@ -109,30 +108,21 @@ def relations_by_model(flight: FlightTable, aircraft: Aircraft) -> Relations:
     return Relations(signals.time_s, only_while(signals.flying(), made), ())
 
 
-def _motion(signals: Signals) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _motion(signals: FlightSignals) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return velocity through the air [m/s], attitude [rad], rates [rad/s], each shape (n, 3)."""
-    attitude = np.stack([signals.of(name) for name in ("roll", "pitch", "yaw")], axis=1)
-    omega = np.stack([signals.of(name) for name in "pqr"], axis=1)
-    if signals.has("u", "v", "w", "wind_u", "wind_v", "wind_w"):
-        v = np.stack([signals.of(name) - signals.of(f"wind_{name}") for name in "uvw"], axis=1)
-        return v, attitude, omega
-    ground = np.stack([signals.of(name) for name in ("v_north", "v_east", "v_down")], axis=1)
-    wind = np.stack([signals.of("wind_north"), signals.of("wind_east")], axis=1)
-    ground[:, :2] -= wind
-    return np.einsum("nji,nj->ni", to_ned(attitude), ground), attitude, omega
+    attitude, omega = signals.columns(names.ATTITUDE), signals.columns(names.RATES)
+    ground, wind = signals.ground(), signals.wind()
+    if ground is None or wind is None:
+        raise MissingError(f"the log has no {'velocity' if ground is None else 'wind'}")
+    return ground - wind, attitude, omega
 
 
-def _command(signals: Signals, name: str, aircraft: Aircraft) -> np.ndarray:
+def _command(signals: FlightSignals, name: str, aircraft: Aircraft) -> np.ndarray:
     """Return the mean command over the last span [rad or N], shape (n,)."""
-    if signals.has(f"held_{name}"):
-        return signals.held_mean(f"held_{name}", _SPAN_S)
-    if not signals.has(f"share_{name}"):
+    sent = command_in(signals.flight, name, aircraft)
+    if sent is None:
         raise MissingError(f"the log has no held_{name} or share_{name}")
-    share = signals.held_mean(f"share_{name}", _SPAN_S)
-    if name == "throttle":
-        return share * aircraft.thrust_limit_n
-    low, high = aircraft.stops_deg[ACTUATORS.index(name)]
-    return np.asarray(np.radians(np.where(share < 0.0, -low, high)) * share)
+    return held_mean(sent, signals.time_s, _SPAN_S)
 
 
 def _done(

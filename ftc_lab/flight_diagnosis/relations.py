@@ -27,9 +27,9 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from ftc_lab.flight_signals import FlightSignals, MissingError
 from gcs.console.errors import BadInput
-from gcs.results.logs.names import AIRSPEEDS
-from gcs.results.logs.table import FlightTable, LogChannel, wrapped
+from gcs.results.logs.table import FlightTable, wrapped
 
 Surface = Literal["engine", "aileron", "elevator", "rudder"]
 SURFACES: tuple[Surface, ...] = ("engine", "aileron", "elevator", "rudder")
@@ -39,15 +39,7 @@ _GRAVITY_M_S2 = 9.80665
 _MEAN_S = 0.8  # over which signals are averaged: two periods of the slowest usual telemetry
 _AGO_S = 0.4  # half of it
 _SLOW_MEAN_S = 1.0  # of the engine's, which need not be as fast
-_BRIDGED_S = 1.0  # longest time without a new value that is bridged
-_LEAST_HZ = 1.5  # at which a signal must be renewed
-_FLYING = 0.3  # of the usual speed: slower is on the ground
-_EDGE_S = 2.0  # left out after take-off and before touch-down
-_SLOWEST_M_S = 4.0  # slower is standing or taxiing, and no usual speed
-_MEASURED = {"airspeed": AIRSPEEDS, "height": ("altitude", "baro_height")}
-_MOST = 1e6  # in any unit here: what is more is damage in the log, not a measurement
 _TINY = 1e-9  # of what never changes, as its means differ
-_BY_HAND = {"MANUAL", "ACRO", "TRAINING"}  # modes of ArduPlane and PX4 that follow no attitude
 
 
 Test = Literal["response", "shift", "drop"]
@@ -153,7 +145,7 @@ def relations_of(flight: FlightTable) -> Relations:
     Raises:
         BadInput: It shows none, or there is no flight in it.
     """
-    signals = Signals(flight)
+    signals = FlightSignals.renewed(flight, TELEMETRY.rate_hz)
     found, cannot = [], []
     for surface, make in _MAKERS.items():
         try:
@@ -179,121 +171,6 @@ def _alive(relation: Relation) -> Relation:
     return relation
 
 
-class MissingError(Exception):
-    """A signal that is not there, or too seldom renewed."""
-
-
-class Signals:
-    """Signals of a log on an even grid."""
-
-    def __init__(self, flight: FlightTable, rate_hz: float = TELEMETRY.rate_hz) -> None:
-        self._flight, self._rate_hz = flight, rate_hz
-        steps = int(flight.duration_s * rate_hz + 1e-6) + 1
-        self.time_s = flight.begin_s + np.arange(steps) / rate_hz
-
-    def of(self, *names: str) -> np.ndarray:
-        """Return the first of some signals that the log has, NaN where it has a gap, shape (n,).
-
-        Raises:
-            MissingError: It has none of them, or too few values.
-        """
-        for name in names:
-            if name in self._flight:
-                return self._on_grid(self._flight[name])
-        raise MissingError(f"the log has no {' or '.join(names)}")
-
-    def has(self, *names: str) -> bool:
-        """Return whether the log has all of some signals."""
-        return self._flight.has(names)
-
-    def error(self, name: str) -> np.ndarray:
-        """Return measured minus commanded."""
-        if f"error_{name}" in self._flight:
-            return self.of(f"error_{name}")
-        measured = self.of(*_MEASURED.get(name, (name,)))
-        error = measured - self.of(f"reference_{name}")
-        return wrapped(error, _TURN) if name in {"roll", "pitch"} else error
-
-    def held_mean(self, name: str, span_s: float) -> np.ndarray:
-        """Return the mean over the last seconds of a command, which is held, shape (n,)."""
-        sent = self._flight[name]
-        end_s = max(float(self.time_s[-1]), float(sent.time_s[-1]))
-        lasting = np.diff(np.append(sent.time_s, end_s))
-        integral = np.concatenate([[0.0], np.cumsum(sent.values * lasting)])
-        times = np.append(sent.time_s, end_s)
-        ends = (np.interp(self.time_s - ago, times, integral, np.nan) for ago in (0.0, span_s))
-        return np.asarray((next(ends) - next(ends)) / span_s)
-
-    def _on_grid(self, channel: LogChannel) -> np.ndarray:
-        if not np.ptp(channel.values):  # such as no wind
-            return channel.at(self.time_s)
-        is_command = channel.name.startswith("reference_")  # which may stay as it is
-        time_s, values = (channel.time_s, channel.values) if is_command else _renewed(channel)
-        time_s, values = time_s[np.abs(values) < _MOST], values[np.abs(values) < _MOST]
-        span = float(time_s[-1] - time_s[0])
-        if len(time_s) < 2 or len(time_s) < _LEAST_HZ * span:
-            rate = (len(time_s) - 1) / span if span > 0.0 else 0.0
-            raise MissingError(
-                f"{channel.name} is renewed {rate:.1f} times a second, expected {_LEAST_HZ:g}"
-            )
-        if channel.name.endswith(("roll", "yaw")):
-            values = np.unwrap(values)
-        on_grid = np.interp(self.time_s, time_s, values, left=np.nan, right=np.nan)
-        after = np.clip(np.searchsorted(time_s, self.time_s), 1, len(time_s) - 1)
-        on_grid[time_s[after] - time_s[after - 1] > _BRIDGED_S + 1e-6] = np.nan
-        return np.asarray(on_grid)
-
-    def flying(self) -> np.ndarray:
-        """Return when the aircraft flies, by its speed, shape (n,); always if that is unknown.
-
-        Raises:
-            BadInput: It never does.
-        """
-        try:
-            speed = self.speed()
-        except MissingError:
-            return np.ones(len(self.time_s), bool)
-        moving = speed[speed > _SLOWEST_M_S]
-        if not len(moving):
-            most = np.max(speed[np.isfinite(speed)], initial=0.0)
-            text = f"{self._flight.title} has no flight: its speed is {most:.1f} m/s at most"
-            raise BadInput(text, f"expected {_SLOWEST_M_S:g} m/s or more")
-        slow = (speed < _FLYING * np.median(moving)).astype(float)
-        width = 2 * int(_EDGE_S * self._rate_hz) + 1
-        return np.asarray(np.convolve(slow, np.ones(width))[width // 2 :][: len(slow)] < 0.5)
-
-    def by_autopilot(self) -> np.ndarray:
-        """Return when no pilot flies by hand, shape (n,)."""
-        found = np.ones(len(self.time_s), bool)
-        for begin_s, mode in self._flight.modes:  # each until the next one
-            found[self.time_s >= begin_s] = mode.upper() not in _BY_HAND
-        return found
-
-    def speed(self) -> np.ndarray:
-        """Return the airspeed, else that over the ground, shape (n,) [m/s]."""
-        try:
-            return self.of(*AIRSPEEDS)
-        except MissingError:
-            return np.asarray(np.hypot(self.of("v_north"), self.of("v_east")))
-
-
-def _renewed(channel: LogChannel) -> tuple[np.ndarray, np.ndarray]:
-    """Return times and values where a channel is renewed: merged tables repeat old values.
-
-    Of a value that stays the same, one a second is kept.
-    """
-    new = np.append(True, np.diff(channel.values) != 0.0)
-    spans = np.floor(channel.time_s / _BRIDGED_S)
-    new |= np.append(True, np.diff(spans) > 0.0) & ~_shortly_after(channel.time_s, new)
-    return channel.time_s[new], channel.values[new]
-
-
-def _shortly_after(time_s: np.ndarray, new: np.ndarray) -> np.ndarray:
-    """Return what is less than the bridged time after a new value."""
-    last = np.maximum.accumulate(np.where(new, np.arange(len(new)), 0))
-    return np.asarray(time_s - time_s[last] < _BRIDGED_S)
-
-
 def _mean(signal: np.ndarray, span_s: float) -> np.ndarray:
     """Return the mean over the last seconds; NaN where the signal has not been there so long."""
     steps = TELEMETRY.steps(span_s)
@@ -316,7 +193,7 @@ def _terms(*columns: np.ndarray) -> np.ndarray:
     return np.stack([np.ones_like(columns[0]), *columns], axis=1)
 
 
-def _commanded_rate(signals: Signals, name: str) -> list[np.ndarray]:
+def _commanded_rate(signals: FlightSignals, name: str) -> list[np.ndarray]:
     """Return how fast a commanded angle changes; empty if unknown."""
     try:
         commanded = signals.of(f"reference_{name}")
@@ -326,7 +203,7 @@ def _commanded_rate(signals: Signals, name: str) -> list[np.ndarray]:
     return [_mean(change / _AGO_S, _MEAN_S)]
 
 
-def _aileron(signals: Signals) -> Relation:
+def _aileron(signals: FlightSignals) -> Relation:
     error = _mean(signals.error("roll"), _MEAN_S)
     p = _mean(signals.of("p"), _MEAN_S)
     return Relation(
@@ -339,20 +216,20 @@ def _aileron(signals: Signals) -> Relation:
     )
 
 
-def _elevator(signals: Signals) -> Relation:
+def _elevator(signals: FlightSignals) -> Relation:
     error = _mean(signals.error("pitch"), _MEAN_S)
     q, turn = _mean(signals.of("q"), _MEAN_S), _mean(signals.of("r") ** 2, _MEAN_S)
     terms = _terms(error, _ago(error, _AGO_S), turn, *_commanded_rate(signals, "pitch"))
     return Relation("elevator", "pitch rate by error of pitch", "rad/s", q, terms, "shift")
 
 
-def _rudder(signals: Signals) -> Relation:
+def _rudder(signals: FlightSignals) -> Relation:
     p, r = (_mean(signals.of(name), _MEAN_S) for name in ("p", "r"))
     side = _mean(signals.of("specific_force_y"), _MEAN_S)
     return Relation("rudder", "side force by rates", "m/s²", side, _terms(p, r), "shift")
 
 
-def _engine(signals: Signals) -> Relation:
+def _engine(signals: FlightSignals) -> Relation:
     airspeed = signals.error("airspeed")
     terms = [_mean(airspeed, _SLOW_MEAN_S)]
     with contextlib.suppress(MissingError):
@@ -362,7 +239,7 @@ def _engine(signals: Signals) -> Relation:
     climb = -_mean(signals.of("v_down"), _SLOW_MEAN_S)
     changing = airspeed  # with its command, too, unless the log has the airspeed itself
     with contextlib.suppress(MissingError):
-        changing = signals.of(*_MEASURED["airspeed"])
+        changing = signals.airspeed()
     acceleration = (changing - _ago(changing, _SLOW_MEAN_S)) / _SLOW_MEAN_S
     along = _mean(signals.of("specific_force_x"), _SLOW_MEAN_S)
     excess = (along + _GRAVITY_M_S2 * climb / V + acceleration) / 2.0
@@ -370,7 +247,7 @@ def _engine(signals: Signals) -> Relation:
     return Relation("engine", text, "m/s²", excess, _terms(*terms), "drop")
 
 
-_MAKERS: dict[Surface, Callable[[Signals], Relation]] = {
+_MAKERS: dict[Surface, Callable[[FlightSignals], Relation]] = {
     "engine": _engine,
     "aileron": _aileron,
     "elevator": _elevator,

@@ -7,11 +7,12 @@ time by less than a step.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
+from ftc_lab.flight_signals import FlightSignals, command_in
 from ftc_lab.identification.readings import angles_of
 from gcs.console.errors import BadInput
 from gcs.results.logs import names
@@ -121,44 +122,12 @@ class LogSignals:
         return replace(self, tracks=tracks)
 
 
-@dataclass
-class _Reader:
+class _Reader(FlightSignals):
     """A log on fine steps, with notes of what it lacks."""
 
-    flight: FlightTable
-    aircraft: Aircraft
-    time_s: np.ndarray
-    remarks: list[str] = field(default_factory=list)
-
-    def has(self, *asked: str) -> bool:
-        return self.flight.has(asked)
-
-    def of(self, *chosen: str) -> np.ndarray:
-        """Return channels, shape (n,) of one and (n, m) of several."""
-        found = [self.flight[name].at(self.time_s) for name in chosen]
-        return found[0] if len(found) == 1 else np.stack(found, axis=1)
-
-    def attitude(self) -> np.ndarray | None:
-        return self.of(*names.ATTITUDE) if self.has(*names.ATTITUDE) else None
-
-    def ground(self) -> np.ndarray | None:
-        """Return the velocity over the ground, body axes, shape (n, 3)."""
-        if self.has(*"uvw"):
-            return self.of(*"uvw")
-        attitude = self.attitude()
-        if attitude is None or not self.has(*names.VELOCITY):
-            return None
-        return np.asarray(np.einsum("nij,ni->nj", to_ned(attitude), self.of(*names.VELOCITY)))
-
-    def wind(self) -> np.ndarray | None:
-        """Return the wind of the log, body axes, shape (n, 3)."""
-        if self.has("wind_u", "wind_v", "wind_w"):
-            return self.of("wind_u", "wind_v", "wind_w")
-        attitude = self.attitude()
-        if attitude is None or not self.has("wind_north", "wind_east"):
-            return None
-        wind = np.column_stack([self.of("wind_north", "wind_east"), np.zeros(len(self.time_s))])
-        return np.asarray(np.einsum("nij,ni->nj", to_ned(attitude), wind))
+    def __init__(self, flight: FlightTable, aircraft: Aircraft, time_s: np.ndarray) -> None:
+        super().__init__(flight, time_s)
+        self.aircraft, self.remarks = aircraft, list[str]()
 
     def air(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, bool]:
         """Return true airspeed, dynamic pressure, α, β, and whether vanes measured the angles."""
@@ -169,17 +138,15 @@ class _Reader:
             density = rho if measured.name == "V" else _SEA_LEVEL_KG_M3
             q = 0.5 * density * np.maximum(measured.at(self.time_s), 0.0) ** 2
             V = np.sqrt(2.0 * q / rho)
-        vanes = self.has("angle_of_attack") and self.has("sideslip") and V is not None
-        if not vanes and ground is not None and wind is None and V is not None:
-            wind = self._steady_wind(ground, V)
-        if V is None and (ground is None or wind is None):
-            text = f"{self.flight.title} has no airspeed, and no wind by which it could be known"
-            raise BadInput(text, "identification needs V, indicated_airspeed, or a wind estimate")
-        if vanes:
-            assert V is not None
-            assert q is not None
-            return V, q, self.of("angle_of_attack"), self.of("sideslip"), True
+            if self.has("angle_of_attack", "sideslip"):
+                return V, q, self.of("angle_of_attack"), self.of("sideslip"), True
+            if ground is not None and wind is None:
+                wind = self._fitting_wind(V)
         if ground is None or wind is None:
+            if V is None:
+                text = f"{self.flight.title} has no airspeed, and no wind by which it could be"
+                hint = "identification needs V, indicated_airspeed, or a wind estimate"
+                raise BadInput(f"{text} known", hint)
             text = f"{self.flight.title} has no angle_of_attack and sideslip, and no attitude and "
             raise BadInput(f"{text}velocity by which they could be known")
         through = ground - wind
@@ -194,50 +161,32 @@ class _Reader:
             )
         return V, q, alpha, beta, False
 
-    def _steady_wind(self, ground: np.ndarray, V: np.ndarray) -> np.ndarray:
-        """Return the horizontal wind with which ground speeds fit airspeeds best, body axes."""
-        from scipy.optimize import least_squares
-
-        attitude = self.attitude()
-        assert attitude is not None
-        rotation = to_ned(attitude)
-        ned = np.einsum("nij,nj->ni", rotation, ground)
-        slowest = _SLOWEST * self.aircraft.airspeed_min_m_s
-        known = np.isfinite(ned).all(axis=1) & (slowest < V)
-        ned, V = ned[known], V[known]
-        if len(V) < 3:
-            raise BadInput(f"{self.flight.title} has no flight: its airspeed is too low")
-
-        def left(w: np.ndarray) -> np.ndarray:
-            through = np.linalg.norm(ned - np.array([w[0], w[1], 0.0]), axis=1)
-            return np.asarray(through - V)
-
-        north, east = least_squares(left, np.zeros(2)).x
+    def _fitting_wind(self, V: np.ndarray) -> np.ndarray:
+        """Return the steady wind that fits an airspeed, body axes, shape (n, 3)."""
+        north, east = self.steady_wind(V, _SLOWEST * self.aircraft.airspeed_min_m_s)
         text = f"a steady wind of {north:.1f} m/s to the north and {east:.1f} m/s to the east"
         self.remarks.append(f"no wind in the log: {text} fits the airspeed best")
-        return np.asarray(np.einsum("nij,i->nj", rotation, np.array([north, east, 0.0])))
+        assert self.rotation is not None
+        return np.asarray(np.einsum("nij,i->nj", self.rotation[:, :2], np.array([north, east])))
 
     def force(self, omega: np.ndarray) -> np.ndarray:
         """Return the specific force, shape (n, 3): v̇ + ω × v - g where it is not measured."""
         if self.has(*names.FORCE):
-            return self.of(*names.FORCE)
-        ground, attitude = self.ground(), self.attitude()
-        if ground is None or attitude is None:
+            return self.columns(names.FORCE)
+        ground = self.ground()
+        if ground is None or self.rotation is None:
             text = f"{self.flight.title} has no specific_force, and no velocity and attitude from"
             raise BadInput(f"{text} which it could be known")
         slope = np.gradient(ground, self.time_s, axis=0)
-        gravity = self.aircraft.gravity_m_s2 * to_ned(attitude)[:, 2, :]
+        gravity = self.aircraft.gravity_m_s2 * self.rotation[:, 2, :]
         return np.asarray(slope + np.cross(omega, ground) - gravity)
 
     def surface(self, name: str, stops: tuple[float, float]) -> np.ndarray:
         """Return a deflection [rad]: where it was, else the command, shape (n,)."""
-        for kind in ("applied", "held"):
-            if self.has(f"{kind}_{name}"):
-                return self.of(f"{kind}_{name}")
-        if self.has(f"share_{name}"):
-            share = self.of(f"share_{name}")
-            low, high = np.radians(stops)
-            return np.asarray(np.where(share < 0.0, -low, high) * share)
+        if self.has(f"applied_{name}"):
+            return self.of(f"applied_{name}")
+        if (sent := command_in(self.flight, name, self.aircraft)) is not None:
+            return sent.at(self.time_s)
         if not np.any(stops):
             return np.zeros(len(self.time_s))
         raise BadInput(
@@ -247,25 +196,13 @@ class _Reader:
 
     def thrust(self, V: np.ndarray, record: AircraftRecord) -> np.ndarray | None:
         """Return the thrust as the aircraft's file has it [N], shape (n,)."""
-        for kind in ("applied", "held"):
-            if self.has(f"{kind}_throttle"):
-                return self.of(f"{kind}_throttle")
+        if self.has("applied_throttle") or self.has("held_throttle"):
+            return self.of("applied_throttle", "held_throttle")
         if not self.has("share_throttle"):
             self.remarks.append("no throttle: thrust, and with it drag, does not show")
             return None
         most = np.array([available_thrust(one, record) for one in np.nan_to_num(V).tolist()])
         return np.asarray(self.of("share_throttle") * most)
-
-
-def to_ned(attitude: np.ndarray) -> np.ndarray:
-    """Return the rotations from body axes to north, east, down, shape (n, 3, 3)."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos(attitude).T, np.sin(attitude).T
-    rows = [
-        [cp * cy, sr * sp * cy - cr * sy, cr * sp * cy + sr * sy],
-        [cp * sy, sr * sp * sy + cr * cy, cr * sp * sy - sr * cy],
-        [-sp, sr * cp, cr * cp],
-    ]
-    return np.moveaxis(np.array(rows), -1, 0)
 
 
 def log_signals(flight: FlightTable, aircraft: Aircraft) -> LogSignals:
@@ -281,7 +218,7 @@ def log_signals(flight: FlightTable, aircraft: Aircraft) -> LogSignals:
     fine_s, every = _steps(flight)
     reader, record = _Reader(flight, aircraft, fine_s), aircraft_record(aircraft)
     J = np.array(record["J"])
-    omega = reader.of(*names.RATES)
+    omega = reader.columns(names.RATES)
     V, pressure, alpha, beta, by_vanes = reader.air()
     force = reader.force(omega)
     moving = {
@@ -369,10 +306,9 @@ def _kinematic(
     force: np.ndarray,
 ) -> np.ndarray:
     """Return ẇ and v̇ of the rigid body in steady wind, NaN without an attitude, shape (n, 2)."""
-    attitude = reader.attitude()
-    if attitude is None:
+    if reader.rotation is None:
         return np.full((len(V), 2), np.nan)
-    down = reader.aircraft.gravity_m_s2 * to_ned(attitude)[:, 2, :]
+    down = reader.aircraft.gravity_m_s2 * reader.rotation[:, 2, :]
     u, v, w = V * np.cos(alpha) * np.cos(beta), V * np.sin(beta), V * np.sin(alpha) * np.cos(beta)
     p, q, r = omega.T
     w_dot = force[:, 2] + down[:, 2] + q * u - p * v

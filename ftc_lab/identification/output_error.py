@@ -286,12 +286,11 @@ def fit_moments(
     def problem(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         if x.tobytes() not in solved_at:
             left, slopes = motion.linearised(model_at(x), free)
-            columns = slopes.reshape(size, -1) * unit
+            both = np.column_stack([slopes.reshape(size, -1) * unit, left.ravel()])
+            last = np.column_stack([prior, prior @ x])
+            few = np.linalg.qr(np.concatenate([both, last]), "r")  # with the same products
             solved_at.clear()
-            solved_at[x.tobytes()] = (
-                np.append(left.ravel(), prior @ x),
-                np.concatenate([columns, prior]),
-            )
+            solved_at[x.tobytes()] = few[:, -1], few[:, :-1]
         return solved_at[x.tobytes()]
 
     x = unknown.inside(np.array([{**start.values, **start.shifts_s}[name] for name in free]) / unit)
@@ -306,7 +305,7 @@ def fit_moments(
         )
         solved_at.clear()
         x = unknown.inside(solved.x)
-        rest = solved.fun[:size].reshape(-1, 3) * model.scale
+        rest = motion.linearised(model_at(solved.x), free)[0].reshape(-1, 3) * model.scale
         model = replace(model_at(x), scale=np.sqrt(np.mean(rest**2, axis=0)))
     left, slopes = motion.linearised(model, free)
     columns = dict(zip(free, slopes.reshape(size, -1).T, strict=True))

@@ -80,8 +80,9 @@ class _Commands(TyperGroup):
             home: Any = load(name, command)
         gc.freeze()  # what is imported stays: to search it for garbage takes a tenth of a second
         holder = typer.Typer(rich_markup_mode="markdown")
-        if hasattr(home, name) and not hasattr(home, "app"):
-            holder.command(name, epilog=getattr(home, "EPILOG", None))(getattr(home, name))
+        function = getattr(home, name.replace("-", "_"), None)
+        if function is not None and not hasattr(home, "app"):
+            holder.command(name, epilog=getattr(home, "EPILOG", None))(function)
         else:
             holder.add_typer(home.app, name=name)
         self.commands[name] = _without_types(typer.main.get_group(holder).commands[name])

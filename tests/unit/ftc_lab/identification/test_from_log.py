@@ -11,10 +11,11 @@ import typer
 from typer.testing import CliRunner
 
 from ftc_lab.commands.identify import identify
+from ftc_lab.flight_signals import to_ned
 from ftc_lab.identification.from_log import identify_log
 from ftc_lab.identification.identified import Identified, verdict
 from ftc_lab.identification.log_fit import moment_problem
-from ftc_lab.identification.log_signals import log_signals, to_ned
+from ftc_lab.identification.log_signals import log_signals
 from ftc_lab.identification.output_error import (
     MOMENT_TERMS,
     SHIFTS,

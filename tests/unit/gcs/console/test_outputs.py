@@ -21,6 +21,7 @@ NOWHERE = "--connect udpout:127.0.0.1:1 --timeout 0.1"
 FILES = {
     "diagnose": "diagnose flight.csv",
     "design": "design aerosonde --law tube",
+    "estimate": "estimate flight.csv",
     "identify": "identify own:aerosonde --cruise 24",
     "mission download": f"mission download {NOWHERE}",
     "profile download": f"profile download {NOWHERE}",
@@ -36,6 +37,7 @@ FOLDERS = {
     "config": f"config paper/scenario1 {SHORT}",
     "export": "export runs/one --to csv",
     "fly": f"fly {FLY}",
+    "replay-fault": "replay-fault flight.csv --aircraft aerosonde",
     "reproduce": "reproduce",
     "sweep": f"sweep paper/scenario1 {SHORT} --set seed=1,2 --jobs 1",
     "up": "up paper/scenario1 --free-ports",

@@ -1,0 +1,1 @@
+"""The estimator of the autopilot over what the sensors of a recorded flight reported."""
