@@ -16,7 +16,7 @@ from pathlib import Path
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.foreign.arduplane import ArduPlane
 from ftc_autopilot.foreign.base import ForeignAutopilot, ForeignError, ForeignInputError
-from ftc_autopilot.foreign.plant_link import PlantLink
+from ftc_autopilot.foreign.plant_link import PlantSide
 from ftc_autopilot.foreign.px4_plane import Px4Plane
 from ftc_autopilot.foreign.recorder import ForeignRecorder
 from ftc_autopilot.foreign.vehicle import ForeignVehicle
@@ -71,7 +71,7 @@ class Bridge:
         key, shared = config.signing_key, None
         if key is not None:
             shared = Signer(KeyFile(key, self._log).at, open_time(key), PLANT_LINK)
-        self._link = PlantLink(config.id, shared)
+        self._link = PlantSide(config.id, shared)
         self._signing = GcsSigning(config.id, key)
         self._plant = sockets.enter_context(
             endpoint.connect_udp(endpoint.parse_address(config.plant))

@@ -35,7 +35,7 @@ _NO_INTERVAL = 2**32 - 1
 _NOTHING = 2**64 - 1  # FTC_SIM_STATE.actuator_time_usec before the first actuator message
 
 
-class PlantLink:
+class PlantSide:
     """One aircraft's link to the plant.
 
     Attributes:

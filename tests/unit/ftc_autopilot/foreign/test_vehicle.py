@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as theirs
 
-from ftc_autopilot.foreign.plant_link import PlantLink
+from ftc_autopilot.foreign.plant_link import PlantSide
 from ftc_autopilot.foreign.vehicle import ForeignVehicle, frames_in
 from mavlink_defs import dialect
 from mavlink_defs.framing.frames import FramePacker, parse
@@ -17,7 +17,7 @@ UAV = 7
 
 @pytest.fixture
 def vehicle() -> ForeignVehicle:
-    return ForeignVehicle(UAV, Origin(), PlantLink(UAV, None).counts)
+    return ForeignVehicle(UAV, Origin(), PlantSide(UAV, None).counts)
 
 
 @pytest.fixture
@@ -95,7 +95,7 @@ def test_the_plants_answer_is_the_stations(vehicle: ForeignVehicle) -> None:
 
 
 def test_only_changes_are_sent_and_what_was_lost_again() -> None:
-    link, simulator = PlantLink(UAV, None), FramePacker(UAV, 25)
+    link, simulator = PlantSide(UAV, None), FramePacker(UAV, 25)
 
     def state(step: int, applied: int | None) -> bytes:
         message = dialect.MAVLink_ftc_sim_state_message(
