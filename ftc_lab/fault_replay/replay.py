@@ -111,7 +111,7 @@ class LogMotion:
         level = np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)
         body = ground - self.airspeed[:, None] * np.stack(level, axis=1)
         found = np.einsum("nij,nj->ni", rotation, body)
-        return np.where(np.isfinite(found), found, self.wind)
+        return np.asarray(np.where(np.isfinite(found), found, self.wind))
 
     @staticmethod
     def _height(signals: FlightSignals) -> np.ndarray:
