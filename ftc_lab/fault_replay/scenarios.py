@@ -42,7 +42,7 @@ class FlownLaw(NamedTuple):
 def scenario_for(log: LogMotion, fault: FoundFault, law: str, title: str) -> Scenario:
     """Return a flight by a law that begins as the log does before the fault, and holds level.
 
-    Its parameters are those of a design for the aircraft.
+    Its parameters are of a design for the aircraft.
 
     Args:
         log: The log.

@@ -166,6 +166,6 @@ def test_the_command_says_it_as_json_and_by_its_status(flight: FlightTable, tmp_
     app.command()(estimate)
     done = CliRunner().invoke(app, [str(path), "--json", "--compass", "raw", "--out", str(picture)])
     assert done.exit_code == 0, done.output
-    told = json.loads(done.stdout)
-    assert told["errors"]["pitch"]["most_95"] < 1.5
+    said = json.loads(done.stdout)
+    assert said["errors"]["pitch"]["most_95"] < 1.5
     assert picture.stat().st_size > 10_000
