@@ -1,4 +1,4 @@
-"""Figure of an estimate: its errors beside what it expects of them, the wind, and which sensors it had."""
+"""Figure of an estimate: its errors with what it expects of them, the wind, and lost sensors."""
 
 from typing import TYPE_CHECKING
 

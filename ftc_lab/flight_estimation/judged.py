@@ -70,7 +70,7 @@ class JudgedEstimate:
     Attributes:
         span_s: From when to when it was judged.
         errors: Against the log's own solution, by quantity; empty if it has none.
-        expected_deg: Standard deviation that the filter gives itself, mean [deg], of roll, pitch, yaw.
+        expected_deg: Mean standard deviation by the filter itself, of roll, pitch, yaw [deg].
         nis: By sensor.
         exclusions: In the order of time.
         resets: Times that the filter began again, or was set to a fix.

@@ -87,7 +87,7 @@ def test_another_law_lives_and_the_page_has_all_three(lost: Path, tmp_path: Path
     said = json.loads(printed)
     assert status == 0
     assert said["laws"]["surviving"]["loss"] is None
-    assert "ground" in told["laws"][LAW]["loss"]
+    assert "ground" in said["laws"][LAW]["loss"]
     assert said["model"]["confirms_the_fault"]
     page = (out / "report.md").read_text(encoding="utf-8")
     for text in ("the log", "the model under the recorded commands", "surviving", "LOST"):
