@@ -99,7 +99,7 @@ def _json(found: "FlightEstimate") -> dict[str, object]:
         "judged_from_s": judged.span_s[0],
         "judged_to_s": judged.span_s[1],
         "errors": {name: one._asdict() for name, one in judged.errors.items()},
-        "told_std_deg": dict(zip(("roll", "pitch", "yaw"), judged.told, strict=True)),
+        "own_std_deg": dict(zip(("roll", "pitch", "yaw"), judged.expected_deg, strict=True)),
         "nis": {name: one._asdict() for name, one in judged.nis.items()},
         "exclusions": [one._asdict() for one in judged.exclusions],
         "resets": judged.resets,
@@ -158,7 +158,7 @@ def _verdict(found: "FlightEstimate") -> "list[str]":
     lines = [
         f"Judged from {judged.span_s[0]:.0f} to {judged.span_s[1]:.0f} s; the filter's own "
         "standard deviations of roll, pitch, yaw are {:.1f}, {:.1f}, {:.1f} deg.".format(
-            *judged.told
+            *judged.expected_deg
         ),
         f"Latency of the receiver: {found.latency_s:.2f} s taken, {by_flight}, "
         f"the filter has learnt {found.learnt_s:.2f} s.",

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ftc_lab.fault_replay.found import FoundFault
-from ftc_lab.flight_signals import FlightSignals, command_in
+from ftc_lab.flight_signals import FlightSignals, command_in, to_ned
 from gcs.results.logs import names
 from gcs.results.logs.table import FlightTable, LogChannel, wrapped
 from mavlink_defs.constants import ACTUATORS
@@ -24,7 +24,7 @@ _STEP_S = 0.01
 _EARLY = 2  # of `HORIZONS_S`: later a fault that is compensated shows in all
 _CLEARLY = 0.8
 _STARTS = 24  # healthy ones, of which bands are made
-_ONE = {name: k for k, name in enumerate(ACTUATORS)}
+_ONE: dict[str, int] = {name: k for k, name in enumerate(ACTUATORS)}
 
 
 class ServoTimes(NamedTuple):
@@ -111,13 +111,13 @@ class LogMotion:
         level = np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)
         body = ground - self.airspeed[:, None] * np.stack(level, axis=1)
         found = np.einsum("nij,nj->ni", rotation, body)
-        return np.where(np.isfinite(found), found, self.wind)
+        return np.asarray(np.where(np.isfinite(found), found, self.wind))
 
     @staticmethod
     def _height(signals: FlightSignals) -> np.ndarray:
         for name, sign in (("down", -1.0), ("altitude", 1.0), ("baro_height", 1.0)):
             if signals.has(name):
-                return sign * signals.of(name)
+                return np.asarray(sign * signals.of(name))
         return np.zeros(len(signals.time_s))
 
     @staticmethod
@@ -125,7 +125,7 @@ class LogMotion:
         if one is None:
             return np.zeros(len(at_s))
         held = replace(one, by_event=True).at(np.maximum(at_s, one.time_s[0]))
-        return np.clip(held, low, high)
+        return np.asarray(np.clip(held, low, high))
 
     def index(self, time_s: float) -> int:
         """Return the step at a time."""
@@ -143,10 +143,12 @@ class LogMotion:
         simulator = OwnSimulator(self.aircraft)
         pull = [1.0 if lag < 1e-4 else 1.0 - math.exp(-_STEP_S / lag) for lag in self.servos.lags_s]
         at, rows = self.sent[begin].copy(), []
-        start = (self.ground[begin], self.attitude[begin], self.rates[begin])
-        v, angles, omega = (tuple(map(float, one)) for one in start)
+        v, angles, omega = (
+            (float(x), float(y), float(z))
+            for x, y, z in (self.ground[begin], self.attitude[begin], self.rates[begin])
+        )
         place = (0.0, 0.0, -float(self.height[begin]))
-        simulator.reset(Motion(place, v, angles, omega, (0.0, 0.0, 0.0)))  # type: ignore[arg-type] - of three
+        simulator.reset(Motion(place, v, angles, omega, (0.0, 0.0, 0.0)))
         for k in range(begin, end):
             now = simulator.read()
             rotated = self._through(now, self.wind[k])
@@ -163,8 +165,6 @@ class LogMotion:
 
     @staticmethod
     def _through(now: Motion, wind: np.ndarray) -> float:
-        from ftc_lab.flight_signals import to_ned
-
         body = to_ned(np.array([now.attitude]))[0].T @ wind
         return float(np.linalg.norm(np.array(now.velocity) - body))
 

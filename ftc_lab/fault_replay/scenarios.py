@@ -1,6 +1,5 @@
 """The fault of a log as ordinary scenario files, one for each law."""
 
-import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -43,7 +42,7 @@ class FlownLaw(NamedTuple):
 def scenario_for(log: LogMotion, fault: FoundFault, law: str, title: str) -> Scenario:
     """Return a flight by a law that begins as the log does before the fault, and holds level.
 
-    Its parameters are those of a design for the aircraft.
+    Its parameters are of a design for the aircraft.
 
     Args:
         log: The log.
@@ -79,14 +78,14 @@ def scenario_for(log: LogMotion, fault: FoundFault, law: str, title: str) -> Sce
         "pitch_deg": round(float(np.clip(pitch, -_MOST_PITCH_DEG, _MOST_PITCH_DEG)), 1),
         "yaw_deg": round(yaw, 1),
     }
-    north, east, down = np.round(np.mean(log.wind[k:], axis=0), 2).tolist()
+    wind: list[float] = np.asarray(np.mean(log.wind[k:], axis=0)).round(2).tolist()
     rest_s = float(log.time_s[-1]) - begin_s
     tree |= {
         "name": f"{title}, {law}",
         "description": f"What failed in {title}: {fault}, {begin_s:.2f} s of the log being 0.",
         "duration_s": round(min(max(rest_s, _LEAST_S), _MOST_S), 1),
         "aircraft": aircraft.model_dump(exclude_none=True),
-        "wind": {"steady": {"north_m_s": north, "east_m_s": east, "down_m_s": down}},
+        "wind": {"steady": dict(zip(("north_m_s", "east_m_s", "down_m_s"), wind, strict=True))},
         "profile": [hold],
         "uavs": [{"id": 1, "name": "as in the log", "initial": initial}],
         "faults": [_entry(fault, 1, fault.onset_s - begin_s)],
@@ -129,9 +128,3 @@ def fly_law(scenario: Scenario, law: str, uav: int, folder: Path, zero_s: float)
     values = {name: np.degrees(own[name].to_numpy()) for name in ("roll", "pitch", "yaw")}
     values |= {"airspeed": own["V"].to_numpy(), "height": -own["down"].to_numpy()}
     return FlownLaw(law, file, flight.loss, Replayed(time_s + zero_s, values))
-
-
-def highest_roll(flown: Replayed, since_s: float) -> float:
-    """Return the largest roll since a time [deg]; NaN without any."""
-    roll = np.abs(flown.values["roll"][flown.time_s >= since_s])
-    return float(np.nanmax(roll)) if len(roll) else math.nan

@@ -1,4 +1,4 @@
-"""Figure of an estimate: its errors beside what it has told, the wind, and which sensors it had."""
+"""Figure of an estimate: its errors with what it expects of them, the wind, and lost sensors."""
 
 from typing import TYPE_CHECKING
 
@@ -24,13 +24,13 @@ def draw_estimate(found: FlightEstimate, flight: FlightTable) -> "Figure":
     t, reports = followed.samples.time_s, followed.reports
     errors = differences(followed, flight)
     for k, name in enumerate(ATTITUDE):
-        told = np.degrees(reports["attitude_std"][:, k])
+        own = np.degrees(reports["attitude_std"][:, k])
         off, label = errors.get(name, (None, ""))[0], "estimated less recorded"
         if off is None:
             off, label = np.degrees(followed.states["attitude"][:, k]), "estimated"
         else:
             for side in (-2.0, 2.0):
-                draw_curve(panels[k], t, side * told, color="0.6", label="2 standard deviations")
+                draw_curve(panels[k], t, side * own, color="0.6", label="2 standard deviations")
         draw_curve(panels[k], t, off, color=style(1).colour, label=label)
         panels[k].set_ylabel(f"{name}\n[deg]")
     for k, name in enumerate(("north", "east")):

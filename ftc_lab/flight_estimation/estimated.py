@@ -63,22 +63,22 @@ def estimate_flight(
     """
     span_s = flown_span(flight, *within_s)
     own = aircraft or _any_aircraft(flight)
-    told = latency_s or 0.0
+    taken = latency_s or 0.0
     for _ in range(_PASSES):
-        samples = samples_of(flight, span_s, told, compass, sensors)
+        samples = samples_of(flight, span_s, taken, compass, sensors)
         followed = follow_flight(samples, own)
         shown = latency_by(followed, own.gravity_m_s2)
-        if latency_s is not None or shown is None or abs(shown - told) < _ENOUGH_S:
+        if latency_s is not None or shown is None or abs(shown - taken) < _ENOUGH_S:
             break
-        told = round(min(max(shown, 0.0), 1.0), 3)
+        taken = round(min(max(shown, 0.0), 1.0), 3)
     remarks = list(samples.remarks)
     if aircraft is None:
         remarks.append(
             "no --aircraft: its side force says nothing of sideslip, and the lift is guessed"
         )
-    learnt = told + float(followed.reports["delay"][-1])
+    learnt = taken + float(followed.reports["delay"][-1])
     return FlightEstimate(
-        followed, judge_estimate(followed, flight), told, shown, learnt, tuple(remarks)
+        followed, judge_estimate(followed, flight), taken, shown, learnt, tuple(remarks)
     )
 
 

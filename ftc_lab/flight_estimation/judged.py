@@ -70,7 +70,7 @@ class JudgedEstimate:
     Attributes:
         span_s: From when to when it was judged.
         errors: Against the log's own solution, by quantity; empty if it has none.
-        told: Standard deviation that the filter has told, mean [deg], of roll, pitch, yaw.
+        expected_deg: Mean standard deviation by the filter itself, of roll, pitch, yaw [deg].
         nis: By sensor.
         exclusions: In the order of time.
         resets: Times that the filter began again, or was set to a fix.
@@ -79,7 +79,7 @@ class JudgedEstimate:
 
     span_s: tuple[float, float]
     errors: Mapping[str, ErrorSize]
-    told: tuple[float, float, float]
+    expected_deg: tuple[float, float, float]
     nis: Mapping[str, NisFigure]
     exclusions: tuple[Exclusion, ...]
     resets: int
@@ -120,7 +120,7 @@ def judge_estimate(followed: FollowedFlight, flight: FlightTable) -> JudgedEstim
     # a variance below zero is no number here: the filter is lost as well
     number = np.isfinite(followed.states["attitude"]).all(axis=1)
     number &= np.isfinite(reports["attitude_std"]).all(axis=1)
-    told = np.degrees(reports["attitude_std"][late & number]).mean(axis=0)
+    own = np.degrees(reports["attitude_std"][late & number]).mean(axis=0)
     errors = {}
     for name, (off, unit) in differences(followed, flight).items():
         size = np.abs(off[late & np.isfinite(off)])
@@ -130,7 +130,7 @@ def judge_estimate(followed: FollowedFlight, flight: FlightTable) -> JudgedEstim
     return JudgedEstimate(
         (float(begin), float(t[-1])),
         errors,
-        (float(told[0]), float(told[1]), float(told[2])),
+        (float(own[0]), float(own[1]), float(own[2])),
         {name: found for name, found in _nis(followed, late) if found is not None},
         tuple(_exclusions(followed)),
         int(reports["resets"][-1]),

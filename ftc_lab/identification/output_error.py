@@ -288,7 +288,7 @@ def fit_moments(
             left, slopes = motion.linearised(model_at(x), free)
             both = np.column_stack([slopes.reshape(size, -1) * unit, left.ravel()])
             last = np.column_stack([prior, prior @ x])
-            few = np.linalg.qr(np.concatenate([both, last]), "r")  # with the same products
+            few = np.asarray(np.linalg.qr(np.concatenate([both, last]), mode="r"))  # same products
             solved_at.clear()
             solved_at[x.tobytes()] = few[:, -1], few[:, :-1]
         return solved_at[x.tobytes()]

@@ -180,7 +180,7 @@ def test_every_command_of_gcs_is_documented() -> None:
 
 def test_listed_commands_have_whole_sentences_and_links() -> None:
     page = generated("commands")
-    listed = re.findall(r"^\* \[`(gcs [a-z ]+)`\]\(#([a-z-]+)\): (.*)$", page, re.MULTILINE)
+    listed = re.findall(r"^\* \[`(gcs [a-z -]+)`\]\(#([a-z-]+)\): (.*)$", page, re.MULTILINE)
     assert len(listed) == len(re.findall(r"^#{3,5} `gcs ", page, re.MULTILINE))
     assert all(anchor == name.replace(" ", "-") for name, anchor, _ in listed)
     assert not [sentence for _, _, sentence in listed if sentence.endswith("...")]

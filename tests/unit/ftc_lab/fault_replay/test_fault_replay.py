@@ -84,11 +84,11 @@ def test_another_law_lives_and_the_page_has_all_three(lost: Path, tmp_path: Path
     out = tmp_path / "again"
     laws = ("--controller.kind", "surviving", "--controller.kind", LAW)
     status, printed = _run(str(lost), "--uav", "1", *laws, "--out", str(out), "--json")
-    told = json.loads(printed)
+    said = json.loads(printed)
     assert status == 0
-    assert told["laws"]["surviving"]["loss"] is None
-    assert "ground" in told["laws"][LAW]["loss"]
-    assert told["model"]["confirms_the_fault"]
+    assert said["laws"]["surviving"]["loss"] is None
+    assert "ground" in said["laws"][LAW]["loss"]
+    assert said["model"]["confirms_the_fault"]
     page = (out / "report.md").read_text(encoding="utf-8")
     for text in ("the log", "the model under the recorded commands", "surviving", "LOST"):
         assert f"| {text}" in page or text in page
@@ -106,10 +106,10 @@ def test_the_log_of_another_autopilot_is_flown_from_before_its_fault(
     status, printed = _run(
         str(path), "--aircraft", "paper", "--as-given", "--out", str(out), "--json"
     )
-    told = json.loads(printed)
+    said = json.loads(printed)
     assert status == 0
-    assert told["fault"]["actuator"] == "aileron"
-    assert told["fault"]["values"]["stuck_deg"] == pytest.approx(20.0, abs=1.0)
+    assert said["fault"]["actuator"] == "aileron"
+    assert said["fault"]["values"]["stuck_deg"] == pytest.approx(20.0, abs=1.0)
     scenario = load_scenario(out / "surviving.yaml")
     assert scenario.uavs[0].initial.airspeed_m_s == pytest.approx(45.0, abs=3.0)
     assert scenario.actuator_faults[0].start_s == pytest.approx(2.0, abs=0.1)

@@ -144,15 +144,8 @@ def test_what_is_missing_is_named(flight: FlightTable, without: tuple[str, ...],
 
 
 def test_without_what_can_be_done_without(flight: FlightTable) -> None:
-    gone = (
-        "magnetic_x",
-        "static_pressure",
-        "dynamic_pressure",
-        "indicated_airspeed",
-        "roll",
-        "pitch",
-    )
-    gone += ("yaw", "wind_north", "wind_east", "gnss_v_down")
+    gone = {"magnetic_x", "static_pressure", "dynamic_pressure", "indicated_airspeed"}
+    gone |= {"roll", "pitch", "yaw", "wind_north", "wind_east", "gnss_v_down"}
     kept = {name: one for name, one in flight.channels.items() if name not in gone}
     found = estimate_flight(replace(flight, channels=kept))
     for text in ("no barometer", "no airspeed", "no magnetometer", "no vertical velocity"):
@@ -173,6 +166,6 @@ def test_the_command_says_it_as_json_and_by_its_status(flight: FlightTable, tmp_
     app.command()(estimate)
     done = CliRunner().invoke(app, [str(path), "--json", "--compass", "raw", "--out", str(picture)])
     assert done.exit_code == 0, done.output
-    told = json.loads(done.stdout)
-    assert told["errors"]["pitch"]["most_95"] < 1.5
+    said = json.loads(done.stdout)
+    assert said["errors"]["pitch"]["most_95"] < 1.5
     assert picture.stat().st_size > 10_000
