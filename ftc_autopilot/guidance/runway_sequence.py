@@ -49,7 +49,7 @@ def why_not_in_sequence(formation: Formation, figures: RunwayFigures) -> str | N
 @compiled
 def lands_alone(path: np.void, s: float) -> bool:
     """Return whether a member at s is on the line of its landing, or on the way around to it."""
-    return bool(0.0 < path["landing"] and path["final"] <= s)
+    return bool(path["landing"] > 0.0 and path["final"] <= s)
 
 
 @compiled
