@@ -70,6 +70,7 @@ def main() -> None:
     one = partial(flown, given.wind, given.across, given.whole)
     with multiprocessing.get_context("spawn").Pool(given.jobs) as pool:
         found = pool.map(one, range(given.seed, given.seed + given.flights))
+    assert _BASE.runway is not None
     good, width = "landed" if given.whole else "in the air", _BASE.runway.width_m
     each = [(a, o) for outcomes, off, _ in found for a, o in zip(outcomes, off, strict=True)]
     within = [o <= 0.5 * width for a, o in each if a == good]

@@ -170,9 +170,9 @@ class Planner:
             text = "the aircraft stands on the ground; begin with NAV_TAKEOFF (22)"
             raise ItemError(first, dialect.MAV_MISSION_INVALID, text)
         if self._formation is not None and path.marks.landing and self.limits.runway is not None:
-            text = why_not_in_sequence(self._formation, self.limits.runway)
-            if text is not None:
-                raise ItemError(int(path.legs[-1].item), dialect.MAV_MISSION_UNSUPPORTED, text)
+            why = why_not_in_sequence(self._formation, self.limits.runway)
+            if why is not None:
+                raise ItemError(int(path.legs[-1].item), dialect.MAV_MISSION_UNSUPPORTED, why)
         if self._formation is not None and start is None and self.limits.runway is not None:
             path = _from_one_runway(path, mission)
         made = _record(path), path.remarks

@@ -18,42 +18,40 @@ import numpy as np
 
 from ftc_autopilot.guidance.aircraft_limits import limits_of
 from ftc_autopilot.guidance.laws.base import GuidanceParameters
+from ftc_autopilot.guidance.runway_performance import (
+    ROTATE,
+    STEEPEST_SHARE,
+    carried_linearly,
+    drag_of,
+    glide_of,
+    landing_roll,
+    stall_airspeed,
+    take_off_roll,
+)
 from mavlink_defs.config.models import Model
 from mavlink_defs.config.quantity import quantity, whole
-from mavlink_defs.runtime.jit import in_python
-from sitl_plant.airframe import aerodynamics, thrust
-from sitl_plant.airframe.aircraft import AircraftRecord, aircraft_record
+from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft
 from sitl_plant.airframe.gear import Gear
 
-_ROTATE, _APPROACH = 1.15, 1.3
-"""Airspeeds, relative to V_s."""
+_APPROACH = 1.3
+"""Airspeed, relative to V_s."""
 _IDLE_SHARE = 0.6
 """Share of the drag, which an idling engine leaves, that the usual slope takes; the rest is for
 corrections."""
-_STEEPEST_SHARE = 0.8
 _FLARE = 1.5
 """Time constant of the flare, relative to the lag that it has to be slow against."""
 _MOST_FLARE = 0.1
 """Acceleration of the flare, relative to gravity, at most."""
 _RESERVE = 1.33
 """Length of a runway, relative to the roll that it takes."""
-_STEPS = 50
 _WIDTH_M = 15.0
 CANNOT_START, FROM_WHEELS, FROM_LAUNCHER = range(3)
 """How an aircraft takes off."""
 STANDS = 0.5
 """Ground speed below which an aircraft stands, relative to V_s."""
-_ROTATION_S = 2.0
-_LEAST_BRAKING = 0.05
 _TAIL_RESERVE = math.radians(2.0)
 """Pitch that is kept between tail and ground [rad]."""
-
-# a ground station that checks a scenario does not wait for numba
-_carried_linearly = in_python(aerodynamics.carried_linearly)
-_drag = in_python(aerodynamics.drag)
-_available_thrust = in_python(thrust.available_thrust)
-_aerodynamics = in_python(aerodynamics.aerodynamics)
 
 
 class RunwayParameters(Model):
@@ -223,15 +221,15 @@ def figures_of(
         return None
     record, limits = aircraft_record(aircraft), limits_of(guidance, aircraft)
     weight = aircraft.mass_kg * aircraft.gravity_m_s2
-    stall = _stall_airspeed(record, math.radians(limits.incidence_max_deg))
+    stall = stall_airspeed(record, math.radians(limits.incidence_max_deg))
     approach = runway.approach_m_s or min(
         max(_APPROACH * stall, limits.airspeed_min_m_s), limits.airspeed_max_m_s
     )
     area = 0.5 * float(record["rho"]) * approach**2 * float(record["S"])
-    at_zero, rise = _carried_linearly(record)
+    at_zero, rise = carried_linearly(record)
     alpha = (weight / area - at_zero) / rise
-    idle = float(_drag(area, alpha, record)) / weight
-    steepest = min(math.asin(min(_STEEPEST_SHARE * idle, 1.0)), math.radians(limits.climb_max_deg))
+    idle = float(drag_of(area, alpha, record)) / weight
+    steepest = min(math.asin(min(STEEPEST_SHARE * idle, 1.0)), math.radians(limits.climb_max_deg))
     usual = min(math.radians(3.0), math.asin(min(_IDLE_SHARE * idle, 1.0)))
     if runway.glide_deg is not None:
         usual = math.radians(runway.glide_deg)
@@ -243,9 +241,9 @@ def figures_of(
     highest = min(gear.tail - _TAIL_RESERVE, math.radians(limits.incidence_max_deg))
     half = 0.5 * float(record["rho"]) * float(record["S"])
     clear = math.sqrt(weight / (half * max(at_zero + rise * highest, 1e-6)))
-    rotate = runway.rotate_m_s or max(_ROTATE * stall, clear)
+    rotate = runway.rotate_m_s or max(ROTATE * stall, clear)
     touchdown = min(runway.touchdown_m_s, approach * slope)
-    glide, sink = _glide(record, stall, approach, limits.airspeed_max_m_s, flare, touchdown)
+    glide, sink = glide_of(record, stall, approach, limits.airspeed_max_m_s, flare, touchdown)
     return RunwayFigures(
         stall=stall,
         rotate=rotate,
@@ -260,8 +258,8 @@ def figures_of(
         lag=lag,
         flare=flare,
         touchdown=touchdown,
-        take_off_roll=_take_off_roll(record, guidance, acceleration, rotate, gear.rolling),
-        landing_roll=_landing_roll(record, approach, gear.braking),
+        take_off_roll=take_off_roll(record, guidance, acceleration, rotate, gear.rolling),
+        landing_roll=landing_roll(record, approach, gear.braking),
         length=runway.length_m or 0.0,
         width=runway.width_m or _WIDTH_M,
         height=gear.height,
@@ -279,36 +277,6 @@ def figures_of(
         sink=sink,
         spacing=runway.spacing_m,
     )
-
-
-def _glide(
-    record: AircraftRecord, stall: float, slowest: float, fastest: float, flare: float, end: float
-) -> tuple[float, float]:
-    """Return airspeed and sink of a glide without thrust.
-
-    It is so fast that its slope has a reserve over the one at the slowest airspeed, and that what
-    the flare takes of it, by the drag, leaves enough for touchdown.
-
-    Args:
-        record: The aircraft.
-        stall: V_s.
-        slowest: Airspeed of the approach.
-        fastest: Greatest airspeed.
-        flare: Time constant of the flare.
-        end: Sink at touchdown.
-    """
-    weight = float(record["m"] * record["g"])
-    at_zero, rise = _carried_linearly(record)
-    least = math.inf
-    for k in range(_STEPS + 1):
-        V = slowest + (fastest - slowest) * k / _STEPS
-        area = 0.5 * float(record["rho"]) * V**2 * float(record["S"])
-        slope = float(_drag(area, (weight / area - at_zero) / rise, record)) / weight
-        least = min(least, slope)
-        lost = slope * float(record["g"]) * flare * math.log(max(V * slope / end, 1.0))
-        if slope >= least / _STEEPEST_SHARE and V - lost >= _ROTATE * stall:
-            break
-    return V, V * math.sin(math.atan(slope))
 
 
 class _Stance(NamedTuple):
@@ -358,56 +326,3 @@ def runway_record(figures: RunwayFigures) -> np.void:
     """Return figures as a record of dtype `RUNWAY_FIGURES`."""
     record: np.void = np.array([tuple(figures)], RUNWAY_FIGURES)[0]
     return record
-
-
-def _stall_airspeed(record: AircraftRecord, incidence: float) -> float:
-    """Return V_s: by the greatest lift up to the stall, or up to an angle of attack [rad]."""
-    highest = float(record["stall"]) or incidence
-    angles = (highest * k / _STEPS for k in range(1, _STEPS + 1))
-    most = max(_lift(alpha, record) for alpha in angles)
-    weight, area = record["m"] * record["g"], 0.5 * record["rho"] * record["S"]
-    return math.sqrt(float(weight / (area * max(most, 1e-6))))
-
-
-def _lift(alpha: float, record: AircraftRecord) -> float:
-    """Return the force across the flight path in level flight by q S, the stall included.
-
-    The thrust balances the drag, and carries its part of the weight.
-    """
-    across = (math.cos(alpha), 0.0, math.sin(alpha))
-    x, _, z = _aerodynamics(across, (0.0, 0.0, 0.0), record).F
-    lift = x * math.sin(alpha) - z * math.cos(alpha)
-    drag = -x * math.cos(alpha) - z * math.sin(alpha)
-    return float((lift + drag * math.tan(alpha)) / (0.5 * record["rho"] * record["S"]))
-
-
-def _take_off_roll(
-    record: AircraftRecord,
-    guidance: GuidanceParameters,
-    acceleration: float,
-    rotate: float,
-    rolling: float,
-) -> float:
-    """Return the length of a take-off from wheels [m]; infinite if thrust does not suffice."""
-    length, dV = 0.0, rotate / _STEPS
-    for k in range(_STEPS):
-        V = (k + 0.5) * dV
-        area = 0.5 * float(record["rho"]) * V**2 * float(record["S"])
-        force = guidance.thrust_share_max * float(_available_thrust(V, record))
-        force -= float(_drag(area, 0.0, record))
-        a = min(force / float(record["m"]) - rolling * float(record["g"]), acceleration)
-        if a <= 0.0:
-            return math.inf
-        length += V * dV / a
-    return length + _ROTATION_S * rotate
-
-
-def _landing_roll(record: AircraftRecord, approach: float, braking: float) -> float:
-    """Return the length from touchdown to standstill [m], by drag and brakes."""
-    length, dV = 0.0, approach / _STEPS
-    for k in range(_STEPS):
-        V = (k + 0.5) * dV
-        area = 0.5 * float(record["rho"]) * V**2 * float(record["S"])
-        slower = float(_drag(area, 0.0, record)) / float(record["m"])
-        length += V * dV / (slower + max(braking, _LEAST_BRAKING) * float(record["g"]))
-    return length
