@@ -294,7 +294,7 @@ def test_an_aileron_that_may_stick_again_turns_with_no_sideslip_on_the_wrong_sid
     assert bounds[1 - changed] == trusted[1 - changed]
     assert trusted[0] < bounds[changed] < trusted[1]
     low, high = (lateral_trim(now, AILERON, a, nominal, state["diagnosis"]) for a in (-0.3, 0.3))
-    straight = np.interp(0.0, *zip(*sorted((t.beta, t.r) for t in (low, high)), strict=True))
+    straight = low.r - low.beta * (high.r - low.r) / (high.beta - low.beta)
     assert bounds[changed] == pytest.approx(straight + 5.2 * 0.1)
 
 
