@@ -17,6 +17,7 @@ import pytest
 from flying import assert_one_message, run, scenario_tree, start, summary_of, table_of, wait_until
 from flying import write_scenario as written
 
+from ftc_lab.campaigns.store import read_results
 from mavlink_defs.endpoint import free_ports
 
 pytestmark = pytest.mark.sitl
@@ -174,3 +175,38 @@ def test_a_real_one_flies(tmp_path: Path) -> None:
     own = summary_of(tmp_path / "run")["uavs"][2]
     assert own["attitude_lost_at_s"] is None
     assert own["actuator_messages"] > 100
+
+
+def test_a_campaign_flies_it_beside_our_laws(tmp_path: Path) -> None:
+    scenario = written(tmp_path, scenario_tree(faults=[], duration_s=0.5))
+    theirs = {"kind": "ardupilot", "binary": "nowhere", "ready_within_s": 60.0}
+    ours = {"controller": {"kind": "pid"}, "trigger": {"mode": "periodic"}}
+    drawn = {"kind": "uniform", "low": 0.1, "high": 0.3}
+    tree = {
+        "name": "both",
+        "scenario": scenario.name,
+        "draws": 1,
+        "faults": {"one": {"uavs": [3], "kinds": {"loss": drawn}, "start_s": drawn}},
+        "variants": {"theirs": {"autopilot": theirs}, "pid": ours},
+    }
+    file = tmp_path / "campaign.yaml"
+    file.write_text(json.dumps(tree))
+    out = ("--out", str(tmp_path / "campaign"), "--jobs", "1", "--quiet")
+    bad = {
+        (): "nowhere",
+        ("--autopilot", "px4=x"): "autopilot.kind: px4",
+        ("--autopilot", "x"): "KIND=PATH",
+    }
+    for options, named in bad.items():
+        refused = run("gcs", "campaign", str(file), *out, *options)
+        assert refused.returncode == 2
+        assert named in refused.stderr
+        assert_one_message(refused.stderr)
+    done = run("gcs", "campaign", str(file), *out, "--autopilot", f"ardupilot={peer(tmp_path)}")
+    assert done.returncode == 0, done.stderr
+    rows = {row["variant"]: row for row in read_results(tmp_path / "campaign").to_pylist()}
+    assert {row["outcome"] for row in rows.values()} == {"completed"}
+    counted = {name: row["uav3.messages"] for name, row in rows.items()}
+    assert counted["pid"] == 500
+    assert 0 < counted["theirs"] <= 250, "a frame of the peer has two control periods"
+    assert not children_of(str(tmp_path / "arduplane"))

@@ -94,6 +94,19 @@ def test_constant_errors_are_found(
         assert found.slot_max_m <= straight * (1.0 + 40.0 / RADIUS_M) + 0.3
 
 
+def test_an_autopilot_that_does_not_say_where_it_is_is_judged_from_the_start_on() -> None:
+    steps = flight(700, [(0.0, 0.0, 0.0)] * 2, [0.0, 30.0], [3.0, -4.0], [2.0, -1.0])
+    steps.signals["path_position"] = steps.signals["slot"] = math.nan
+    following = PathFigures(np.stack([corner()] * 2), (), STEP_US, silent=[1])
+    following.add(steps)
+    assert following.summary(0).counted_steps == 0
+    found = following.summary(1)
+    assert found.counted_steps == 699 - SETTLING
+    assert found.straight_cross_track_m == pytest.approx(4.0, abs=1e-6)
+    assert found.turn_cross_track_m == pytest.approx(4.0, abs=1e-6)
+    assert found.height_max_m == pytest.approx(1.0, abs=1e-6)
+
+
 def test_an_error_belongs_to_the_part_of_the_path_that_it_is_on() -> None:
     turn = round(STRAIGHT_M / SPEED * 1e6 / STEP_US)
     end = turn + round(TURN_M / SPEED * 1e6 / STEP_US)
