@@ -9,9 +9,13 @@ from ftc_lab.flight_estimation.judged import JudgedEstimate, judge_estimate
 from ftc_lab.flight_estimation.samples import Compass, flown_span, samples_of
 from gcs.results.logs.table import FlightTable
 from gcs.scenario.aircraft_file import load_aircraft
+from mavlink_defs.runtime.jit import in_python
+from sitl_plant.airframe.aerodynamics import lift_coefficient
+from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft
 from sitl_plant.sensing.config import NavigationSensors
 
+_lift_coefficient = in_python(lift_coefficient)
 _ANY = "aerosonde"  # whose shape an unknown aircraft is taken to have
 _USUAL_ALPHA = 0.05  # rad, at which an aircraft cruises
 _SLOWEST, _FASTEST = 0.65, 1.5  # of the usual airspeed
@@ -88,10 +92,14 @@ def _any_aircraft(flight: FlightTable) -> Aircraft:
     if known is not None:
         V = float(np.median(known.values[known.values > 0.5 * np.percentile(known.values, 90.0)]))
     found = load_aircraft(_ANY)
-    shape = found.coefficients.model_copy(update={"cY_beta": 0.0})
-    lift = 0.5 * found.air_density_kg_m3 * V * V * (shape.cL0 + shape.cL_alpha * _USUAL_ALPHA)
+    lift = (
+        0.5
+        * found.air_density_kg_m3
+        * V**2
+        * _lift_coefficient(_USUAL_ALPHA, aircraft_record(found))
+    )
     update = {
-        "coefficients": shape,
+        "coefficients": found.coefficients.without_side_force(),
         "wing_area_m2": found.mass_kg * found.gravity_m_s2 / lift,
         "cruise_m_s": V,
         "airspeed_min_m_s": _SLOWEST * V,

@@ -101,6 +101,10 @@ class Coefficients(Model):
     cY_da: float = quantity("1/rad", "Side force due to aileron.", 0.0)
     cY_dr: float = quantity("1/rad", "Side force due to rudder.", 0.0)
 
+    def without_side_force(self) -> "Coefficients":
+        """Return them with a side force that says nothing of sideslip."""
+        return self.model_copy(update={"cY_beta": 0.0})
+
 
 TERMS = {
     "cL": {"cL0": "1", "cL_alpha": "alpha", "cL_q": "q", "cL_de": "de"},

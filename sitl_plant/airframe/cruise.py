@@ -3,8 +3,18 @@
 import math
 from typing import NamedTuple
 
+from mavlink_defs.constants import AILERON, ELEVATOR
+from mavlink_defs.runtime.jit import in_python
+from sitl_plant.airframe import aerodynamics
+from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft
 
+_aerodynamics, _longitudinal = map(
+    in_python, (aerodynamics.aerodynamics, aerodynamics.longitudinal)
+)
+_lift_coefficient, _rate_damping = map(
+    in_python, (aerodynamics.lift_coefficient, aerodynamics.rate_damping)
+)
 _CIRCLE_BANK_DEG = 25.0
 
 
@@ -43,45 +53,30 @@ class CruiseFigures(NamedTuple):
 
 def cruise_figures(aircraft: Aircraft) -> CruiseFigures:
     """Return the figures of an aircraft."""
-    cruise, g = aircraft.design_airspeed, aircraft.gravity_m_s2 or 9.81
-    pressure = 0.5 * aircraft.air_density_kg_m3 * cruise**2 * aircraft.wing_area_m2
-    C = aircraft.coefficients
-    alpha = (aircraft.mass_kg * g / pressure - C.cL0) / C.cL_alpha
-    drag = pressure * (C.cD0 + C.cD_alpha * alpha + C.cD_alpha2 * alpha**2)
-    specific = cruise / (aircraft.mass_kg * g)
+    V, record = aircraft.design_airspeed, aircraft_record(aircraft)
+    weight = float(record["m"] * record["g"])
+    pressed = 0.5 * float(record["rho"] * record["S"]) * V**2  # dynamic pressure by area [N]
+    level = _longitudinal(V, 0.0, record)
+    alpha = (weight - pressed * _lift_coefficient(0.0, record)) / level.lift_by_alpha
+    drag = _longitudinal(V, alpha, record).drag
+    rolling, _ = _rate_damping(V, record)
+    pull_up = level.moment_by_alpha * float(record["m"]) * V / level.lift_by_alpha
     return CruiseFigures(
-        airspeed=cruise,
+        airspeed=V,
         pitch_deg=math.degrees(alpha),
         thrust=min(max(drag / aircraft.thrust_limit_n, 0.0), 1.0),
-        climb_m_s=max((aircraft.thrust_limit_n - drag) * specific, 0.5),
-        sink_m_s=max(drag * specific, 0.5),
-        circle_m=cruise**2 / (g * math.tan(math.radians(_CIRCLE_BANK_DEG))),
-        roll_travel=_roll_travel(aircraft),
-        pitch_travel=_pitch_travel(aircraft, pressure),
+        climb_m_s=max((aircraft.thrust_limit_n - drag) * V / weight, 0.5),
+        sink_m_s=max(drag * V / weight, 0.5),
+        circle_m=V**2 / (float(record["g"]) * math.tan(math.radians(_CIRCLE_BANK_DEG))),
+        roll_travel=_travel(aircraft, AILERON, rolling, V),
+        pitch_travel=_travel(aircraft, ELEVATOR, pull_up + level.moment_by_q, V),
     )
 
 
-def _roll_travel(aircraft: Aircraft) -> float:
-    C = aircraft.coefficients
-    reduced = _per_rate(aircraft, aircraft.wing_span_m)
-    deflection = abs(C.cl_p * reduced / C.cl_da) if C.cl_da else 1.0
-    return deflection / _travel(aircraft.stops_deg[0])
-
-
-def _pitch_travel(aircraft: Aircraft, pressure: float) -> float:
-    C = aircraft.coefficients
-    reduced = _per_rate(aircraft, aircraft.mean_chord_m)
-    alpha = aircraft.mass_kg * aircraft.design_airspeed / (pressure * C.cL_alpha)
-    moment = C.cm_alpha * alpha + C.cm_q * reduced
-    deflection = abs(moment / C.cm_de) if C.cm_de else 1.0
-    return deflection / _travel(aircraft.stops_deg[1])
-
-
-def _per_rate(aircraft: Aircraft, length: float) -> float:
-    """Return what a derivative by a rate is multiplied by for 1 rad/s."""
-    nondimensional = aircraft.rate_derivatives == "nondimensional"
-    return length / (2.0 * aircraft.design_airspeed) if nondimensional else 1.0
-
-
-def _travel(stops_deg: tuple[float, float]) -> float:
-    return math.radians(min(-stops_deg[0], stops_deg[1])) or 1.0
+def _travel(aircraft: Aircraft, surface: int, moment: float, V: float) -> float:
+    """Return which part of its travel a surface takes to balance a moment [N m]."""
+    C = _aerodynamics((V, 0.0, 0.0), (0.0, 0.0, 0.0), aircraft_record(aircraft)).C
+    low, high = aircraft.stops_deg[surface]
+    travel = math.radians(min(-low, high)) or 1.0
+    effect = C[surface][surface]
+    return (abs(moment / effect) if effect else 1.0) / travel
