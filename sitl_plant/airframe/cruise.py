@@ -9,12 +9,10 @@ from sitl_plant.airframe import aerodynamics
 from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft
 
-_aerodynamics, _longitudinal = map(
-    in_python, (aerodynamics.aerodynamics, aerodynamics.longitudinal)
-)
-_lift_coefficient, _rate_damping = map(
-    in_python, (aerodynamics.lift_coefficient, aerodynamics.rate_damping)
-)
+_aerodynamics = in_python(aerodynamics.aerodynamics)
+_longitudinal = in_python(aerodynamics.longitudinal)
+_lift_coefficient = in_python(aerodynamics.lift_coefficient)
+_rate_damping = in_python(aerodynamics.rate_damping)
 _CIRCLE_BANK_DEG = 25.0
 
 
