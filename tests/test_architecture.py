@@ -117,8 +117,9 @@ def test_commands_of_the_lab_run_without_the_packages_of_its_campaigns(
     done = run_without(absent, tmp_path, "-c", IN_TURN, json.dumps(commands))
     assert re.findall(r"^(\d+) from ", done.stderr, re.MULTILINE) == ["0"] * 8, done.stderr
     marked = run_without((*absent, "aiohttp"), tmp_path, "-m", "gcs", "--help").stdout
-    lines = re.findall(r"^ *│? *(\w+) .*Needs the extra", marked, re.MULTILINE)
-    assert lines == ["web", "baseline", "campaign", "reproduce", "sweep"], marked
+    lines = re.findall(r"^ *│? *([\w-]+) .*Needs the extra", marked, re.MULTILINE)
+    lab = ["baseline", "campaign", "estimate", "replay-fault", "reproduce", "sweep"]
+    assert lines == ["web", *lab], marked
 
 
 @pytest.mark.parametrize(
