@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from mavlink_defs import dialect
-from mavlink_defs.config.models import Model, Problems, Title
+from mavlink_defs.config.models import AtMost, Model, Problems, Title
 from mavlink_defs.config.quantity import quantity
 from sitl_plant.ardupilot.config import ArduPilot
 from sitl_plant.px4.config import Px4Outputs
@@ -80,7 +80,7 @@ class Px4Autopilot(Model):
     binary: Title = Field(min_length=1)
     data: Title | None = None
     model: Title = Field(default="gazebo-classic_plane", min_length=1)
-    parameters: dict[str, float] = Field(
+    parameters: Annotated[dict[str, float], AtMost(2000)] = Field(
         default={}, description="Parameters that it starts with, by name."
     )
     mode: Literal["MISSION", "TAKEOFF", "HOLD"] | None = None

@@ -18,7 +18,7 @@ sweep = _command(
 )
 baseline = _command(
     "baseline",
-    "Find the slowest periodic senders that match a triggered flight.",
+    "Find the slowest periodic senders that match a flight.",
     "Study",
     LAB_PACKAGES,
 )

@@ -69,12 +69,12 @@ OWN: Mapping[str, GcsCommand] = {
     ),
     **_panel(
         "Study",
-        export=("export", "Convert the recording of a flight, or a log, for other programs."),
+        export=("export", "Convert a recording, or a log, for other programs."),
     ),
     **_panel(
         "Aircraft and laws",
         laws=("laws", "List the control laws, ours and other packages', or show one."),
-        triggers=("triggers", "List the event triggers, ours and other packages', or show one."),
+        triggers=("triggers", "List the triggers, ours and other packages', or show one."),
         guidance=("guidance", "List the guidance laws, ours and other packages', or show one."),
     ),
     **_panel(

@@ -52,7 +52,7 @@ def command_line() -> str:
 
     # commands have small letters only, unlike options and arguments
     return re.sub(
-        r"^(?:#+ `(?P<heading>.+)`$|\* `(?P<entry>[a-z]+)`)", linked, text, flags=re.MULTILINE
+        r"^(?:#+ `(?P<heading>.+)`$|\* `(?P<entry>[a-z][a-z-]*)`)", linked, text, flags=re.MULTILINE
     )
 
 

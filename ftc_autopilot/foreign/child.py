@@ -44,7 +44,7 @@ class Child:
         Args:
             binary: File of the program.
             arguments: Its arguments.
-            environment: Variables that are set for it, beside those of this process.
+            environment: Variables that are set for it, beside what this process has.
 
         Raises:
             ForeignInputError: There is no such program, or it cannot be executed.

@@ -64,20 +64,20 @@ class ForeignVehicle:
         Returns:
             The HEARTBEAT and SYS_STATUS in it.
         """
-        told: list[MAVLink_message] = []
+        heard: list[MAVLink_message] = []
         for frame in frames_in(datagram):
             number = int.from_bytes(frame[MESSAGE_ID:HEADER_SIZE], "little")
             if number in {dialect.MAVLINK_MSG_ID_HEARTBEAT, dialect.MAVLINK_MSG_ID_SYS_STATUS}:
                 message = parse(frame)
                 if message is not None and message.get_srcSystem() == self._system:
-                    told.append(message)
+                    heard.append(message)
                     self._note(message, shows)
                 if number == dialect.MAVLINK_MSG_ID_HEARTBEAT and not (shows and self._has_home):
                     continue
             elif number == dialect.MAVLINK_MSG_ID_COMMAND_ACK and self._is_mine(parse(frame)):
                 continue
             self._to_stations.append(frame)
-        return told
+        return heard
 
     def _note(self, message: MAVLink_message, shows: bool) -> None:
         if not isinstance(message, dialect.MAVLink_heartbeat_message):

@@ -66,7 +66,7 @@ class BaselineOptions:
 
 @with_options("options", options_of(BaselineOptions), BaselineOptions)
 def baseline(scenario: common.ScenarioArgument, *, options: BaselineOptions) -> None:
-    """Find the slowest periodic senders that match a triggered flight.
+    """Find the slowest periodic senders that match a flight.
 
     Flies the scenario with its trigger, then the same law sending by the clock: with one period
     for all channels, with one for each, and, with --aircraft, on aircraft that differ from the

@@ -74,7 +74,6 @@ def replay_fault(
     nominal = None if aircraft is None else load_aircraft(aircraft)
     with working(console, "finding what failed"):
         read = read_fault(flight, nominal, uav, columns, identify=identify)
-    make_folder(out, "--out")
     with working(console, "flying it again"):
         found = replay_fault(read, laws, out)
     draw_replay(found).savefig(out / PICTURE, dpi=150)
@@ -91,7 +90,8 @@ def replay_fault(
 
 
 def _check_folder(out: Path) -> None:
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+    make_folder(out, "--out")
+    if any(out.iterdir()):
         text = f"--out is {out}, expected a new or an empty folder"
         raise BadInput(text, "choose another, or remove it")
 

@@ -140,7 +140,15 @@ def samples_of(
     sensors["gnss"]["latency_s"] = latency_s
     assumed = NavigationSensors.model_validate(sensors | {"imus": 1})
     return RecordedSamples(
-        time_s, number, step_us, imus, gps, has_fix, assumed, origin, tuple(remarks)
+        time_s=time_s,
+        number=number,
+        step_us=step_us,
+        imus=imus,
+        gps=gps,
+        has_fix=has_fix,
+        sensors=assumed,
+        origin=origin,
+        remarks=tuple(remarks),
     )
 
 

@@ -136,7 +136,6 @@ def gcs(
 
     Examples:
         - gcs --connect udpin:0.0.0.0:14550    (as the only ground station)
-        - gcs log flight.tlog                  (dashboard with a log)
     """
     if context.invoked_subcommand is not None:
         _refuse_options(context)

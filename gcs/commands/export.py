@@ -20,7 +20,7 @@ def export(
     uav: LogUavOption = None,
     columns: LogColumnsOption = None,
 ) -> None:
-    """Convert the recording of a flight, or a log, for other programs.
+    """Convert a recording, or a log, for other programs.
 
     Args:
         run: Run folder of gcs fly, or a log.

@@ -56,7 +56,7 @@ InsecureOption = Annotated[
 ]
 ThemeOption: TypeAlias = Annotated[
     Literal["dark", "light"],
-    typer.Option("--theme", envvar="FTC_SITL_THEME", help="Colours: dark or light."),
+    typer.Option("--theme", envvar="FTC_SITL_THEME", help="Colours."),
 ]
 
 

@@ -46,7 +46,7 @@ def prepared(
 
 
 def _with_autopilot(path: Path, changes: dict[str, Any]) -> dict[str, Any]:
-    """Return changes in which `autopilot` and its keys are those of every UAV."""
+    """Return changes by which every UAV has `autopilot` and its keys."""
     kind = changes.pop("autopilot", None)
     if kind is None:
         return changes

@@ -57,7 +57,7 @@ def _first_unfinished(waiting: bytes, begin: int) -> int:
 
 
 def _is_of_the_dialect(data: bytes) -> bool:
-    """Return whether the bytes of a header that have come may be those of a message we know."""
+    """Return whether the bytes of a header that have come may begin a message we know."""
     if len(data) < HEADER_SIZE:
         return True
     return int.from_bytes(data[MESSAGE_ID:HEADER_SIZE], "little") in dialect.mavlink_map

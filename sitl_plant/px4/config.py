@@ -9,7 +9,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from mavlink_defs.config.models import Model, Problems
+from mavlink_defs.config.models import AtMost, Model, Problems
 from mavlink_defs.config.quantity import quantity, whole
 
 OUTPUTS = 16
@@ -63,7 +63,7 @@ class ServoOutput(Model):
         return self
 
 
-ServoOutputs = Annotated[tuple[ServoOutput, ...], Field(min_length=1, max_length=OUTPUTS)]
+ServoOutputs = Annotated[tuple[ServoOutput, ...], AtMost(OUTPUTS), Field(min_length=1)]
 
 
 class Px4Outputs(Model):
@@ -82,7 +82,7 @@ class Px4Outputs(Model):
 
     aileron: ServoOutputs = (ServoOutput(output=6, reversed=True), ServoOutput(output=7))
     elevator: ServoOutputs = (ServoOutput(output=8),)
-    rudder: tuple[ServoOutput, ...] = (ServoOutput(output=3),)
+    rudder: Annotated[tuple[ServoOutput, ...], AtMost(OUTPUTS)] = (ServoOutput(output=3),)
     throttle: MotorOutput = MotorOutput()
 
     @property

@@ -1,6 +1,6 @@
 """PX4's parameters as they follow from an aircraft: airspeeds, limits, first gains.
 
-They replace those of PX4's airframe, which is a plane at 15 m/s. The gains are a start: each rate
+They replace what PX4's airframe has, which is a plane at 15 m/s. The gains are a start: each rate
 controller feeds its set-point forward by what a steady rate takes of the surface, and has as much
 proportional and integral gain again; PX4's autotune does better.
 """
