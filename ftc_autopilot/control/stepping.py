@@ -317,11 +317,9 @@ def _guide(
             guidance["law"],
             uav["formation"],
         )
-        if not lands_alone(path, s):
-            now = replaced(now, "coordination", coordination)
-        note_others(now, step, dt, path, uav)
+        now = replaced(now, "coordination", coordination)
     if uses_runway(path, guidance["runway"]):
-        _fly_near_ground(uav, path, now)
+        _fly_near_ground(uav, path, now, step, dt)
     else:
         command = guide(now, path, uav["aircraft"], parameters["guidance"], guidance["law"])
         for k in range(4):
@@ -331,13 +329,17 @@ def _guide(
 
 
 @apart(uav=UAV, path=PATH)
-def _fly_near_ground(uav: np.void, path: np.void, now: Situation) -> None:
+def _fly_near_ground(uav: np.void, path: np.void, now: Situation, step: int, dt: float) -> None:
     """Update the command on a path that has a runway; a phase begins with a message."""
     guidance, parameters, aircraft = uav["guidance"], uav["parameters"], uav["aircraft"]
     runway, figures, command = guidance["runway"], parameters["runway"], guidance["command"]
     limits, before = parameters["guidance"]["common"], runway["phase"]
     if guidance["guided_step"] == NOT_STARTED:
         note_path(path, runway)
+    if uav["layout"]["count"] > 0:
+        if lands_alone(path, now.s):
+            now = replaced(now, "coordination", no_coordination())
+        note_others(now, step, dt, path, uav)
     now = replaced(now, "level", advance(now, path, aircraft, limits, figures, runway))
     if on_ground(runway["phase"]):
         command[0], command[1] = now.motion.V, 0.0

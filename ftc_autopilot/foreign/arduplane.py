@@ -15,7 +15,6 @@ from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.foreign.base import ForeignError, ForeignInputError, PlantStep
 from ftc_autopilot.foreign.child import Child
 from ftc_autopilot.kinds import ArduPlaneAutopilot
-from mavlink_defs import dialect
 from mavlink_defs.endpoint import UdpAddress, bind_udp, free_ports
 from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.ardupilot.launch import AircraftLaunch, new_launch, out_of_body
@@ -59,8 +58,7 @@ class ArduPlane:
         self._frame_steps = 1
         self._answer = b""
         self._time_s: float | None = None  # of the flight, for messages
-        self._ready = False
-        self._heard: tuple[float, int] | None = None  # wall time and `_held` since it is
+        self._paced: tuple[float, int] | None = None  # wall time and `_held` since it is ready
 
     def begin(self, first: PlantStep) -> None:
         """Start it, and hold the aircraft on its launcher."""
@@ -105,30 +103,16 @@ class ArduPlane:
             raise ForeignInputError(f"UAV {config.id}: {text}")
         return f"{derived},{own}"
 
-    @property
-    def is_ready(self) -> bool:
-        """Whether its checks before arming pass, so that stations may see its HEARTBEAT."""
-        return self._ready
-
-    def note(self, message: dialect.MAVLink_message) -> None:
-        """Take in a message of its MAVLink."""
-        if isinstance(message, dialect.MAVLink_sys_status_message):
-            checks = message.onboard_control_sensors_health
-            self._ready |= bool(checks & dialect.MAV_SYS_STATUS_PREARM_CHECK)
-
-    def hold(self, heartbeat: dialect.MAVLink_heartbeat_message | None) -> bool:
+    def hold(self, ready: bool, armed: bool) -> bool:
         """Let its clock run on; return whether its launch is over."""
         end = time.monotonic() + _TURN_S
-        self._check_ready()
-        armed = heartbeat is not None and bool(
-            heartbeat.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED
-        )
+        self._check_ready(ready)
         if not armed:
             self._armed = None
         elif self._armed is None:
             self._armed = self._held
         while (left := end - time.monotonic()) > 0.0:
-            if self._waits and not self._is_ahead():
+            if self._waits and not (ready and self._is_ahead()):
                 if self._is_launched():
                     return True
                 self._reply(self._on_launcher())
@@ -138,18 +122,19 @@ class ArduPlane:
 
     def _is_ahead(self) -> bool:
         """Return whether it waits for the wall clock: stations talk to it, and it times them."""
-        if not self._ready or self._armed is not None:
+        if self._armed is not None:
+            self._paced = None
             return False
         now = time.monotonic()
-        if self._heard is None:
-            self._heard = now, self._held
-        since, held = self._heard
+        if self._paced is None:
+            self._paced = now, self._held
+        since, held = self._paced
         return (self._held - held) * self._config.step_us / 1e6 > now - since
 
-    def _check_ready(self) -> None:
+    def _check_ready(self, ready: bool) -> None:
         self._child.check()
         passed_s, limit_s = self._held * self._config.step_us / 1e6, self._own.ready_within_s
-        if not self._ready and passed_s > limit_s:
+        if not ready and passed_s > limit_s:
             text = f"ArduPlane is not ready to be armed after {limit_s:g} s of its time"
             raise ForeignError(text)
 

@@ -9,8 +9,6 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from mavlink_defs.dialect import MAVLink_heartbeat_message, MAVLink_message
-
 
 class ForeignError(Exception):
     """A foreign autopilot cannot fly, or cannot fly on; the text says why, in one line."""
@@ -48,14 +46,15 @@ class ForeignAutopilot(Protocol):
             ForeignInputError: It cannot be started.
         """
 
-    def hold(self, heartbeat: MAVLink_heartbeat_message | None) -> bool:
+    def hold(self, ready: bool, armed: bool) -> bool:
         """Let its own clock run on a little (20 ms of the wall clock at most).
 
         It is called again and again until the plant's time begins, with the MAVLink passed on in
         between.
 
         Args:
-            heartbeat: The last one of the autopilot; None before the first.
+            ready: Whether it has said that its checks before arming pass; stations see it then.
+            armed: Whether it is armed.
 
         Returns:
             Whether it is armed and in the air, or stands where its flight begins: the bridge then
@@ -64,13 +63,6 @@ class ForeignAutopilot(Protocol):
         Raises:
             ForeignError: It has ended, or does not become ready.
         """
-
-    @property
-    def is_ready(self) -> bool:
-        """Whether it would let itself be armed, so that stations may see its HEARTBEAT."""
-
-    def note(self, message: MAVLink_message) -> None:
-        """Take in a HEARTBEAT or SYS_STATUS of its MAVLink."""
 
     def exchange(self, sent: PlantStep) -> np.ndarray:
         """Give it what the plant has sent, and return its commands at this step.

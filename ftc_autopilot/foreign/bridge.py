@@ -151,7 +151,7 @@ class Bridge:
             self._autopilot.begin(self._link.step)
         if self._armed:
             return
-        self._armed = self._autopilot.hold(self._vehicle.heartbeat)
+        self._armed = self._autopilot.hold(self._vehicle.is_ready, self._vehicle.is_armed)
         if self._armed:
             self._due_s = 0.0  # the plant is to know it now
 
@@ -243,8 +243,7 @@ class Bridge:
             if sender != self._peer:  # the autopilot has one socket: this is somebody else
                 self._link.drops[DropReason.STRANGER] += 1
                 continue
-            for message in self._vehicle.receive(datagram, self._autopilot.is_ready):
-                self._autopilot.note(message)
+            self._vehicle.receive(datagram)
 
     def _receive_from_stations(self, now: float) -> None:
         for datagram, sender in _waiting(self._gcs):

@@ -15,7 +15,6 @@ from ftc_autopilot.foreign.base import ForeignError, ForeignInputError, PlantSte
 from ftc_autopilot.foreign.child import Child
 from ftc_autopilot.foreign.px4_connection import Px4Connection
 from ftc_autopilot.kinds import Px4Autopilot
-from mavlink_defs import dialect
 from mavlink_defs.constants import THROTTLE
 from mavlink_defs.endpoint import UdpAddress, free_ports
 from mavlink_defs.framing.codec import SIM_STATE
@@ -73,7 +72,7 @@ class Px4Plane:
         self._held = np.zeros(1, SIM_STATE)[0]
         self._tick = 0  # control periods that its sensors have seen
         self._armed_us: int | None = None  # by its clock
-        self._launched = self._ready = False
+        self._launched = False
         self._step = -1  # the last one exchanged
         self._frame_due_s = self._heard_s = 0.0
 
@@ -116,24 +115,13 @@ class Px4Plane:
         (folder / _MAVLINK).write_text(line)
         return os.pathsep.join((str(folder), os.environ.get("PATH", os.defpath)))
 
-    @property
-    def is_ready(self) -> bool:
-        """Whether its checks before arming pass, so that stations may see its HEARTBEAT."""
-        return self._ready
-
-    def note(self, message: dialect.MAVLink_message) -> None:
-        """Take in a message of its MAVLink."""
-        if isinstance(message, dialect.MAVLink_sys_status_message):
-            checks = message.onboard_control_sensors_health
-            self._ready |= bool(checks & dialect.MAV_SYS_STATUS_PREARM_CHECK)
-
-    def hold(self, heartbeat: dialect.MAVLink_heartbeat_message | None) -> bool:
+    def hold(self, ready: bool, armed: bool) -> bool:
         """Let its clock run on; return whether its launch is over."""
         end = time.monotonic() + _TURN_S
-        self._check()
+        self._check(ready)
         while (now := time.monotonic()) < end:
             if self._is_frame_due(now):
-                self._begin_launch(heartbeat)
+                self._begin_launch(armed)
                 if self._is_launched():
                     return True
                 self._send_frame()
@@ -174,14 +162,11 @@ class Px4Plane:
         held["wind"] = into_body(measured.wind, measured.attitude)
         held["rates"], held["specific_force"] = measured.rates, measured.specific_force
 
-    def _begin_launch(self, heartbeat: dialect.MAVLink_heartbeat_message | None) -> None:
+    def _begin_launch(self, armed: bool) -> None:
         """Launch it once it is armed and gives thrust.
 
         Its sensors begin again: what they show in flight does not depend on how long it was held.
         """
-        armed = heartbeat is not None and bool(
-            heartbeat.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED
-        )
         if self._launched or not armed or self._freewheels:
             self._armed_us = self._armed_us if armed else None
             return
@@ -237,11 +222,11 @@ class Px4Plane:
         if self._lockstep.answers > answers:
             self._actuators.receive(self._lockstep.controls)
 
-    def _check(self) -> None:
+    def _check(self, ready: bool) -> None:
         """Check that it runs, and becomes ready in time."""
         self._child.check()
         passed_s, limit_s = self._lockstep.time_us / 1e6, self._own.ready_within_s
-        if not self._ready and passed_s > limit_s:
+        if not ready and passed_s > limit_s:
             raise ForeignError(f"PX4 is not ready to be armed after {limit_s:g} s of its time")
         if self._connection.is_open and self._lockstep.turn is not Turn.PX4:
             return

@@ -29,7 +29,8 @@ class ForeignVehicle:
     """One foreign autopilot's MAVLink.
 
     Attributes:
-        heartbeat: Its last HEARTBEAT; None before the first.
+        is_ready: Whether its checks before arming have passed; stations see its HEARTBEAT then.
+        is_armed: Whether it is armed, by its last HEARTBEAT.
     """
 
     def __init__(self, system: int, origin: Origin, counts: Callable[[], MAVLink_message]) -> None:
@@ -45,7 +46,7 @@ class ForeignVehicle:
         self._has_home = False
         self._own = SystemId(system, dialect.MAV_COMP_ID_AUTOPILOT1)
         self._bridge = SystemId(system, SIMULATOR_COMPONENT)  # its own commands come from there
-        self.heartbeat: dialect.MAVLink_heartbeat_message | None = None
+        self.is_ready = self.is_armed = self._is_heard = False
         self._commands = Commands(self._own, self._handlers(), {})
         self._packers: dict[tuple[int, int], FramePacker] = {}
         self._to_autopilot: list[bytes] = []
@@ -54,41 +55,35 @@ class ForeignVehicle:
 
     # from the autopilot
 
-    def receive(self, datagram: bytes, shows: bool) -> list[MAVLink_message]:
-        """Take in a datagram of the autopilot, of one frame or several.
-
-        Args:
-            datagram: As it came.
-            shows: Whether stations may see its HEARTBEAT, because it can be armed.
-
-        Returns:
-            The HEARTBEAT and SYS_STATUS in it.
-        """
-        heard: list[MAVLink_message] = []
+    def receive(self, datagram: bytes) -> None:
+        """Take in a datagram of the autopilot, of one frame or several."""
         for frame in frames_in(datagram):
             number = int.from_bytes(frame[MESSAGE_ID:HEADER_SIZE], "little")
             if number in {dialect.MAVLINK_MSG_ID_HEARTBEAT, dialect.MAVLINK_MSG_ID_SYS_STATUS}:
                 message = parse(frame)
                 if message is not None and message.get_srcSystem() == self._system:
-                    heard.append(message)
-                    self._note(message, shows)
-                if number == dialect.MAVLINK_MSG_ID_HEARTBEAT and not (shows and self._has_home):
+                    self._note(message)
+                is_shown = self.is_ready and self._has_home
+                if number == dialect.MAVLINK_MSG_ID_HEARTBEAT and not is_shown:
                     continue
             elif number == dialect.MAVLINK_MSG_ID_COMMAND_ACK and self._is_mine(parse(frame)):
                 continue
             self._to_stations.append(frame)
-        return heard
 
-    def _note(self, message: MAVLink_message, shows: bool) -> None:
+    def _note(self, message: MAVLink_message) -> None:
+        if isinstance(message, dialect.MAVLink_sys_status_message):
+            checks = message.onboard_control_sensors_health
+            self.is_ready |= bool(checks & dialect.MAV_SYS_STATUS_PREARM_CHECK)
         if not isinstance(message, dialect.MAVLink_heartbeat_message):
             return
-        if shows and not self._has_home:
+        self.is_armed = bool(message.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED)
+        if self.is_ready and not self._has_home:
             self._set_home()
-        if self.heartbeat is None:  # it streams what ours do, so that displays have it
+        if not self._is_heard:  # it streams what ours do, so that displays have it
             for number in (*_ASKED_OF_IT, *_BESIDE):
                 interval_us = DEFAULT_INTERVALS_US.get(number, 500_000)
                 self._tell(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, number, interval_us)
-        self.heartbeat = message
+        self._is_heard = True
 
     def _tell(self, command: int, *params: float) -> None:
         seven = (*params, *[0.0] * 7)[:7]

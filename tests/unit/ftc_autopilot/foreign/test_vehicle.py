@@ -49,18 +49,22 @@ def test_a_datagram_of_several_frames_is_taken_apart(link: Any) -> None:
 def test_its_heartbeat_shows_when_it_is_ready_and_has_its_home(
     vehicle: ForeignVehicle, link: Any
 ) -> None:
-    vehicle.receive(heartbeat(link), shows=False)
+    vehicle.receive(heartbeat(link))
     assert vehicle.to_stations() == []
+    assert not vehicle.is_ready
     vehicle.to_autopilot()
-    vehicle.receive(heartbeat(link), shows=True)
-    assert vehicle.to_stations() == []
+    checked = dialect.MAV_SYS_STATUS_PREARM_CHECK
+    status = bytes(theirs.MAVLink_sys_status_message(0, 0, checked, *[0] * 10).pack(link))
+    vehicle.receive(status + heartbeat(link))
+    assert vehicle.is_ready
+    assert vehicle.to_stations() == [status]
     (frame,) = vehicle.to_autopilot()
     asked = parse(frame)
     assert isinstance(asked, dialect.MAVLink_command_int_message)
     assert (asked.command, asked.x) == (dialect.MAV_CMD_DO_SET_HOME, -353632620)
     ack = theirs.MAVLink_command_ack_message(asked.command, 0, 0, 0, UAV, 25).pack(link)
     beat = heartbeat(link)
-    vehicle.receive(bytes(ack) + beat, shows=True)
+    vehicle.receive(bytes(ack) + beat)
     assert vehicle.to_stations() == [beat], "not the acknowledgement"
 
 
