@@ -92,6 +92,8 @@ def chosen_rows(folder: Path, kept: Kept) -> list[int]:
 def keep_flights(folder: Path, flights: Flights) -> Iterator[tuple[int, int]]:
     """Fly the chosen flights again and write their trajectories; yields how many are done, of all.
 
+    What foreign autopilots flew is left out: they may fly otherwise each time.
+
     Raises:
         GcsError: A flight is not the one in the table.
         OSError: A file cannot be written; it is named.
@@ -108,6 +110,8 @@ def keep_flights(folder: Path, flights: Flights) -> Iterator[tuple[int, int]]:
         if (target / "trajectory.npz").exists():  # the last file of a flight
             continue
         scenario = flights.scenario(row_of(draws, number))
+        if scenario.foreign:
+            continue
         recording = fly_in_process(scenario)
         summary = summarise(recording, scenario)
         check_same(folder, number, summary)

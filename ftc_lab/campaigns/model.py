@@ -51,7 +51,7 @@ class Factor(Model):
 
 
 class Kept(Model):
-    """Flights whose trajectories are kept, in ``flights/ROW``.
+    """Flights whose trajectories are kept, in ``flights/ROW``; none of foreign autopilots.
 
     Attributes:
         figures: Columns of the results, as in uav3.iae_roll; the largest is worst.

@@ -10,7 +10,7 @@ from gcs.commands.common import QuietOption
 from gcs.commands.options import JsonOption, LogColumnsOption, LogUavOption
 from gcs.console.errors import BadInput
 from gcs.console.lines import print_json
-from gcs.console.outputs import make_folder
+from gcs.console.outputs import check_folder, make_folder
 from gcs.console.progress import working
 from gcs.console.terminal import console_of, table_of, texts
 from mavlink_defs.config.output_files import write_text
@@ -74,6 +74,7 @@ def replay_fault(
     nominal = None if aircraft is None else load_aircraft(aircraft)
     with working(console, "finding what failed"):
         read = read_fault(flight, nominal, uav, columns, identify=identify)
+    make_folder(out)
     with working(console, "flying it again"):
         found = replay_fault(read, laws, out)
     draw_replay(found).savefig(out / PICTURE, dpi=150)
@@ -90,8 +91,8 @@ def replay_fault(
 
 
 def _check_folder(out: Path) -> None:
-    make_folder(out, "--out")
-    if any(out.iterdir()):
+    check_folder(out)
+    if out.is_dir() and any(out.iterdir()):
         text = f"--out is {out}, expected a new or an empty folder"
         raise BadInput(text, "choose another, or remove it")
 

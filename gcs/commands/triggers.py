@@ -12,6 +12,6 @@ app = plugin_app(
         "trigger", "ftc_trigger.h", GROUP, dict(TRIGGERS), trigger_of, TriggerParameters, own_record
     ),
     "triggers",
-    "event triggers",
+    "triggers",
     ("", "show dynamic", "show my_trigger.py:EveryNth"),
 )

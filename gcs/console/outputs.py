@@ -21,9 +21,7 @@ def make_folder(folder: Path, what: str = "--out") -> Path:
     Raises:
         BadInput: It cannot be made.
     """
-    _refuse_file_above(folder, what)
-    if folder.is_file():
-        raise BadInput(f"{what} is {folder}, a file, expected a folder", "choose another")
+    check_folder(folder, what)
     _made.extend(takewhile(lambda one: not one.exists(), (folder, *folder.parents)))
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -31,6 +29,17 @@ def make_folder(folder: Path, what: str = "--out") -> Path:
         text = f"cannot make the folder {folder}: {problem.strerror}"
         raise BadInput(text, f"choose another with {what}") from problem
     return folder
+
+
+def check_folder(folder: Path, what: str = "--out") -> None:
+    """Refuse a name that no folder can have, before a command works for it.
+
+    Raises:
+        BadInput: A file is there, or where a folder of it would be.
+    """
+    _refuse_file_above(folder, what)
+    if folder.is_file():
+        raise BadInput(f"{what} is {folder}, a file, expected a folder", "choose another")
 
 
 def check_file(path: Path, what: str = "--out") -> None:

@@ -188,6 +188,7 @@ def test_a_campaign_flies_it_beside_our_laws(tmp_path: Path) -> None:
         "draws": 1,
         "faults": {"one": {"uavs": [3], "kinds": {"loss": drawn}, "start_s": drawn}},
         "variants": {"theirs": {"autopilot": theirs}, "pid": ours},
+        "keep": {"share": 1.0},
     }
     file = tmp_path / "campaign.yaml"
     file.write_text(json.dumps(tree))
@@ -206,6 +207,8 @@ def test_a_campaign_flies_it_beside_our_laws(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     rows = {row["variant"]: row for row in read_results(tmp_path / "campaign").to_pylist()}
     assert {row["outcome"] for row in rows.values()} == {"completed"}
+    kept = [one.name for one in (tmp_path / "campaign" / "flights").iterdir()]
+    assert kept == [str(rows["pid"]["row"])], "a program may fly otherwise each time"
     counted = {name: row["uav3.messages"] for name, row in rows.items()}
     assert counted["pid"] == 500
     assert 0 < counted["theirs"] <= 250, "a frame of the peer has two control periods"
