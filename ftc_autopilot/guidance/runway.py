@@ -34,6 +34,7 @@ from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft
 from sitl_plant.airframe.gear import Gear
 
+_APART_M = 20.0  # between two that have landed one after the other
 _APPROACH = 1.3
 """Airspeed, relative to V_s."""
 _IDLE_SHARE = 0.6
@@ -150,6 +151,8 @@ class RunwayFigures(NamedTuple):
         glide: Airspeed of a glide without thrust.
         sink: Its sink.
         spacing: Distance from which the next member of a formation takes off.
+        room: Way that who lands rolls on for each member behind: its landing roll, half of its
+            flare, by which it may touch down late, and 20 m between them.
     """
 
     stall: float
@@ -183,6 +186,7 @@ class RunwayFigures(NamedTuple):
     glide: float
     sink: float
     spacing: float
+    room: float
 
     def flare_height(self, slope: float) -> float:
         """Return the height at which the flare of an approach begins, above touchdown [m]."""
@@ -243,6 +247,7 @@ def figures_of(
     clear = math.sqrt(weight / (half * max(at_zero + rise * highest, 1e-6)))
     rotate = runway.rotate_m_s or max(ROTATE * stall, clear)
     touchdown = min(runway.touchdown_m_s, approach * slope)
+    stops_within = landing_roll(record, approach, gear.braking)
     glide, sink = glide_of(record, stall, approach, limits.airspeed_max_m_s, flare, touchdown)
     return RunwayFigures(
         stall=stall,
@@ -259,7 +264,7 @@ def figures_of(
         flare=flare,
         touchdown=touchdown,
         take_off_roll=take_off_roll(record, guidance, acceleration, rotate, gear.rolling),
-        landing_roll=landing_roll(record, approach, gear.braking),
+        landing_roll=stops_within,
         length=runway.length_m or 0.0,
         width=runway.width_m or _WIDTH_M,
         height=gear.height,
@@ -276,6 +281,7 @@ def figures_of(
         glide=glide,
         sink=sink,
         spacing=runway.spacing_m,
+        room=stops_within + 0.5 * flare * approach + _APART_M,
     )
 
 

@@ -21,8 +21,6 @@ from sitl_plant.vec3 import Vec3
 
 _HEARD_S = 2.0
 """Time on the ground in which a member that nothing is known of is waited for [s]."""
-_ROOM_M = 60.0
-"""Way that who lands rolls on for each member behind: ± 20 m of touchdown, and 20 m apart [m]."""
 
 
 def why_not_in_sequence(formation: Formation, figures: RunwayFigures) -> str | None:
@@ -40,7 +38,7 @@ def why_not_in_sequence(formation: Formation, figures: RunwayFigures) -> str | N
             text = f"UAVs {one} and {other} fly {apart:g} m apart along the path at the end, must"
             text += f" be >= {figures.spacing:g} m (runway_guidance.spacing_m) to land one after"
             return text + " the other; change the slots to a line astern before"
-    roll = figures.landing_roll + (len(last) - 1) * _ROOM_M
+    roll = figures.landing_roll + (len(last) - 1) * figures.room
     if 0.0 < figures.length < roll:
         return f"the runway is {figures.length:g} m long, {len(last)} landings take {roll:.0f} m"
     return None
@@ -72,7 +70,7 @@ def note_others(now: Situation, step: int, dt: float, path: np.void, uav: np.voi
             place = uav["formation"]["places"][m]
             if m != layout["own"] and is_known(place, step, dt):
                 behind += 1 if _from_here(now, place, step, dt)[0] < 0.0 else 0
-        runway["brake_from"] = path["landing"] + behind * _ROOM_M
+        runway["brake_from"] = path["landing"] + behind * uav["parameters"]["runway"]["room"]
 
 
 @compiled

@@ -120,9 +120,9 @@ def _draw_responses(axes: Sequence["Axes"], curves: Sequence[_Curves], reference
                 axes[k], one.t, one.values[:, k], label=one.name, **style.style(i).line
             )
         target = reference.values[:, k]
-        style.draw_curve(axes[k], reference.t, target, label=reference.name, **style.REFERENCE)
         shown = [target, *(one.values[:, k] for one in curves)]
-        if np.isfinite(target).any():
+        if np.isfinite(target).any():  # of a foreign autopilot it is not known
+            style.draw_curve(axes[k], reference.t, target, label=reference.name, **style.REFERENCE)
             low, high = style.usual_range(shown, reference.step_s)
             least, most = np.nanmin(target), np.nanmax(target)
             low, high = min(max(low, least - _BEYOND), least), max(min(high, most + _BEYOND), most)
