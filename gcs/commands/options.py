@@ -104,7 +104,7 @@ def options_of(fields: type) -> list[inspect.Parameter]:
 
 LogColumnsOption = Annotated[
     Path | None,
-    typer.Option(help="Column map (YAML) of a csv, parquet or mat file.", metavar="FILE"),
+    typer.Option(help="Column map (YAML) of a table, or of outputs.", metavar="FILE"),
 ]
 LogUavOption = Annotated[
     int | None,

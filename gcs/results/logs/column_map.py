@@ -5,9 +5,11 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from gcs.results.logs.names import UNITS, factor, units_into
+from gcs.results.logs.table import LogChannel, channel
 from mavlink_defs.config.files import load
 from mavlink_defs.config.models import Model, Problems, Title
 from mavlink_defs.config.problems import Loc, unknown_key
@@ -24,6 +26,13 @@ class MappedColumn(Model):
     sign: Literal[1, -1] = Field(1, description="-1: it counts the other way round.")
     offset: float = Field(0.0, description="Added at last, in our unit.")
     optional: bool = Field(False, description="Whether tables without it are of this kind, too.")
+
+    def channel(
+        self, name: str, time_s: np.ndarray, values: np.ndarray, clock: str
+    ) -> LogChannel | None:
+        """Return the channel that values of the column make; None of no number."""
+        scale = self.sign * self.scale * (factor(self.unit or UNITS[name], UNITS[name]) or 1.0)
+        return channel(name, time_s, scale * values + self.offset, self.column, clock)
 
 
 class TimeColumn(Model):

@@ -16,7 +16,7 @@ from gcs.results.logs.clocks import longest_stretch, utc
 from gcs.results.logs.column_map import ColumnMap, MappedColumn, TimeColumn, bundled_maps, read_map
 from gcs.results.logs.names import UNITS, factor
 from gcs.results.logs.reading import chosen_vehicle, reading
-from gcs.results.logs.table import FlightTable, LogChannel, by_name, channel
+from gcs.results.logs.table import FlightTable, by_name
 from mavlink_defs.config.problems import counted
 from mavlink_defs.config.user_files import open_file
 from mavlink_defs.visible import visible
@@ -71,7 +71,7 @@ def read_columns(path: Path, kind: str, uav: int | None, map_file: Path | None) 
     remarks += jumps
     begin = 0.0 if clock == "simulated" else float(time_s[rows[0]])
     channels = by_name(
-        _channel(name, one, time_s[rows] - begin, columns[one.column][rows], clock)
+        one.channel(name, time_s[rows] - begin, columns[one.column][rows], clock)
         for name, one in chosen.channels.items()
         if one.column in columns
     )
@@ -84,13 +84,6 @@ def read_columns(path: Path, kind: str, uav: int | None, map_file: Path | None) 
         started=utc(since_s + begin) if clock == "UTC" else None,
         remarks=tuple(remarks),
     )
-
-
-def _channel(
-    name: str, of: MappedColumn, time_s: np.ndarray, values: np.ndarray, clock: str
-) -> LogChannel | None:
-    scale = of.sign * of.scale * (factor(of.unit or UNITS[name], UNITS[name]) or 1.0)
-    return channel(name, time_s, scale * values + of.offset, of.column, clock)
 
 
 def _map_of(path: Path, columns: _Columns, map_file: Path | None) -> ColumnMap:

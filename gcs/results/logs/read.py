@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from gcs.console.errors import BadInput
+from gcs.results.logs.column_map import read_map
+from gcs.results.logs.outputs import with_columns, with_shares
 from gcs.results.logs.shortcomings import shortcomings
 from gcs.results.logs.table import FlightTable
 from gcs.results.store import TRAJECTORY
@@ -23,7 +25,7 @@ KINDS = {
 }
 """Kinds of logs by how their files' names end."""
 _PACKED = {".xz", ".gz", ".bz2"}
-
+_TABLES = {"csv", "parquet", "mat"}
 
 _BEGINNINGS = {b"\xa3\x95": "bin", b"ULog": "ulg", b"MATLAB": "mat", b"PAR1": "parquet"}
 """How files of some kinds begin, whatever they are called."""
@@ -53,8 +55,8 @@ def read_flight(path: Path, uav: int | None = None, columns: Path | None = None)
     Args:
         path: The file, or a run folder.
         uav: System id, where a log has several; None: the one with most to say.
-        columns: A column map, of tables of numbers; None: they have our names, or a bundled map
-            fits.
+        columns: A column map; None: tables of numbers have our names, or a bundled map fits. Of
+            other logs it makes channels of others, as of outputs.
 
     Returns:
         The flight; its remarks say what is missing in it as well.
@@ -64,12 +66,15 @@ def read_flight(path: Path, uav: int | None = None, columns: Path | None = None)
         ConfigError: The column map is none.
     """
     kind = kind_of(path)
-    if columns is not None and kind not in {"csv", "parquet", "mat"}:
-        raise BadInput(f"--columns is of tables: csv, parquet and mat, and {path} is none")
+    if columns is not None and (kind == "recording" or path.is_dir()):
+        raise BadInput(f"--columns is of logs of others, and {path} is a recording of ours")
     if uav is not None and kind in {"bin", "ulg"}:
         raise BadInput(f"--uav is {uav}, and {path} is of one vehicle", "leave it out")
     with np.errstate(all="ignore"):  # of damaged numbers
         flight = _read(path, kind, uav, columns)
+        if columns is not None and kind not in _TABLES:
+            flight = with_columns(flight, read_map(columns))
+        flight = with_shares(flight)
     return replace(flight, remarks=(*flight.remarks, *shortcomings(flight)))
 
 

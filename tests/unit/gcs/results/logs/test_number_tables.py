@@ -203,6 +203,6 @@ def test_a_bad_map_names_its_problem(text: str, problem: str, tmp_path: Path) ->
         read_flight(rows(tmp_path / "a.csv", "t,a\n1,2\n2,3\n"), columns=path)
 
 
-def test_a_map_is_of_tables_only(tmp_path: Path, column_map: Path) -> None:
-    with pytest.raises(BadInput, match="--columns is of tables"):
-        read_flight(rows(tmp_path / "a.tlog", ""), columns=column_map)
+def test_a_map_is_of_logs_of_others(tmp_path: Path, column_map: Path) -> None:
+    with pytest.raises(BadInput, match="--columns is of logs of others"):
+        read_flight(rows(tmp_path / "trajectory.arrows", ""), columns=column_map)
