@@ -18,6 +18,7 @@ CONFIDENCE = 0.95
 """Of an interval."""
 _WIDE = 0.3  # half of an interval by the value, from which on a recording says too little
 _CONSTANT = 1e-6  # of a coefficient: less variation than this is rounding
+_BLOCK = 256  # rows that are taken together
 _ROUNDING = 1e-9  # singular values below this share of the largest are none
 
 
@@ -112,6 +113,17 @@ def _width(found: CoefficientEstimate, nominal: Mapping[str, float], name: str) 
     return found.half_width / max(abs(found.value), abs(nominal[name]), 1e-12)
 
 
+def few_rows(rows: np.ndarray) -> np.ndarray:
+    """Return few rows with the same products of columns as many, by QR of blocks of them.
+
+    Of one block threads of the linear algebra would wait for each other, long on a busy machine.
+    """
+    whole = len(rows) // _BLOCK * _BLOCK
+    parts = np.linalg.qr(rows[:whole].reshape(-1, _BLOCK, rows.shape[1]), mode="r")
+    both = np.concatenate([parts.reshape(-1, rows.shape[1]), rows[whole:]])
+    return np.asarray(np.linalg.qr(both, mode="r") if len(both) < 2 * _BLOCK else few_rows(both))
+
+
 def _solved(
     free: dict[str, np.ndarray], y: np.ndarray, group: np.ndarray
 ) -> tuple[dict[str, CoefficientEstimate], np.ndarray]:
@@ -123,13 +135,15 @@ def _solved(
     A = np.column_stack(list(free.values()))
     size = np.sqrt(np.mean(A**2, axis=0))
     size[size == 0.0] = 1.0
-    U, singular, Vt = np.linalg.svd(A / size, full_matrices=False)
+    few = few_rows(np.column_stack([A / size, y]))
+    U, singular, Vt = np.linalg.svd(few[:, :-1], full_matrices=False)
     is_seen = singular > _ROUNDING * max(float(singular[0]), 1e-300)
-    inverse = (Vt[is_seen].T / singular[is_seen]) @ U[:, is_seen].T
-    theta = inverse @ y
+    back = Vt[is_seen].T / singular[is_seen]
+    theta = back @ (U[:, is_seen].T @ few[:, -1])
     left = y - (A / size) @ theta
     groups = np.unique(group)
-    scores = np.stack([inverse[:, group == one] @ left[group == one] for one in groups])
+    by_group = np.stack([left[group == one] @ A[group == one] for one in groups]) / size
+    scores = by_group @ back @ back.T
     freedom = max(len(groups) - len(free), 1)
     correction = len(groups) / freedom
     deviation = np.sqrt(correction * np.sum(scores**2, axis=0))

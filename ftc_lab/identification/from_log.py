@@ -62,7 +62,9 @@ def identify_log(flight: FlightTable, nominal: Aircraft) -> Identified:
     model = fit_log(signals, windows, values, doubted=True)
     predicted = predictions(signals, windows, values)
     scales = _probe_scales(signals, windows)
-    doubled = fit_log(signals.with_noisier_probes(), windows, values) if signals.noise else model
+    doubled = model
+    if signals.noise:
+        doubled = fit_log(signals.with_noisier_probes(), windows, values, model.moments)
     estimates = {
         name: _widened(name, one, scales, doubled.fit.estimates[name])
         for name, one in model.fit.estimates.items()
@@ -126,8 +128,9 @@ def _probe_scales(signals: LogSignals, windows: LogWindows) -> dict[str, ProbeSc
         motion = _bent(smooth_of(turned).reshape(len(turned), -1))
         ways = []
         for shift in _SHIFTS_S:
-            across = signals.airspeed * np.sin(signals.mean(name, -float(shift)))
-            probe = _bent(smooth_of(across[windows.steps]).reshape(len(turned), -1))
+            angle = signals.mean(name, windows.steps, -float(shift))
+            across = signals.airspeed[windows.steps] * np.sin(angle)
+            probe = _bent(smooth_of(across).reshape(len(turned), -1))
             xy, xx, yy = np.sum(probe * motion), np.sum(motion**2), np.sum(probe**2)
             ways.append((xy / math.sqrt(xx * yy), xy / xx, yy / xy))
         correlation, least, most = max(ways)

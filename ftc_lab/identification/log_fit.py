@@ -17,14 +17,13 @@ from ftc_lab.identification.fit import (
     widened,
 )
 from ftc_lab.identification.log_signals import LogSignals
+from ftc_lab.identification.moment_fit import MomentFit, fit_moments
 from ftc_lab.identification.output_error import (
     MOMENT_TERMS,
     MOMENTS,
     RATE_OF,
     SHIFTS,
-    MomentFit,
     MomentModel,
-    fit_moments,
     rate_factor,
     rates_predicted,
     shifted,
@@ -40,6 +39,8 @@ THRUST = "thrust"
 _SHIFTS_S = np.arange(-0.06, 0.1501, 0.01)
 _SMOOTHED = 3.0 / 16.0  # of a window, three spans of travel: faster is noise of probes
 _SHOTS = 4  # in a window, over which rates are simulated: four spans of travel each
+_GUESSED = 80  # windows by which a fit begins
+_NEAR_S = 1e-4  # to which a shift is found
 _ALIKE = 0.95  # correlation of two estimates, from which on they are not shown apart
 
 Columns = dict[str, np.ndarray]
@@ -80,7 +81,12 @@ class LogModel:
 
 
 def fit_log(
-    signals: LogSignals, windows: LogWindows, nominal: Mapping[str, float], *, doubted: bool = False
+    signals: LogSignals,
+    windows: LogWindows,
+    nominal: Mapping[str, float],
+    start: MomentModel | None = None,
+    *,
+    doubted: bool = False,
 ) -> LogModel:
     """Fit all that a flight shows; coefficients that it does not show stay nominal.
 
@@ -88,9 +94,11 @@ def fit_log(
         signals: The flight.
         windows: Of it.
         nominal: Coefficients as they are known.
+        start: Where the fit of moments begins; None: at least squares of accelerations.
         doubted: Whether intervals have what longer windows would show.
     """
-    solved, estimates = _moments(signals, windows, nominal, doubted=doubted)
+    start = start or _first_guess(signals, windows, nominal)
+    solved, estimates = _moments(signals, windows, nominal, start, doubted=doubted)
     alike = _alike(solved.columns)
     residuals = {
         axis: Residual(float(solved.model.scale[i]), float(solved.share[i]))
@@ -127,7 +135,12 @@ def fit_log(
 
 
 def _moments(
-    signals: LogSignals, windows: LogWindows, nominal: Mapping[str, float], *, doubted: bool
+    signals: LogSignals,
+    windows: LogWindows,
+    nominal: Mapping[str, float],
+    start: MomentModel,
+    *,
+    doubted: bool,
 ) -> tuple[MomentFit, dict[str, CoefficientEstimate]]:
     """Fit moments, once more if the flight does not show some coefficients.
 
@@ -136,7 +149,7 @@ def _moments(
     intervals.
     """
     shots = windows.parts(_SHOTS)
-    solved = fit_moments(signals, shots, _first_guess(signals, windows, nominal), frozenset())
+    solved = fit_moments(signals, shots, start, frozenset())
     known, of_all = {name: nominal[name] for name in MOMENT_TERMS}, solved.model.values
     kept = {name: one for name, one in _estimates(solved, known).items() if one.is_nominal}
     if kept:
@@ -164,14 +177,16 @@ def _first_guess(
 ) -> MomentModel:
     """Return least squares of each moment, with the times that explain it best.
 
-    They are the lag of the surface that moves most of it, and the shift of the air.
+    They are the lag of the surface that moves most of it, and the shift of the air. A part of the
+    windows says enough of where to begin.
     """
+    steps = windows.steps[:: -(-len(windows.steps) // _GUESSED)]
     values = {name: nominal[name] for name in MOMENT_TERMS}
     shifts = dict.fromkeys(SHIFTS, 0.0)
     candidates = [0.0] if signals.exact else _SHIFTS_S[::2].tolist()
     for axis, main in (("cl", "da"), ("cm", "de"), ("cn", "dr")):
         by_air, by_lag = (
-            {at: moment_problem(signals, windows.steps, axis, {**shifts, name: at}) for at in tried}
+            {at: moment_problem(signals, steps, axis, {**shifts, name: at}) for at in tried}
             for name, tried in ((axis, candidates), (main, [c for c in candidates if c >= 0.0]))
         )
         best = math.inf
@@ -186,17 +201,19 @@ def _first_guess(
                 best, at = size, {axis: of_air, main: lag}
                 values |= dict(zip(columns, found.tolist(), strict=True))
         shifts |= at
-    scale = np.std(np.diff(signals.rates[windows.steps], axis=1).reshape(-1, 3), axis=0)
+    scale = np.std(np.diff(signals.rates[steps], axis=1).reshape(-1, 3), axis=0)
     return MomentModel(values, shifts, np.maximum(scale, 1e-6))
 
 
-def regressor(signals: LogSignals, axis: str, of: str, shifts_s: Mapping[str, float]) -> np.ndarray:
-    """Return what a coefficient is multiplied by, "alpha2" being a square, shape (n,)."""
+def regressor(
+    signals: LogSignals, steps: np.ndarray, axis: str, of: str, shifts_s: Mapping[str, float]
+) -> np.ndarray:
+    """Return what a coefficient is multiplied by, "alpha2" being a square, shape as of `steps`."""
     if of == "1":
-        return np.ones(len(signals.airspeed))
+        return np.ones(steps.shape)
     if of in RATE_OF:
-        return np.asarray(signals.mean_rates[:, RATE_OF[of][1]] * rate_factor(signals, of))
-    values = shifted(signals, axis, of.rstrip("2"), shifts_s)
+        return signals.mean_rates[steps, RATE_OF[of][1]] * rate_factor(signals, of)[steps]
+    values = shifted(signals, steps, axis, of.rstrip("2"), shifts_s)
     return values**2 if of.endswith("2") else values
 
 
@@ -204,7 +221,7 @@ def _columns(
     signals: LogSignals, steps: np.ndarray, axis: str, shifts_s: Mapping[str, float]
 ) -> Columns:
     return {
-        name: smooth_of(regressor(signals, axis, of, shifts_s)[steps])
+        name: smooth_of(regressor(signals, steps, axis, of, shifts_s))
         for name, of in TERMS[axis].items()
     }
 
@@ -239,7 +256,7 @@ def force_problem(
     """
     columns = _columns(signals, steps, axis, shifts_s)
     qS = signals.pressure[steps] * signals.record["S"]
-    alpha, beta = (signals.mean(name, shifts_s[axis])[steps] for name in ("alpha", "beta"))
+    alpha, beta = (signals.mean(name, steps, shifts_s[axis]) for name in ("alpha", "beta"))
     x, y, z = np.moveaxis(signals.force[steps] * signals.record["m"] / qS[..., None], -1, 0)
     none = np.zeros(len(smooth_of(qS)))
     if axis == "cY":
@@ -285,7 +302,9 @@ def _best_shift(
 
     first = min(_SHIFTS_S.tolist(), key=left)
     around = (first - 0.01, first + 0.01)
-    return float(minimize_scalar(left, bounds=around, method="bounded").x)
+    return float(
+        minimize_scalar(left, bounds=around, method="bounded", options={"xatol": _NEAR_S}).x
+    )
 
 
 def _alike(columns: Columns) -> list[tuple[str, str, float]]:

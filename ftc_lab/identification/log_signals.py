@@ -8,7 +8,7 @@ time by less than a step.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from functools import lru_cache
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from gcs.results.logs.table import FlightTable
 from mavlink_defs.constants import SURFACES
 from sitl_plant.airframe.aircraft import AircraftRecord, aircraft_record
 from sitl_plant.airframe.config import Aircraft
-from sitl_plant.airframe.thrust import available_thrust
 
 LEAST_HZ = 8.0
 """Rates must be renewed so often: four times in the roll of a small aircraft, some 0.5 s."""
@@ -33,33 +32,38 @@ _STILL_M_S = 0.1  # by which nothing is divided
 _SLOWEST = 0.8  # of the lowest airspeed command accepted: slower is on the ground
 
 
-class Track(NamedTuple):
-    """A signal as its integral, so that its mean over any step is a difference."""
+@dataclass(frozen=True, eq=False)
+class Track:
+    """A signal as its integral at even times, so that its mean over any step is a difference."""
 
     time_s: np.ndarray
     integral: np.ndarray
 
-    def means(self, ends_s: np.ndarray, shift_s: float = 0.0, lag_s: float = 0.0) -> np.ndarray:
+    def means(self, ends_s: np.ndarray, shift_s: float = 0.0) -> np.ndarray:
         """Return the means over steps, of what the signal was some seconds before.
 
         Args:
-            ends_s: When steps begin and end, shape (n + 1,).
+            ends_s: When steps begin and end, shape (..., n + 1).
             shift_s: How long before.
-            lag_s: Time constant of a first-order lag that follows the signal.
         """
-        integral = self.integral if lag_s < _NO_LAG_S else self._lagged(lag_s)
-        at = np.interp(ends_s - shift_s, self.time_s, integral)
+        h, last = float(self.time_s[1] - self.time_s[0]), len(self.time_s) - 1
+        place = np.clip((ends_s - (shift_s + self.time_s[0])) / h, 0.0, last)
+        before = np.minimum(place.astype(np.int64), last - 1)
+        at = self.integral[before]
+        at += (place - before) * (self.integral[before + 1] - at)
         return np.asarray(np.diff(at) / np.diff(ends_s))
 
-    def _lagged(self, lag_s: float) -> np.ndarray:
-        """Return the integral behind a lag, which follows the integral by the same lag."""
+    @lru_cache(maxsize=16)  # noqa: B019 - of the few signals of a flight, and small beside them
+    def behind(self, lag_s: float) -> "Track":
+        """Return what follows the signal by a first-order lag: its integral follows by the same."""
+        if lag_s < _NO_LAG_S:
+            return self
         from scipy.signal import lfilter
 
         h = float(self.time_s[1] - self.time_s[0])
         left = math.exp(-h / lag_s)
         mean = lag_s / h * (1.0 - left)
-        found: np.ndarray = lfilter([1.0 - mean, mean - left], [1.0, -left], self.integral)
-        return found
+        return Track(self.time_s, lfilter([1.0 - mean, mean - left], [1.0, -left], self.integral))
 
 
 @dataclass(frozen=True)
@@ -107,15 +111,18 @@ class LogSignals:
         """Length of a step [s]."""
         return float(self.ends_s[1] - self.ends_s[0])
 
-    def mean(self, name: str, shift_s: float = 0.0, lag_s: float = 0.0) -> np.ndarray:
-        """Return the means of a track over all steps, shape (n,)."""
-        return self.tracks[name].means(self.ends_s, shift_s, lag_s)
+    def mean(
+        self, name: str, steps: np.ndarray, shift_s: float = 0.0, lag_s: float = 0.0
+    ) -> np.ndarray:
+        """Return the means of a track over steps, which follow each other in each row."""
+        ends_s = self.ends_s[np.concatenate([steps, steps[..., -1:] + 1], axis=-1)]
+        return self.tracks[name].behind(lag_s).means(ends_s, shift_s)
 
     def with_noisier_probes(self) -> "LogSignals":
         """Return the same with as much noise again on the probes of the angles."""
         rng, tracks = np.random.default_rng(1), dict(self.tracks)
         for name, (size, step_s) in self.noise.items():
-            time_s, integral = tracks[name]
+            time_s, integral = tracks[name].time_s, tracks[name].integral
             at_s = np.arange(time_s[0], time_s[-1] + step_s, step_s)
             more = np.interp(time_s, at_s, size * rng.standard_normal(len(at_s)))
             tracks[name] = Track(time_s, integral + _track(time_s, more).integral)
@@ -201,7 +208,10 @@ class _Reader(FlightSignals):
         if not self.has("share_throttle"):
             self.remarks.append("no throttle: thrust, and with it drag, does not show")
             return None
-        most = np.array([available_thrust(one, record) for one in np.nan_to_num(V).tolist()])
+        rows, most = record["thrust_rows"], record["thrust_limit"]
+        if rows:  # as of `sitl_plant.airframe.thrust`, which is of one airspeed
+            by = record["thrust_airspeeds"][:rows], record["thrust_most"][:rows]
+            most = np.minimum(np.interp(V, *by), most)
         return np.asarray(self.of("share_throttle") * most)
 
 

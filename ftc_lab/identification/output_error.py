@@ -15,9 +15,8 @@ of a computer. Each of the three moments answers to the air at another time than
 measures it, as gusts come to the tail later. So seven times are fitted with the coefficients.
 """
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -34,14 +33,10 @@ LAGS = ("da", "de", "dr")
 SHIFTS = (DELAY, *LAGS, *MOMENTS)
 """Times that are fitted: the delay of all surfaces, their lags, and the air's, by moment."""
 MOMENT_TERMS = {name: (axis, of) for axis in MOMENTS for name, of in TERMS[axis].items()}
-_EARLIEST_S, _LATEST_S = -0.1, 0.2  # times that are looked for
-_USUAL_S = 0.1  # of a shift that the log does not show: it stays within some of this
-_INSIDE = 1e-3  # of the bounds, in units of a usual time, from where a fit begins
 _SHIFT_STEP_S = 2e-3  # by which a derivative is taken
-_ROUNDS = 2  # of weights from what is left over
 _FAR = 1e6  # of what is left over, by its scale, where there is no motion
-_ENOUGH = 1e-4  # change of the sum of squares, and of the parameters, by which a fit ends
 _AXES = list(MOMENTS)
+GROUPS = ([0, 2], [1])  # of axes, whose rates depend on each other
 
 
 @dataclass(frozen=True)
@@ -73,128 +68,180 @@ def times_of(axis: str, of: str) -> tuple[str, ...]:
     return (DELAY, of) if of in LAGS else (axis,)
 
 
-def shifted(signals: LogSignals, axis: str, of: str, shifts_s: Mapping[str, float]) -> np.ndarray:
-    """Return a surface behind its servo, or the air as an axis answers to it, shape (n,)."""
+def shifted(
+    signals: LogSignals, steps: np.ndarray, axis: str, of: str, shifts_s: Mapping[str, float]
+) -> np.ndarray:
+    """Return a surface behind its servo, or the air as an axis answers to it, in some steps."""
     if of in LAGS:
-        return signals.mean(of, shifts_s[DELAY], shifts_s[of])
-    return signals.mean(of, shifts_s[axis])
+        return signals.mean(of, steps, shifts_s[DELAY], shifts_s[of])
+    return signals.mean(of, steps, shifts_s[axis])
 
 
-class _Motion:
-    """The equations of the rates in the steps of some windows, m of n steps."""
+class Linearised(NamedTuple):
+    """What is left over of a group of rates in m windows, and its derivatives.
+
+    Attributes:
+        names: By which, k of them.
+        left: By the scale of each rate, shape (n + 1, d, m).
+        slopes: Shape (n + 1, d, k, m).
+    """
+
+    names: list[str]
+    left: np.ndarray
+    slopes: np.ndarray
+
+    @property
+    def rows(self) -> np.ndarray:
+        """The derivatives and, as the last column, what is left over; shape (., k + 1)."""
+        both = np.concatenate([self.slopes, self.left[:, :, None]], axis=2)
+        return both.swapaxes(2, 3).reshape(-1, len(self.names) + 1)
+
+
+class Motion:
+    """The equations of the rates in the steps of some windows, m of n steps.
+
+    An aircraft is alike to both sides, so that rolling and yawing go together, and pitching alone:
+    two groups, of d = 2 rates and 1, of which each has derivatives by what is its own. The windows
+    are the last axis of all arrays here, as the same step of all of them is taken at once.
+    """
 
     def __init__(self, signals: LogSignals, windows: LogWindows) -> None:
         self.signals, self.steps = signals, windows.steps
         steps, record = windows.steps, signals.record
-        self.measured = signals.rates[np.column_stack([steps, steps[:, -1] + 1])]
-        qS = signals.pressure * record["S"]
-        self.per = np.stack([qS * record[length] for length in MOMENTS.values()], axis=1)[steps]
-        known = -signals.gyroscopic
+        self.measured = signals.rates[np.column_stack([steps, steps[:, -1] + 1])].T
+        qS = signals.pressure[steps].T * record["S"]
+        self.per = np.stack([qS * record[length] for length in MOMENTS.values()])
+        known = -signals.gyroscopic[steps]
         if signals.thrust is not None:
-            known = known + np.outer(signals.thrust, record["thrust_arms"])
-        self.known = known[steps]
-        self.factors = {rate: rate_factor(signals, rate)[steps] for rate in RATE_OF}
+            known = known + signals.thrust[steps][..., None] * record["thrust_arms"]
+        self.known = known.T
+        self.factors = {rate: rate_factor(signals, rate)[steps].T for rate in RATE_OF}
         self.J_inv = np.array(record["J_inv"])
         self._inputs: dict[tuple[str, tuple[float, ...]], np.ndarray] = {}
 
     def _input(self, axis: str, of: str, shifts_s: Mapping[str, float]) -> np.ndarray:
-        """Return what a coefficient that is none of a rate is multiplied by, shape (m, n)."""
+        """Return what a coefficient that is none of a rate is multiplied by, shape (n, m)."""
         if of == "1":
-            return np.ones(self.steps.shape)
+            return np.ones(self.steps.T.shape)
         key = (of, tuple(shifts_s[name] for name in times_of(axis, of)))
         if key not in self._inputs:
-            self._inputs[key] = shifted(self.signals, axis, of, shifts_s)[self.steps]
+            found = shifted(self.signals, self.steps, axis, of, shifts_s)
+            self._inputs[key] = np.ascontiguousarray(found.T)
         return self._inputs[key]
 
-    def _still(self, model: MomentModel) -> np.ndarray:
-        """Return the coefficients of moments without the rates' part, shape (m, n, 3)."""
-        found = np.zeros((*self.steps.shape, 3))
-        for name, (axis, of) in MOMENT_TERMS.items():
-            if of not in RATE_OF and model.values[name]:
-                inputs = self._input(axis, of, model.shifts_s)
-                found[..., _AXES.index(axis)] += model.values[name] * inputs
-        return found
+    def _transitions(
+        self, model: MomentModel, axes: list[int]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return what a step makes of rates, of all inputs, and of coefficients of moments.
 
-    def _transitions(self, model: MomentModel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return what a step makes of rates, of the inputs, and of an angular acceleration.
-
-        Shapes (m, n, 3, 3), (m, n, 3), (m, n, 3, 3).
+        Shapes (d, d, n, m), (d, n, m), (d, d, n, m).
         """
-        by_rate = np.zeros((*self.steps.shape, 3, 3))
-        for name, (axis, of) in MOMENT_TERMS.items():
+        d, h, per = len(axes), self.signals.step_s, self.per[axes]
+        by_rate, still = np.zeros((d, d, *per.shape[1:])), np.zeros(per.shape)
+        for name, axis, i, of in _terms_of(axes):
+            value = model.values[name]
             if of in RATE_OF:
-                factor = model.values[name] * self.factors[of]
-                by_rate[..., _AXES.index(axis), RATE_OF[of][1]] += factor
-        A = self.J_inv @ (by_rate * self.per[..., None])
-        f = (self._still(model) * self.per + self.known) @ self.J_inv.T
-        h, one = self.signals.step_s, np.broadcast_to(np.eye(3), A.shape)
-        even = one + h * h / 12.0 * (A @ A)  # exp by Padé (2, 2)
-        right = np.concatenate([even + h / 2.0 * A, h * f[..., None], h * one], axis=-1)
-        made = np.linalg.solve(even - h / 2.0 * A, right)
-        return made[..., :3], made[..., 3], made[..., 4:]
+                by_rate[i, axes.index(RATE_OF[of][1])] += value * self.factors[of]
+            elif value:
+                still[i] += value * self._input(axis, of, model.shifts_s)
+        J_inv, one = self.J_inv[np.ix_(axes, axes)], np.eye(d)[..., None, None]
+        A = h * _times(J_inv, by_rate * per[:, None])
+        push = h * _inverse(one - A / 2.0 + _times(A, A) / 12.0)  # exp by Padé (2, 2)
+        inputs = _times(J_inv, (still * per + self.known[axes])[:, None])
+        return one + _times(push, A) / h, _times(push, inputs)[:, 0], _times(push, J_inv) * per
 
     def simulated(self, model: MomentModel) -> np.ndarray:
-        """Return the rates from the measured start of each window, shape (m, n + 1, 3)."""
-        transition, entry, _ = self._transitions(model)
-        return _carried(self.measured[:, 0, :, None], transition, entry[..., None])[..., 0]
+        """Return the rates from the measured start of each window, shape (3, n + 1, m)."""
+        found = np.empty_like(self.measured)
+        for axes in GROUPS:
+            transition, entry, _ = self._transitions(model, axes)
+            made = _carried(self.measured[axes, None, 0], transition, entry[:, None])
+            found[axes] = made[:, :, 0].swapaxes(0, 1)
+        return found
 
-    def linearised(self, model: MomentModel, free: list[str]) -> tuple[np.ndarray, np.ndarray]:
+    def linearised(self, model: MomentModel, free: list[str]) -> list[Linearised]:
         """Return what is left over with the best starts, and its derivatives by what is free.
 
         Both by the scale of each rate; what other starts would make is taken off the derivatives
-        (variable projection, Kaufman's form). Shapes (m, n + 1, 3), (m, n + 1, 3, free).
+        (variable projection, Kaufman's form). For each group of rates.
         """
         self._inputs.clear()
-        transition, entry, push = self._transitions(model)
-        m, n = self.steps.shape
-        of_start = np.broadcast_to(np.eye(3), (m, 3, 3))
-        begin = np.concatenate([np.zeros((m, 3, 1)), of_start], axis=2)
-        entries = np.concatenate([entry[..., None], np.zeros((m, n, 3, 3))], axis=3)
+        return [self._linearised(model, free, axes) for axes in GROUPS]
+
+    def _linearised(self, model: MomentModel, free: list[str], axes: list[int]) -> Linearised:
+        terms = _terms_of(axes)
+        own = {name for term, axis, _, of in terms for name in (term, *times_of(axis, of))}
+        names = [name for name in free if name in own]
+        transition, entry, push = self._transitions(model, axes)
+        d, n, m = entry.shape
+        begin, entries = np.zeros((d, 1 + d, m)), np.zeros((d, 1 + d, n, m))
+        begin[:, 1:], entries[:, 0] = np.eye(d)[..., None], entry
         made = _carried(begin, transition, entries)
         if not np.isfinite(made).all():  # coefficients with which rates grow without end
-            far = np.full(self.measured.shape, _FAR)
-            return far, np.zeros((*far.shape, len(free)))
-        by_scale = 1.0 / model.scale[:, None]
-        H = (made[..., 1:] * by_scale).reshape(m, -1, 3)
-        best = np.linalg.pinv(H)
-        left = ((made[..., 0] - self.measured) / model.scale).reshape(m, -1, 1)
-        start = -best @ left
-        rates = made[..., 0] + (made[..., 1:] @ start[:, None])[..., 0]
-        pushed = push @ self._accelerations(model, free, 0.5 * (rates[:, 1:] + rates[:, :-1]))
-        slopes = _carried(np.zeros((m, 3, len(free))), transition, pushed)
-        slopes = (slopes * by_scale).reshape(m, -1, len(free))
-        slopes = slopes - H @ (best @ slopes)
-        left = left + H @ start
-        return left.reshape(m, n + 1, 3), slopes.reshape(m, n + 1, 3, -1)
+            far = np.full((n + 1, d, m), _FAR)
+            return Linearised(names, far, np.zeros((n + 1, d, len(names), m)))
+        scale = model.scale[axes][:, None]
+        left = (made[:, :, 0] - self.measured[axes].swapaxes(0, 1)) / scale
+        H = made[:, :, 1:] / scale[..., None]
+        best = np.einsum("abm,nibm->anim", _inverse(np.einsum("niam,nibm->abm", H, H)), H)
+        start = -np.einsum("anim,nim->am", best, left)
+        rates = made[:, :, 0] + np.einsum("niam,am->nim", made[:, :, 1:], start)
+        pushed = _times(push, self._moments(model, names, axes, 0.5 * (rates[1:] + rates[:-1])))
+        slopes = _carried(np.zeros((d, len(names), m)), transition, pushed) / scale[..., None]
+        by_start = np.einsum("anim,nikm->akm", best, slopes)
+        slopes -= np.einsum("niam,akm->nikm", H, by_start)
+        return Linearised(names, left + np.einsum("niam,am->nim", H, start), slopes)
 
-    def _accelerations(self, model: MomentModel, free: list[str], rates: np.ndarray) -> np.ndarray:
-        """Return angular accelerations by what is free, shape (m, n, 3, free)."""
-        found = np.zeros((*self.steps.shape, 3, len(free)))
-        for k, name in enumerate(free):
-            if name in SHIFTS:
-                later = {**model.shifts_s, name: model.shifts_s[name] + _SHIFT_STEP_S}
-                for term, (axis, of) in MOMENT_TERMS.items():
-                    if name in times_of(axis, of) and model.values[term]:
-                        now = self._input(axis, of, model.shifts_s)
-                        slope = (self._input(axis, of, later) - now) / _SHIFT_STEP_S
-                        found[..., _AXES.index(axis), k] += model.values[term] * slope
-                continue
-            axis, of = MOMENT_TERMS[name]
-            if of in RATE_OF:
-                value = self.factors[of] * rates[..., RATE_OF[of][1]]
-            else:
-                value = self._input(axis, of, model.shifts_s)
-            found[..., _AXES.index(axis), k] = value
-        return np.asarray(self.J_inv @ (found * self.per[..., None]))
+    def _moments(
+        self, model: MomentModel, names: list[str], axes: list[int], rates: np.ndarray
+    ) -> np.ndarray:
+        """Return coefficients of moments by what is free, shape (d, k, n, m)."""
+        found = np.zeros((len(axes), len(names), *self.steps.T.shape))
+        for name, axis, i, of in _terms_of(axes):
+            now = None if of in RATE_OF else self._input(axis, of, model.shifts_s)
+            if name in names:
+                by = self.factors[of] * rates[:, axes.index(RATE_OF[of][1])] if now is None else now
+                found[i, names.index(name)] = by
+            for one in times_of(axis, of):
+                if one in names and now is not None:
+                    later = {**model.shifts_s, one: model.shifts_s[one] + _SHIFT_STEP_S}
+                    slope = (self._input(axis, of, later) - now) / _SHIFT_STEP_S
+                    found[i, names.index(one)] += model.values[name] * slope
+        return found
+
+
+def _terms_of(axes: list[int]) -> list[tuple[str, str, int, str]]:
+    """Return coefficients of some moments: name, axis, place of the axis, what it belongs to."""
+    return [
+        (name, axis, axes.index(_AXES.index(axis)), of)
+        for name, (axis, of) in MOMENT_TERMS.items()
+        if _AXES.index(axis) in axes
+    ]
+
+
+def _times(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return products of matrices that are the first two axes."""
+    return np.asarray(np.einsum("ij...,jk...->ik...", one, other))
+
+
+def _inverse(one: np.ndarray) -> np.ndarray:
+    """Return inverses of matrices of 1 x 1 or 2 x 2 that are the first two axes."""
+    if len(one) == 1:
+        return np.asarray(1.0 / one)
+    (a, b), (c, d) = one
+    return np.asarray(np.array([[d, -b], [-c, a]]) / (a * d - b * c))
 
 
 def _carried(start: np.ndarray, transition: np.ndarray, entry: np.ndarray) -> np.ndarray:
-    """Return states x⁺ = Φ x + entry from a start on, shapes (m, 3, k) and (m, n, 3, k)."""
-    found = np.empty((start.shape[0], entry.shape[1] + 1, *start.shape[1:]))
-    found[:, 0] = start
+    """Return states x⁺ = Φ x + entry from a start on.
+
+    Shapes (n + 1, d, k, m) of (d, k, m), (d, d, n, m), (d, k, n, m).
+    """
+    found = np.empty((entry.shape[2] + 1, *start.shape))
+    found[0] = start
     with np.errstate(over="ignore", invalid="ignore"):
-        for k in range(entry.shape[1]):
-            found[:, k + 1] = transition[:, k] @ found[:, k] + entry[:, k]
+        for k in range(entry.shape[2]):
+            found[k + 1] = _times(transition[:, :, k], found[k]) + entry[:, :, k]
     return found
 
 
@@ -205,110 +252,5 @@ def rates_predicted(
 
     Both without the start, shape (m, n, 3).
     """
-    motion = _Motion(signals, windows)
-    return motion.simulated(model)[:, 1:], motion.measured[:, 1:]
-
-
-@dataclass(frozen=True)
-class MomentFit:
-    """The model, and its least squares problem where it is solved.
-
-    Attributes:
-        model: What fits best.
-        columns: Derivatives of all rates, by their scale, by what is free, each of shape (k,).
-        left: What is left over of them, shape (k,).
-        group: Of each, shape (k,).
-        share: Of the standard deviation of each rate that is left over, shape (3,).
-    """
-
-    model: MomentModel
-    columns: dict[str, np.ndarray]
-    left: np.ndarray
-    group: np.ndarray
-    share: np.ndarray
-
-
-class _Unknowns(NamedTuple):
-    """What is free, in units of its usual size, and between which bounds."""
-
-    names: list[str]
-    unit: np.ndarray
-    least: np.ndarray
-    most: np.ndarray
-
-    def inside(self, x: np.ndarray) -> np.ndarray:
-        """Return values a little inside of the bounds, where a fit can begin."""
-        return np.asarray(np.clip(x, self.least + _INSIDE, self.most - _INSIDE))
-
-
-def _unknowns(start: MomentModel, fixed: frozenset[str], *, exact: bool) -> _Unknowns:
-    coefficients = [name for name in MOMENT_TERMS if name not in fixed]
-    shifts = [] if exact else list(SHIFTS)
-    unit = [max(abs(start.values[name]), 0.01) for name in coefficients]
-    earliest = [0.0 if name in LAGS else _EARLIEST_S for name in shifts]
-    endless = [math.inf] * len(coefficients)
-    return _Unknowns(
-        [*coefficients, *shifts],
-        np.array([*unit, *(_USUAL_S for _ in shifts)]),
-        np.array([*(-end for end in endless), *(at / _USUAL_S for at in earliest)]),
-        np.array([*endless, *(_LATEST_S / _USUAL_S for _ in shifts)]),
-    )
-
-
-def fit_moments(
-    signals: LogSignals, shots: LogWindows, start: MomentModel, fixed: frozenset[str]
-) -> MomentFit:
-    """Fit coefficients of moments and shifts to the rates of windows.
-
-    Args:
-        signals: The flight.
-        shots: Windows of it over which rates are simulated.
-        start: Where to begin.
-        fixed: Coefficients that stay as they are; of a recording of ours all shifts do.
-    """
-    from scipy.optimize import least_squares
-
-    motion, model = _Motion(signals, shots), start
-    unknown = _unknowns(start, fixed, exact=signals.exact)
-    free, size, unit = unknown.names, motion.measured.size, unknown.unit
-    prior = np.eye(len(free))[[name in SHIFTS for name in free]]
-
-    def model_at(x: np.ndarray) -> MomentModel:
-        found = dict(zip(free, (x * unit).tolist(), strict=True))
-        return MomentModel(
-            {name: found.get(name, value) for name, value in start.values.items()},
-            {name: found.get(name, value) for name, value in start.shifts_s.items()},
-            model.scale,
-        )
-
-    solved_at: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
-
-    def problem(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        if x.tobytes() not in solved_at:
-            left, slopes = motion.linearised(model_at(x), free)
-            both = np.column_stack([slopes.reshape(size, -1) * unit, left.ravel()])
-            last = np.column_stack([prior, prior @ x])
-            few = np.asarray(np.linalg.qr(np.concatenate([both, last]), mode="r"))  # same products
-            solved_at.clear()
-            solved_at[x.tobytes()] = few[:, -1], few[:, :-1]
-        return solved_at[x.tobytes()]
-
-    x = unknown.inside(np.array([{**start.values, **start.shifts_s}[name] for name in free]) / unit)
-    for _ in range(_ROUNDS):
-        solved = least_squares(
-            lambda x: problem(x)[0],
-            x,
-            lambda x: problem(x)[1],
-            bounds=(unknown.least, unknown.most),
-            ftol=_ENOUGH,
-            xtol=_ENOUGH,
-        )
-        solved_at.clear()
-        x = unknown.inside(solved.x)
-        rest = motion.linearised(model_at(solved.x), free)[0].reshape(-1, 3) * model.scale
-        model = replace(model_at(x), scale=np.sqrt(np.mean(rest**2, axis=0)))
-    left, slopes = motion.linearised(model, free)
-    columns = dict(zip(free, slopes.reshape(size, -1).T, strict=True))
-    spread = np.std(motion.measured.reshape(-1, 3), axis=0)
-    group = np.repeat(shots.group, size // len(shots.group))
-    return MomentFit(model, columns, -left.ravel(), group, model.scale / spread)
+    motion = Motion(signals, windows)
+    return motion.simulated(model)[:, 1:].T, motion.measured[:, 1:].T

@@ -11,7 +11,7 @@ SURFACE_TRACKS = {"da": "aileron", "de": "elevator", "dr": "rudder"}
 _LEAST_DEG = 0.2  # from end to end in a window: less is a servo's play
 _SPANS = 16.0  # of travel in a window: rates have forgotten how they began within a few
 _LEAST_STEPS = 8  # in a window
-_LEAST_WINDOWS = 8
+_LEAST_WINDOWS, _MOST_WINDOWS = 8, 320
 _MOST_GROUPS = 40
 
 
@@ -56,7 +56,7 @@ class LogWindows:
 
 
 def windows_of_log(signals: LogSignals) -> LogWindows:
-    """Return the windows in which a surface moves.
+    """Return the windows in which a surface moves; of many, those in which they move most.
 
     Raises:
         BadInput: There are too few.
@@ -75,13 +75,14 @@ def windows_of_log(signals: LogSignals) -> LogWindows:
         else:
             at += 1
     steps = np.array(starts, int)[:, None] + np.arange(n)
-    moved = np.degrees([np.ptp(signals.mean(name)[steps], axis=1) for name in SURFACE_TRACKS])
-    chosen = steps[(moved >= _LEAST_DEG).any(axis=0)] if len(steps) else steps
+    moved = np.degrees([np.ptp(signals.mean(name, steps), axis=1) for name in SURFACE_TRACKS])
+    chosen = np.flatnonzero((moved >= _LEAST_DEG).any(axis=0)) if len(steps) else []
     if len(chosen) < _LEAST_WINDOWS:
         had, needed = (count * n * signals.step_s for count in (len(chosen), _LEAST_WINDOWS))
         text = f"only {had:.3g} s of flight have a surface that moves by {_LEAST_DEG:g} deg or more"
         raise BadInput(f"{text}, expected {needed:.3g} s", "fly longer, and move the controls")
-    return _grouped(chosen)
+    much = (moved / np.maximum(moved.mean(axis=1, keepdims=True), _LEAST_DEG)).sum(axis=0)[chosen]
+    return _grouped(steps[np.sort(chosen[np.argsort(-much, kind="stable")[:_MOST_WINDOWS]])])
 
 
 def _grouped(steps: np.ndarray) -> LogWindows:
@@ -95,10 +96,10 @@ def segments_of(signals: LogSignals, windows: LogWindows) -> list[LogSegment]:
     cuts = np.flatnonzero(np.diff(steps[:, 0]) > 2 * steps.shape[1]) + 1
     found = []
     for part in np.split(steps, cuts):
-        inside = slice(int(part[0, 0]), int(part[-1, -1]) + 1)
+        inside = np.arange(part[0, 0], part[-1, -1] + 1)
         da, de, dr = (
-            float(np.degrees(np.std(signals.mean(name)[inside]))) for name in SURFACE_TRACKS
+            float(np.degrees(np.std(signals.mean(name, inside)))) for name in SURFACE_TRACKS
         )
-        ends = signals.ends_s[[inside.start, inside.stop]]
+        ends = signals.ends_s[[inside[0], inside[-1] + 1]]
         found.append(LogSegment(float(ends[0]), float(ends[1]), (da, de, dr)))
     return found

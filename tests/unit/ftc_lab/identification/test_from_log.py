@@ -228,6 +228,25 @@ def test_the_moment_of_the_thrust_is_not_taken_for_the_airs(
     assert np.mean((with_thrust - without)[..., 1]) > 0.0
 
 
+def test_of_a_long_log_the_windows_count_in_which_surfaces_move_most(
+    flight: np.ndarray, aircraft: Aircraft
+) -> None:
+    times = 20  # of which four are lively
+    long = np.concatenate([flight] * times)
+    long[:, 0] = flight[0, 0] + np.arange(len(long)) / RATE_HZ
+    calm = np.arange(len(long)) >= 4 * len(flight)
+    trim = np.mean(flight[:, 13:16], axis=0)
+    long[calm, 13:16] = trim + 0.25 * (long[calm, 13:16] - trim)
+    signals = log_signals(log_of(long), aircraft)
+    windows = windows_of_log(signals)
+    assert len(windows.steps) == 320
+    assert (np.diff(windows.steps[:, 0]) > 0).all()
+    lively = windows.steps[:, 0] < 4 * len(flight)
+    assert np.count_nonzero(lively) > 0.9 * 4 * len(
+        windows_of_log(log_signals(log_of(flight), aircraft)).steps
+    )
+
+
 def test_the_lag_of_servos_and_of_the_log_is_found(identified: Identified) -> None:
     assert identified.evidence is not None
     shifts_s = identified.evidence.shifts_s
