@@ -4,7 +4,9 @@ import bz2
 import gzip
 import io
 import lzma
-from collections.abc import Callable, Iterator, Mapping
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -205,19 +207,14 @@ def _number(text: object) -> float:
 def _of_mat(path: Path) -> _Columns:
     """Return the vectors of a MAT file; one in a structure is ``structure.field``."""
     check_packages(("scipy",), f"{path.name}, a MAT file,", "lab")
-    from scipy.io import loadmat
-
-    with reading(path, "is no MAT file, or is cut off"), open_file(path) as file:
-        try:
-            tree = loadmat(file, squeeze_me=True, struct_as_record=False)
-        except NotImplementedError:
-            raise BadInput(f"{path} is of MATLAB 7.3", "save it with -v7 in MATLAB") from None
-    return dict(_vectors("", {k: v for k, v in tree.items() if not k.startswith("__")}))
-
-
-def _vectors(place: str, tree: Mapping[str, Any]) -> Iterator[tuple[str, np.ndarray]]:
-    for name, value in tree.items():
-        if fields := getattr(value, "_fieldnames", None):
-            yield from _vectors(f"{place}{name}.", {one: getattr(value, one) for one in fields})
-        elif isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype.kind in "fiub":
-            yield f"{place}{name}", value.astype(float)
+    with reading(path), open_file(path) as file:
+        if file.read(10) == b"MATLAB 7.3":
+            raise BadInput(f"{path} is of MATLAB 7.3", "save it with -v7 in MATLAB")
+    command = [sys.executable, "-P", "-m", "gcs.results.logs.mat_vectors", str(path)]
+    done = subprocess.run(command, capture_output=True, check=False)
+    if done.returncode:
+        why = done.stderr.decode("utf-8", "replace").strip().rpartition("\n")[2]
+        reason = visible(why) or f"its reader crashed (signal {-done.returncode})"
+        raise BadInput(f"{path} is no MAT file, or is cut off: {reason}")
+    with np.load(io.BytesIO(done.stdout)) as vectors:
+        return {name[1:]: vectors[name] for name in vectors.files}

@@ -122,6 +122,17 @@ def test_a_mat_file_of_structures(tmp_path: Path) -> None:
     assert flight["latitude"].values == pytest.approx(np.degrees(np.cos(time_s)))
 
 
+def test_a_damaged_mat_file_that_crashes_its_reader_is_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "a.mat"
+    savemat(path, {"time_s": np.arange(9.0), "roll": np.full(9, 0.5)})
+    data, of_doubles = bytearray(path.read_bytes()), (9).to_bytes(4, "little")
+    place = data.rindex(of_doubles + (72).to_bytes(4, "little"))
+    data[place] = 100  # a type that there is not
+    path.write_bytes(data)
+    with pytest.raises(BadInput, match="is no MAT file, or is cut off: its reader crashed"):
+        read_flight(path)
+
+
 def test_columns_of_other_lengths_are_left_out(tmp_path: Path) -> None:
     columns = {"time_s": np.arange(9.0), "roll": np.arange(9.0), "V": np.ones(4), "uav": np.ones(5)}
     savemat(tmp_path / "a.mat", columns)
