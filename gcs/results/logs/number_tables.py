@@ -4,8 +4,6 @@ import bz2
 import gzip
 import io
 import lzma
-import subprocess
-import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -13,9 +11,9 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from gcs.console.errors import BadInput
-from gcs.console.extras import check_packages
 from gcs.results.logs.clocks import longest_stretch, utc
 from gcs.results.logs.column_map import ColumnMap, MappedColumn, TimeColumn, bundled_maps, read_map
+from gcs.results.logs.mat_file import mat_vectors
 from gcs.results.logs.names import UNITS, factor
 from gcs.results.logs.reading import chosen_vehicle, reading
 from gcs.results.logs.table import FlightTable, by_name
@@ -56,7 +54,7 @@ def read_columns(path: Path, kind: str, uav: int | None, map_file: Path | None) 
     if kind == "csv":
         columns = _of_csv(path, remarks)
     else:
-        columns = _of_parquet(path) if kind == "parquet" else _of_mat(path)
+        columns = _of_parquet(path) if kind == "parquet" else mat_vectors(path)
     if not any(map(len, columns.values())):
         text = f"{path} has no column of numbers"
         raise BadInput(text, "rows of numbers, apart by , ; or tabs, with decimal points, in UTF-8")
@@ -202,19 +200,3 @@ def _number(text: object) -> float:
         return float(str(text))
     except ValueError:
         return float("nan")
-
-
-def _of_mat(path: Path) -> _Columns:
-    """Return the vectors of a MAT file; one in a structure is ``structure.field``."""
-    check_packages(("scipy",), f"{path.name}, a MAT file,", "lab")
-    with reading(path), open_file(path) as file:
-        if file.read(10) == b"MATLAB 7.3":
-            raise BadInput(f"{path} is of MATLAB 7.3", "save it with -v7 in MATLAB")
-    command = [sys.executable, "-P", "-m", "gcs.results.logs.mat_vectors", str(path)]
-    done = subprocess.run(command, capture_output=True, check=False)
-    if done.returncode:
-        why = done.stderr.decode("utf-8", "replace").strip().rpartition("\n")[2]
-        reason = visible(why) or f"its reader crashed (signal {-done.returncode})"
-        raise BadInput(f"{path} is no MAT file, or is cut off: {reason}")
-    with np.load(io.BytesIO(done.stdout)) as vectors:
-        return {name[1:]: vectors[name] for name in vectors.files}
