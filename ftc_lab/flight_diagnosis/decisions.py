@@ -2,10 +2,13 @@
 
 The largest evidence that a healthy flight reaches differs from surface to surface. It is known from
 other flights, as two numbers of a Gumbel distribution, which maxima have; a threshold is what one
-healthy flight in so many exceeds. What fails first is named by the evidence within 2 s after the
-alarm, relative to the thresholds: later, much follows from it.
+healthy flight in so many exceeds. A flight whose own evidence has been large all along, as in gusts
+that the others had not, is doubted: its thresholds are up to twice as high. What fails first is
+named by the evidence within 2 s after the alarm, relative to the thresholds: later, much follows
+from it.
 """
 
+from bisect import insort
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
@@ -22,6 +25,8 @@ FALSE_ALARMS = 0.02
 """Share of healthy flights that thresholds let alarm."""
 LEARNT = "learnt.yaml"
 """What was learnt from other flights, beside this module."""
+_OWN_S = 20.0  # of evidence that a flight must have had of its own, to be doubted by it
+_OWN_SHARE, _OWN_TIMES, _MOST_DOUBT = 0.9, 2.5, 2.0  # an alarm is so many times what 90 % are below
 _LONGEST_S = 15.0  # before an alarm, in which a fault may have begun
 
 
@@ -112,7 +117,7 @@ class Diagnosis:
 
     Attributes:
         time_s: The grid, shape (n,).
-        ratios: Evidence relative to the threshold by surface, each of shape (n,); 1 is an alarm.
+        ratios: Evidence as of `ratios_of`, each of shape (n,); 1 is an alarm.
         finding: None if nothing was found.
         probability: That there is a fault.
         cannot: What could not be judged, and why.
@@ -148,14 +153,33 @@ def watch(relations: Relations) -> dict[Surface, Watched]:
     }
 
 
+def ratios_of(watched: Mapping[Surface, Watched], known: Learnt) -> dict[Surface, np.ndarray]:
+    """Return the evidence relative to the thresholds, in doubt by the flight's own."""
+    found = {}
+    for surface, one in watched.items():
+        ratio, pace = one.evidence / known.threshold(surface, one.judged_s), one.relation.pace
+        judged = one.residuals.weight > 0.0
+        usual = _usual_before(ratio, judged, pace.steps(pace.guard_s), pace.steps(_OWN_S))
+        found[surface] = ratio / np.clip(_OWN_TIMES * usual, 1.0, _MOST_DOUBT)
+    return found
+
+
+def _usual_before(ratio: np.ndarray, judged: np.ndarray, guard: int, least: int) -> np.ndarray:
+    """Return what 90 % of earlier values are below, of each sample; 0 before there are enough."""
+    found, past = np.zeros(len(ratio)), list[float]()
+    for i in range(guard, len(ratio)):
+        if judged[i - guard]:
+            insort(past, float(ratio[i - guard]))
+        if len(past) >= least:
+            found[i] = past[int(_OWN_SHARE * len(past))]
+    return found
+
+
 def diagnose_flight(
     relations: Relations, watched: Mapping[Surface, Watched], known: Learnt
 ) -> Diagnosis:
     """Judge a flight, of which something is watched, by what others have shown."""
-    ratios = {
-        surface: one.evidence / known.threshold(surface, one.judged_s)
-        for surface, one in watched.items()
-    }
+    ratios = ratios_of(watched, known)
     first, pace = first_alarm(ratios), relations.pace
     finding = None
     if first is not None:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ftc_lab.flight_diagnosis.decisions import Learnt, Watched, watch
+from ftc_lab.flight_diagnosis.decisions import Learnt, Watched, ratios_of, watch
 from ftc_lab.flight_diagnosis.relations import SURFACES, Relations, Surface, relations_of
 from gcs.results.logs.read import read_flight
 
@@ -30,10 +30,9 @@ class Example(NamedTuple):
 
     def ratio(self, known: Learnt, *, healthy: bool) -> float:
         """Return the largest ratio of evidence to threshold before, or after, the fault."""
-        return max(
-            self.largest(surface, healthy=healthy) / known.threshold(surface, one.judged_s)
-            for surface, one in self.watched.items()
-        )
+        chosen = (self.relations.time_s < self.onset_s) == healthy
+        found = ratios_of(self.watched, known).values()
+        return max(float(one[chosen].max(initial=0.0)) for one in found)
 
     def largest(self, surface: Surface, *, healthy: bool) -> float:
         """Return the largest evidence before, or after, the fault; 0 without any."""

@@ -111,6 +111,22 @@ def test_what_fails_is_named_and_since_when(surface: str) -> None:
     assert max(finding.probabilities, key=lambda name: finding.probabilities[name]) == surface
 
 
+@pytest.mark.parametrize(
+    ("usual", "most", "is_found"), [(0.1, 1.4, True), (0.7, 1.4, False), (0.7, 2.1, True)]
+)
+def test_a_flight_that_was_unusual_all_along_is_doubted(
+    usual: float, most: float, is_found: bool
+) -> None:
+    relations = relations_of(table(flown(None)))
+    watched, known = watch(relations), learnt(relations)
+    one = watched["rudder"]
+    late = (relations.time_s > 90.0) & (relations.time_s < 92.0)
+    ratio = np.where(late, most, usual) * (one.residuals.weight > 0.0)
+    evidence = ratio * known.threshold("rudder", one.judged_s)
+    found = diagnose_flight(relations, {"rudder": one._replace(evidence=evidence)}, known)
+    assert (found.finding is not None) == is_found
+
+
 def test_repeated_values_of_a_merged_table_are_no_measurements() -> None:
     signals = flown("rudder")
     fine = np.arange(0.0, LENGTH_S - STEP_S, 0.02)
