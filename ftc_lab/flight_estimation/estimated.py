@@ -20,6 +20,7 @@ _ANY = "aerosonde"  # whose shape an unknown aircraft is taken to have
 _USUAL_ALPHA = 0.05  # rad, at which an aircraft cruises
 _SLOWEST, _FASTEST = 0.65, 1.5  # of the usual airspeed
 _PASSES, _ENOUGH_S = 3, 0.01  # in which a latency is found, and how well
+_SHOWING_S = 400.0  # of flight, in which it is found
 _USUAL_M_S = 18.0  # without an airspeed in the log
 
 
@@ -68,13 +69,22 @@ def estimate_flight(
     span_s = flown_span(flight, *within_s)
     own = aircraft or _any_aircraft(flight)
     taken = latency_s or 0.0
+    showing_s = (span_s[0], min(span_s[1], span_s[0] + _SHOWING_S))
+    if latency_s is not None:
+        showing_s = span_s
     for _ in range(_PASSES):
-        samples = samples_of(flight, span_s, taken, compass, sensors)
+        samples = samples_of(flight, showing_s, taken, compass, sensors)
         followed = follow_flight(samples, own)
         shown = latency_by(followed, own.gravity_m_s2)
+        if shown is None and showing_s != span_s:  # it does not turn at first
+            showing_s = span_s
+            continue
         if latency_s is not None or shown is None or abs(shown - taken) < _ENOUGH_S:
             break
         taken = round(min(max(shown, 0.0), 1.0), 3)
+    if showing_s != span_s:
+        samples = samples_of(flight, span_s, taken, compass, sensors)
+        followed = follow_flight(samples, own)
     remarks = list(samples.remarks)
     if aircraft is None:
         remarks.append(

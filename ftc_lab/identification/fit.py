@@ -119,7 +119,8 @@ def few_rows(rows: np.ndarray) -> np.ndarray:
     Of one block threads of the linear algebra would wait for each other, long on a busy machine.
     """
     whole = len(rows) // _BLOCK * _BLOCK
-    parts = np.linalg.qr(rows[:whole].reshape(-1, _BLOCK, rows.shape[1]), mode="r")
+    blocks = rows[:whole].reshape(-1, _BLOCK, rows.shape[1])
+    parts = np.asarray(np.linalg.qr(blocks, mode="r"))
     both = np.concatenate([parts.reshape(-1, rows.shape[1]), rows[whole:]])
     return np.asarray(np.linalg.qr(both, mode="r") if len(both) < 2 * _BLOCK else few_rows(both))
 

@@ -212,7 +212,8 @@ def regressor(
     if of == "1":
         return np.ones(steps.shape)
     if of in RATE_OF:
-        return signals.mean_rates[steps, RATE_OF[of][1]] * rate_factor(signals, of)[steps]
+        rate = signals.mean_rates[steps, RATE_OF[of][1]]
+        return np.asarray(rate * rate_factor(signals, of)[steps])
     values = shifted(signals, steps, axis, of.rstrip("2"), shifts_s)
     return values**2 if of.endswith("2") else values
 

@@ -152,7 +152,7 @@ class Motion:
 
     def simulated(self, model: MomentModel) -> np.ndarray:
         """Return the rates from the measured start of each window, shape (3, n + 1, m)."""
-        found = np.empty_like(self.measured)
+        found = np.empty(self.measured.shape)
         for axes in GROUPS:
             transition, entry, _ = self._transitions(model, axes)
             made = _carried(self.measured[axes, None, 0], transition, entry[:, None])

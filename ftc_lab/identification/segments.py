@@ -76,7 +76,7 @@ def windows_of_log(signals: LogSignals) -> LogWindows:
             at += 1
     steps = np.array(starts, int)[:, None] + np.arange(n)
     moved = np.degrees([np.ptp(signals.mean(name, steps), axis=1) for name in SURFACE_TRACKS])
-    chosen = np.flatnonzero((moved >= _LEAST_DEG).any(axis=0)) if len(steps) else []
+    chosen = np.flatnonzero((moved >= _LEAST_DEG).any(axis=0)) if len(steps) else np.empty(0, int)
     if len(chosen) < _LEAST_WINDOWS:
         had, needed = (count * n * signals.step_s for count in (len(chosen), _LEAST_WINDOWS))
         text = f"only {had:.3g} s of flight have a surface that moves by {_LEAST_DEG:g} deg or more"

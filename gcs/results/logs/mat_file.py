@@ -53,4 +53,5 @@ if __name__ == "__main__":
 
     read = loadmat(sys.argv[1], squeeze_me=True, struct_as_record=False, appendmat=False)
     own = {name: value for name, value in read.items() if not name.startswith("__")}
-    np.savez(sys.stdout.buffer, **{f"={name}": one for name, one in _vectors("", own)})
+    vectors: dict[str, Any] = {f"={name}": one for name, one in _vectors("", own)}
+    np.savez(sys.stdout.buffer, **vectors)

@@ -41,7 +41,10 @@ class _Output(NamedTuple):
     why: str
 
     def part_of(self, name: str, time_s: np.ndarray) -> np.ndarray:
-        return self.makes[name] * np.interp(self.of.at(time_s), self.values, self.shares)
+        """Return what it makes of a share, at times of shape (n,)."""
+        return np.asarray(
+            self.makes[name] * np.interp(self.of.at(time_s), self.values, self.shares)
+        )
 
 
 def with_shares(flight: FlightTable) -> FlightTable:
@@ -97,11 +100,12 @@ def _of_ardupilot(flight: FlightTable) -> Iterator[_Output]:
             continue
         whole = functions.count(function) * (2.0 * said.get("MIXING_GAIN", 0.5) if half else 1.0)
         low, high = said.get(f"SERVO{k}_MIN", 1100.0), said.get(f"SERVO{k}_MAX", 1900.0)
-        values, shares = (low, said.get(f"SERVO{k}_TRIM", 1500.0), high), (-1.0, 0.0, 1.0)
+        values: tuple[float, ...] = (low, said.get(f"SERVO{k}_TRIM", 1500.0), high)
+        shares: tuple[float, ...] = (-1.0, 0.0, 1.0)
         if function == 70:
             values, shares = (low, high), (0.0, 1.0)
         if said.get(f"SERVO{k}_REVERSED"):
-            shares = tuple(reversed(shares)) if function == 70 else (1.0, 0.0, -1.0)
+            shares = shares[::-1]
         makes = {name: one / whole for name, one in _FUNCTIONS[function].items()}
         yield _Output(flight[f"output_{k}"], values, shares, makes, f"SERVO{k}_FUNCTION {function}")
 

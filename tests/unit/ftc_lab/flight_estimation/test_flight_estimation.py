@@ -10,11 +10,15 @@ import typer
 from typer.testing import CliRunner
 
 from ftc_lab.commands.estimate import estimate
+from ftc_lab.flight_estimation import estimated
 from ftc_lab.flight_estimation.estimated import FlightEstimate, estimate_flight
+from ftc_lab.flight_estimation.follow import FollowedFlight, follow_flight
+from ftc_lab.flight_estimation.samples import RecordedSamples
 from ftc_lab.flight_signals import to_ned
 from gcs.console.errors import BadInput
 from gcs.results.logs.table import FlightTable, by_name, channel
 from mavlink_defs.origin import Origin, degrees_at
+from sitl_plant.airframe.config import Aircraft
 from sitl_plant.sensing.geomagnetism import magnetic_field
 from sitl_plant.sensing.standard_air import pressure_at
 
@@ -100,6 +104,24 @@ def test_latency_and_iron_are_found_and_the_angles_then_are_right(found: FlightE
     assert not judged.exclusions
     assert any("0.200, -0.100, 0.150 gauss" in one for one in found.remarks)
     assert 0.01 < judged.nis["GNSS velocity"].mean < 2.1
+
+
+def test_the_latency_of_a_long_flight_is_found_in_its_first_part(
+    flight: FlightTable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spans = list[float]()
+
+    def noted(samples: RecordedSamples, aircraft: Aircraft) -> FollowedFlight:
+        spans.append(float(samples.time_s[-1] - samples.time_s[0]))
+        return follow_flight(samples, aircraft)
+
+    monkeypatch.setattr(estimated, "_SHOWING_S", 60.0)
+    monkeypatch.setattr(estimated, "follow_flight", noted)
+    found = estimate_flight(flight)
+    assert found.latency_s == pytest.approx(LATE_S, abs=0.03)
+    assert max(spans[:-1]) < 61.0
+    assert spans[-1] > SECONDS - 10.0
+    assert len(found.followed.states) > 0.9 * SECONDS * RATE_HZ
 
 
 def test_of_a_latency_that_is_wrong_the_truth_is_said(flight: FlightTable) -> None:
