@@ -202,8 +202,8 @@ def _count_foreign(steps: Steps, column: int, tally: np.void, motion: np.ndarray
     roll, pitch = np.moveaxis(steps.states[:, column, 6:8], 1, 0)
     within = np.rad2deg((roll + np.pi) % (2.0 * np.pi) - np.pi)
     values = np.stack((within, np.rad2deg(pitch), -steps.states[:, column, 2], airspeed))
-    np.fmin(motion[0], np.fmin.reduce(values, axis=1), out=motion[0])
-    np.fmax(motion[1], np.fmax.reduce(values, axis=1), out=motion[1])
+    motion[0] = np.fmin.reduce(np.column_stack((motion[0], values)), axis=1)
+    motion[1] = np.fmax.reduce(np.column_stack((motion[1], values)), axis=1)
     tilted = np.flatnonzero((np.cos(roll) < 0.0) | (np.abs(pitch) > _MAX_ANGLE))
     if tally["attitude_lost"] < 0 and len(tilted):
         tally["attitude_lost"] = steps.first + tilted[0]

@@ -5,8 +5,8 @@ law of `json_peer`. Its clock is that of the answers, so its MAVLink has the sam
 
 Options of its own, in the environment: PEER_READY_S, its time until it can be armed; PEER_REFUSES,
 the reason for which it refuses to be armed; PEER_DIES_S, its time at which it ends; PEER_RATE_HZ
-and PEER_CHANNELS of its frames; PEER_TWICE 1: each tenth frame is sent twice once it is armed; PEER_GARBAGE 1:
-something else comes before the first one; PEER_ANSWERS, the file for the answers.
+and PEER_CHANNELS of its frames; PEER_TWICE 1: once it is armed, each tenth frame is sent twice;
+PEER_GARBAGE 1: something else comes before the first one; PEER_ANSWERS, the file for the answers.
 """
 
 import argparse
