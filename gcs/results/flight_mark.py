@@ -92,7 +92,7 @@ class FlightMark:
             additions=list(additions or ()),
             settings=dict(settings or {}),
             title=scenario.name,
-            law=", ".join([scenario.controller.kind] * ours + kinds),
+            law=", ".join([*[scenario.controller.kind] * ours, *kinds]),
             trigger=scenario.trigger.mode if ours else "",
             uavs=len(scenario.uavs),
             faults=[f"UAV {uav}: {fault.describe()}" for uav, fault in scenario.fault_commands()],
