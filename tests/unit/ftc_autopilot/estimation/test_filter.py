@@ -192,15 +192,18 @@ RESETS: dict[str, Callable[[np.void, np.void, np.ndarray, np.void], None]] = {
     "height": lambda kalman, _fix, _past, own: reset_height(kalman, 20.0, own),
     "magnetometer": lambda kalman, _fix, _past, own: doubt_magnetometer(kalman, own),
     "wind": lambda kalman, _fix, _past, own: doubt_wind(kalman, 1000.0, own),
-    **{
-        f"first place, heading {heading}, airspeed {air}": (
-            lambda kalman, fix, past, own, heading=heading, air=air: place_first(
-                kalman, fix, past, 0.0, heading, air, own
-            )
-        )
-        for heading in (False, True)
-        for air in (False, True)
-    },
+    "first place": lambda kalman, fix, past, own: place_first(
+        kalman, fix, past, 0.0, True, True, own
+    ),
+    "first place without a compass": lambda kalman, fix, past, own: place_first(
+        kalman, fix, past, 0.0, False, True, own
+    ),
+    "first place without a tube": lambda kalman, fix, past, own: place_first(
+        kalman, fix, past, 0.0, True, False, own
+    ),
+    "first place without both": lambda kalman, fix, past, own: place_first(
+        kalman, fix, past, 0.0, False, False, own
+    ),
 }
 
 
