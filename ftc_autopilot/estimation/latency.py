@@ -31,9 +31,9 @@ LATENCY = np.dtype(
 """What is known of the latency of a receiver."""
 
 _MEAN_S, _MEMORY_S, _LEARN_S = 3.0, 10.0, 2.0
+_LONGEST_GAP_S = 2.0  # between two fixes: receivers report once a second, at the least
 _CLEAR = 60.0  # variances of the receiver's velocity, by which a delay must be better
-_SHARE = 0.25  # of the scatter of the delay in use, that a better one has at most
-_FITS = 3.0  # times the scatter by the receiver's noise alone, that the right delay has at most
+_SHARE = 0.25  # of what noise does not explain of the scatter in use, that a better one has at most
 
 
 @compiled
@@ -59,7 +59,7 @@ def note_velocity(
     """
     elapsed = travel[6] - latency["time"]
     latency["time"] = travel[6]
-    if not 0.0 < elapsed < 1.0:  # the first one, or after silence
+    if not 0.0 < elapsed < _LONGEST_GAP_S:  # the first one, or after silence
         latency["age"], elapsed = 0.0, 0.0
     first = latency["age"] == 0.0
     latency["age"] += max(elapsed, 1e-3)
@@ -96,7 +96,8 @@ def _choose(latency: np.void, elapsed: float, assumed: np.void) -> bool:
     noise = assumed["gnss_velocity"][0]
     expected = 3.0 * noise * min(latency["age"], _MEMORY_S) / max(elapsed, 1e-3)
     gain = scatter[own] - scatter[best]
-    if not gain > _CLEAR * noise or scatter[best] > min(_FITS * expected, _SHARE * scatter[own]):
+    most = expected + _SHARE * (scatter[own] - expected)
+    if not gain > _CLEAR * noise or scatter[best] > most:
         return False
     latency["delay"] = _EARLIEST_S + best * _STEP_S
     return True

@@ -79,6 +79,7 @@ def place_first(
         turn_world(kalman["quaternion"], (0.0, 0.0, course - heading))
         air = speed * math.cos(course), speed * math.sin(course), air[2]
         wind = assumed["wind_m_s"] / max(speed, 1.0)
+        _forget(P, PHI + 2)
         P[PHI + 2, PHI + 2] = wind * wind + square(assumed["tilt_rad"])
     wind = hypot(velocity[0] - air[0], velocity[1] - air[1])
     if has_heading and wind > _ODD_WIND * assumed["wind_m_s"]:

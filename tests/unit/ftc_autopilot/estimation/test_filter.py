@@ -1,6 +1,7 @@
 """The equations of the filter against independent computations with matrices."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -9,8 +10,16 @@ from hypothesis import strategies as st
 
 from ftc_autopilot.estimation.config import EstimatorConfig, parameters_of
 from ftc_autopilot.estimation.fuse import LARGE_TURN, correct, innovation_variance
-from ftc_autopilot.estimation.measurements import past_travel
+from ftc_autopilot.estimation.measurements import fuse_pitot, past_travel
 from ftc_autopilot.estimation.predict import predict
+from ftc_autopilot.estimation.receiver import FIX
+from ftc_autopilot.estimation.resets import (
+    doubt_magnetometer,
+    doubt_wind,
+    place_first,
+    reset_height,
+    reset_to_fix,
+)
 from ftc_autopilot.estimation.state import (
     FILTER,
     FORCE_BIAS,
@@ -159,3 +168,52 @@ def test_before_its_memory_an_aircraft_went_straight_on() -> None:
     assert past[6] == pytest.approx(-0.15)
     assert past[0] == history[0, 0]
     assert past_travel(history, now, 0.1, past) == 0.0
+
+
+def test_a_heading_that_swings_does_not_show_the_wind_across(scenario1: Scenario) -> None:
+    """A tube shows the wind ahead; where ahead is, each sample has by another error of heading."""
+    assumed, random, speed = parameters(scenario1), np.random.default_rng(1), 49.0
+    record: np.void = np.zeros(1, FILTER)[0]
+    sizes = np.full(N, 0.01)
+    sizes[PHI + 2], sizes[WIND : WIND + 2] = math.radians(2.5), 4.0
+    record["P"], record["x"][VEL] = np.diag(sizes**2), speed
+    pressure = 0.5 * assumed["density"] * speed**2
+    for _ in range(100):
+        record["corrected"][2] = random.normal(0.0, sizes[PHI + 2])
+        set_euler(record["quaternion"], 0.0, 0.0, record["corrected"][2])
+        fuse_pitot(record, pressure, assumed, True, False)
+    ahead, across = np.sqrt(np.diag(record["P"])[WIND : WIND + 2])
+    assert ahead < 1.0
+    assert across > 3.0
+
+
+RESETS: dict[str, Callable[[np.void, np.void, np.ndarray, np.void], None]] = {
+    "to a fix": lambda kalman, fix, past, own: reset_to_fix(kalman, fix, past, 0.0, own),
+    "height": lambda kalman, _fix, _past, own: reset_height(kalman, 20.0, own),
+    "magnetometer": lambda kalman, _fix, _past, own: doubt_magnetometer(kalman, own),
+    "wind": lambda kalman, _fix, _past, own: doubt_wind(kalman, 1000.0, own),
+    "first place": lambda kalman, fix, past, own: place_first(
+        kalman, fix, past, 0.0, True, True, own
+    ),
+    "first place without a compass": lambda kalman, fix, past, own: place_first(
+        kalman, fix, past, 0.0, False, True, own
+    ),
+    "first place without a tube": lambda kalman, fix, past, own: place_first(
+        kalman, fix, past, 0.0, True, False, own
+    ),
+    "first place without both": lambda kalman, fix, past, own: place_first(
+        kalman, fix, past, 0.0, False, False, own
+    ),
+}
+
+
+@pytest.mark.parametrize("name", RESETS)
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_what_is_reset_leaves_a_covariance(scenario1: Scenario, name: str, seed: int) -> None:
+    """A variance that is made smaller alone would leave errors that go together by more than 1."""
+    record, fix = random_filter(seed), np.zeros(1, FIX)[0]
+    record["P"] -= 0.009 * np.eye(N)  # errors that nearly go together
+    fix["velocity"] = 30.0, 5.0, 0.0
+    RESETS[name](record, fix, record["travel"].copy(), parameters(scenario1))
+    P, size = record["P"], np.sqrt(np.diag(record["P"]))
+    assert np.linalg.eigvalsh(P / np.outer(size, size)).min() > 0.0
