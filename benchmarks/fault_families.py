@@ -27,6 +27,7 @@ from ftc_autopilot.control.laws import KINDS
 from ftc_lab.reports.laws import LawRow, Value, law_markdown
 from gcs.fleet.in_process import fly_in_process
 from gcs.results.rivals import SIMPLEST_FIRST
+from gcs.results.summary import summarise
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from mavlink_defs.config.inherit import merged
 from mavlink_defs.constants import ACTUATORS, SURFACES
@@ -38,6 +39,9 @@ DIAGNOSING = ("surviving", "tube")
 HARDWARE = ("ideal", "realistic", "turbulent")
 _BALANCED = {"aileron": (-2.0, 10.0), "elevator": (-5.0, 5.0), "rudder": (6.0, 34.0)}  # deg
 _OVERTURNED_DEG, _HEADING_LOST_DEG = 90.0, 15.0
+_KEPT_DEG, _RECOVERED_DEG, _LAST_STEPS = 45.0, 10.0, 1000
+_BOUNDS = ((statistics.median, 1.2, 1.0), (max, 1.5, 3.0))
+"""How far a law may be off beside the best of the simpler ones: times, and more [deg]."""
 
 Fault: TypeAlias = dict[str, Any]
 Keys: TypeAlias = dict[str, Any]
@@ -77,6 +81,31 @@ def stuck_swinging(rng: random.Random) -> tuple[list[Fault], Keys]:
 def weak_aileron(rng: random.Random) -> tuple[list[Fault], Keys]:
     """An aileron with little of its effectiveness, for good."""
     return [_of("aileron", rng.uniform(5.0, 19.0), effectiveness=rng.uniform(0.05, 0.4))], {}
+
+
+def weak_in_turns(rng: random.Random) -> tuple[list[Fault], Keys]:
+    """An aileron with less than that, under steps of heading."""
+    fault = _of("aileron", rng.uniform(4.0, 10.0), effectiveness=rng.uniform(0.05, 0.3))
+    return [fault], {"profile": _steps_of_heading(rng, 18.0, 35.0, bank=0.0)}
+
+
+def weak(rng: random.Random) -> tuple[list[Fault], Keys]:
+    """Any surface with some of its effectiveness, for good."""
+    effectiveness = rng.uniform(0.05, 0.9)
+    return [_of(rng.choice(SURFACES), rng.uniform(3.0, 19.0), effectiveness=effectiveness)], {}
+
+
+def biased(rng: random.Random) -> tuple[list[Fault], Keys]:
+    """A surface that works, with a bias, for good."""
+    return [_of(rng.choice(SURFACES), rng.uniform(3.0, 19.0), bias_deg=rng.uniform(-10, 10))], {}
+
+
+def brief(rng: random.Random) -> tuple[list[Fault], Keys]:
+    """Any actuator stuck, biased or weak for 0.2 to 1.5 s, in a formation on a hexagon."""
+    (fault,), _ = constant(rng)
+    fault["start_s"] = round(rng.uniform(15.0, 40.0), 3)
+    fault["end_s"] = fault["start_s"] + rng.uniform(0.2, 1.5)
+    return [fault], {"scenario": "missions/hexagon", "duration_s": 60.0}
 
 
 def intermittent(rng: random.Random) -> tuple[list[Fault], Keys]:
@@ -172,6 +201,30 @@ def wrong_model(rng: random.Random) -> tuple[list[Fault], Keys]:
     return [], {"uncertainty": {"mass": share(), "inertia": inertia, "coefficients": coefficients}}
 
 
+def healthy(rng: random.Random) -> tuple[list[Fault], Keys]:
+    """No fault; such a model, steps of heading and bank or a mission, a gust and wind."""
+    _, keys = wrong_model(rng)
+    gust = {name: rng.uniform(-15.0, 15.0) for name in ("north_m_s", "east_m_s")}
+    gust |= {"start_s": rng.uniform(3.0, 18.0), "duration_s": _log_uniform(rng, 0.3, 5.0)}
+    steady = {name: rng.uniform(-5.0, 5.0) for name in ("north_m_s", "east_m_s")}
+    keys["wind"] = {"gust": gust | {"down_m_s": rng.uniform(-5.0, 5.0)}, "steady": steady}
+    if rng.random() < 0.5:
+        return [], keys | {"profile": _steps_of_heading(rng, 5.0, 35.0, bank=20.0)}
+    return [], keys | {"scenario": "missions/hexagon", "duration_s": 48.0}
+
+
+def _steps_of_heading(rng: random.Random, least: float, most: float, bank: float) -> list[Keys]:
+    """Draw a profile: a step of heading every 3 to 6 s, and of roll, airspeed and pitch."""
+    segments, start_s, yaw_deg = [], 0.0, 0.0
+    while start_s < 22.0:
+        own = {"roll_deg": rng.uniform(-bank, bank), "pitch_deg": rng.uniform(1.0, 5.0)}
+        own["airspeed_m_s"] = rng.uniform(40.0, 52.0)
+        segments.append({"start_s": start_s, "yaw_deg": yaw_deg} | own)
+        start_s = round(start_s + rng.uniform(3.0, 6.0), 3)
+        yaw_deg += rng.choice([1.0, -1.0]) * rng.uniform(least, most)
+    return segments
+
+
 def dead_time(rng: random.Random) -> tuple[list[Fault], Keys]:
     """No fault; servos or gyro come up to 20 ms later than anybody has said."""
     if rng.random() < 0.5:
@@ -196,6 +249,10 @@ FAMILIES: dict[str, Callable[[random.Random], tuple[list[Fault], Keys]]] = {
         swinging,
         stuck_swinging,
         weak_aileron,
+        weak_in_turns,
+        weak,
+        biased,
+        brief,
         intermittent,
         drift,
         hardover,
@@ -205,6 +262,7 @@ FAMILIES: dict[str, Callable[[random.Random], tuple[list[Fault], Keys]]] = {
         constant,
         pair,
         wrong_model,
+        healthy,
         dead_time,
         known_delay,
     )
@@ -220,16 +278,22 @@ class Flown(NamedTuple):
     blamed: bool  # an actuator without a fault was declared lost, of any UAV
     found_s: float  # after the fault's start; NaN if never
     messages: float  # infinite in a flight that was lost: it is shorter than the others
+    kept: bool  # roll and pitch always, and at the end nearly, where they should be
+    height_m: float = math.nan  # largest error on a mission's path, after 10 s
+    slot_m: float = math.nan  # of the formation, the same
 
 
 def fly(law: str, hardware: str, drawn: tuple[list[Fault], Keys]) -> Flown:
-    """Fly scenario 1 with what was drawn."""
+    """Fly scenario 1, or what the family names, with what was drawn."""
     faults, keys = drawn
-    flight = fly_in_process(scenario_with(law, hardware, faults, keys))
+    scenario = scenario_with(law, hardware, faults, keys)
+    flight = fly_in_process(scenario)
     crashed, i = bool(flight.loss), flight.uav_ids.index(UAV)
     start_s = min((fault["start_s"] for fault in faults), default=0.0)
     later = flight.time_s > max(start_s, 1.0)  # control check and trim come before
-    errors = np.degrees(np.abs(flight.error("reference")[later, i, 1:])).max(axis=0)
+    all_errors = np.degrees(np.abs(flight.error("reference")[later, i, 1:]))
+    errors, at_end = all_errors.max(axis=0), all_errors[-_LAST_STEPS:, :2].max()
+    path = summarise(flight, scenario).uavs[i].path if scenario.mission else None
     lost = flight.signals["phase"] == LOST
     guilty = [ACTUATORS.index(fault["actuator"]) for fault in faults]
     innocent = np.ones(lost.shape[1:], bool)
@@ -243,6 +307,8 @@ def fly(law: str, hardware: str, drawn: tuple[list[Fault], Keys]) -> Flown:
         bool(lost[:, innocent].any()),
         float(found[0]) if len(found) else math.nan,
         math.inf if crashed else messages,
+        bool(not crashed and errors[:2].max() <= _KEPT_DEG and at_end <= _RECOVERED_DEG),
+        *(() if path is None else (path.height_max_m or 0.0, path.slot_max_m or 0.0)),
     )
 
 
@@ -253,26 +319,35 @@ def tables(flown: Mapping[tuple[str, str], Mapping[str, Sequence[Flown]]]) -> It
         flown: The flights of each family and hardware, by law: all laws flew the same.
     """
     laws = {law: law for by_law in flown.values() for law in by_law}
-    parts: tuple[tuple[str, Callable[[Sequence[Flown]], tuple[Value, ...]], list[str]], ...] = (
-        ("overturned; heading > 15° off; roll or pitch off: median, most [deg]", _kept, [*laws]),
-        ("messages, median", _sent, [*laws]),
+    diagnosing = [law for law in laws if law in DIAGNOSING]
+
+    def simpler(law: str, by_law: Mapping[str, Sequence[Flown]]) -> list[Sequence[Flown]]:
+        return [by_law[rival] for rival in laws if law in DIAGNOSING and rival not in DIAGNOSING]
+
+    parts: tuple[tuple[str, Callable[..., tuple[Value, ...]], list[str]], ...] = (
+        ("overturned; heading > 15° off; roll or pitch off: median, most [deg]", _off, [*laws]),
         (
-            "wrongly blamed; found; after: median, 95 % [s]",
-            _found,
-            [law for law in laws if law in DIAGNOSING],
+            "kept (roll and pitch within 45°, at the end 10°); beyond 1.2 times the best of the "
+            "simpler laws and 1°: median, beyond 1.5 times and 3°: most [deg]",
+            _kept,
+            [*laws],
         ),
+        ("on a mission: largest error of height, of the slot [m]", _placed, [*laws]),
+        ("messages, median", _sent, [*laws]),
+        ("wrongly blamed; found; after: median, 95 % [s]", _found, diagnosing),
     )
     for title, cell, shown in parts:
         rows = [
-            LawRow(where, {law: cell(by_law[law]) for law in shown if law in by_law})
+            LawRow(where, {law: cell(by_law[law], simpler(law, by_law)) for law in shown})
             for where, by_law in flown.items()
         ]
-        if shown:
+        rows = [row for row in rows if any(row.cells.values())]
+        if rows:
             head = ("family", "hardware")
             yield f"{title}\n\n{law_markdown(head, rows, {law: law for law in shown})}"
 
 
-def _kept(flown: Sequence[Flown]) -> tuple[Value, ...]:
+def _off(flown: Sequence[Flown], _: Any) -> tuple[Value, ...]:
     errors = [one.error_deg for one in flown]
     return (
         Value.of(sum(one.overturned for one in flown), 0),
@@ -282,11 +357,37 @@ def _kept(flown: Sequence[Flown]) -> tuple[Value, ...]:
     )
 
 
-def _sent(flown: Sequence[Flown]) -> tuple[Value, ...]:
+def _kept(flown: Sequence[Flown], simpler: Sequence[Sequence[Flown]]) -> tuple[Value, ...]:
+    kept = sum(one.kept for one in flown)
+    best = [min(one.error_deg for one in flights) for flights in zip(*simpler, strict=True)]
+    beyond = [
+        statistic(
+            [
+                0.0
+                if math.isinf(own.error_deg) and math.isinf(rival)
+                else own.error_deg - times * rival - more
+                for own, rival in zip(flown, best, strict=True)
+            ]
+        )
+        for statistic, times, more in (_BOUNDS if simpler else ())
+    ]
+    return Value(str(kept), -kept), *(Value(f"{each:.1f}") for each in beyond)
+
+
+def _placed(flown: Sequence[Flown], _: Any) -> tuple[Value, ...]:
+    if any(math.isnan(one.height_m) for one in flown):
+        return ()
+    return tuple(
+        Value.of(math.inf if any(math.isinf(one.error_deg) for one in flown) else most)
+        for most in (max(one.height_m for one in flown), max(one.slot_m for one in flown))
+    )
+
+
+def _sent(flown: Sequence[Flown], _: Any) -> tuple[Value, ...]:
     return (Value.of(statistics.median(one.messages for one in flown), 0),)
 
 
-def _found(flown: Sequence[Flown]) -> tuple[Value, ...]:
+def _found(flown: Sequence[Flown], _: Any) -> tuple[Value, ...]:
     found = [one.found_s for one in flown if not math.isnan(one.found_s)]
     times = (np.median(found), np.percentile(found, 95)) if found else ()
     blamed = Value.of(sum(one.blamed for one in flown), 0)  # times: not of the same flights
@@ -294,14 +395,14 @@ def _found(flown: Sequence[Flown]) -> tuple[Value, ...]:
 
 
 def scenario_with(law: str, hardware: str, faults: list[Fault], keys: Keys) -> Scenario:
-    """Return scenario 1 with a law, hardware, faults and other keys."""
-    tree = scenario_tree("paper/scenario1")
+    """Return scenario 1, or the one of the keys, with a law, hardware, faults and other keys."""
+    tree = scenario_tree(keys.get("scenario", "paper/scenario1"))
     for addition in ([] if hardware == "ideal" else [hardware]) + (
         ["tube"] if law == "tube" else []
     ):
         tree = merged(tree, scenario_tree(addition))
     controller = {"kind": law} | keys.get("controller", {})
-    rest = {name: value for name, value in keys.items() if name != "controller"}
+    rest = {name: value for name, value in keys.items() if name not in {"controller", "scenario"}}
     return scenario_of(Path(law), merged(tree, rest) | {"controller": controller, "faults": faults})
 
 

@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from ftc_autopilot.common.tuples import Four
 from ftc_autopilot.control.step import Command, ControllerRecord, ParametersRecord, Step
 from ftc_autopilot.control.triggers import decide
 from ftc_autopilot.control.triggers.base import Candidates
@@ -40,6 +41,18 @@ def _saturated(commanded: float, j: int, V: float, aircraft: AircraftRecord, hel
     return clamp(commanded, lowest, highest) if math.isfinite(commanded) else held
 
 
+@compiled
+def saturated(command: Command, now: Step, aircraft: AircraftRecord) -> Four:
+    """Return commands within their reach [rad, rad, rad, N], as above."""
+    held, V = now.held, now.motion.V
+    return (
+        _saturated(command.delta[0], AILERON, V, aircraft, held[0]),
+        _saturated(command.delta[1], ELEVATOR, V, aircraft, held[1]),
+        _saturated(command.delta[2], RUDDER, V, aircraft, held[2]),
+        _saturated(command.thrust, THROTTLE, V, aircraft, held[THROTTLE]),
+    )
+
+
 @inlined
 def transmit(
     command: Command,
@@ -64,19 +77,13 @@ def transmit(
     Returns:
         Bit mask of the channels that transmit, bit numbers as FTC_ACTUATOR.
     """
-    held, V = state["held"], now.motion.V
-    saturated = (
-        _saturated(command.delta[0], AILERON, V, aircraft, held[0]),
-        _saturated(command.delta[1], ELEVATOR, V, aircraft, held[1]),
-        _saturated(command.delta[2], RUDDER, V, aircraft, held[2]),
-        _saturated(command.thrust, THROTTLE, V, aircraft, held[THROTTLE]),
-    )
+    held, commanded = state["held"], saturated(command, now, aircraft)
     a, b = now.thresholds.a, now.thresholds.b
     candidates = Candidates(
         dt=now.dt,
         first=now.first,
         selected=command.channels,
-        commanded=saturated,
+        commanded=commanded,
         held=now.held,
         relative=(b[0], b[0], b[0], a[0]),
         absolute=(b[1], b[1], b[1], a[1]),
@@ -93,6 +100,6 @@ def transmit(
     for i in range(N_CHANNELS):
         if mask & (1 << i):
             lowest, highest = range_of(aircraft, i)
-            controls[i] = share_of(saturated[i], lowest, highest)
+            controls[i] = share_of(commanded[i], lowest, highest)
             held[i] = position_of(controls[i], lowest, highest)
     return mask

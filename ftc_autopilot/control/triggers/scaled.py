@@ -20,6 +20,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from ftc_autopilot.common.tuples import Four
 from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters, in_steps, threshold
 from mavlink_defs.config.models import Loc
 from mavlink_defs.config.quantity import quantity
@@ -78,27 +79,56 @@ def scaled(now: Candidates, parameters: np.void, state: np.void) -> int:
         parameters: Record made of `Scaled`.
         state: Record of dtype `Scaled.STATE`, updated in place.
     """
-    n = state["steps"]
-    state["steps"] = n + 1
-    lag = in_steps(parameters["within_s"], now.dt)
-    short = max(lag // 4, 1)
-    # large at first, so that medians are found in some 20 steps, whatever they are
-    share = max(now.dt / parameters["memory_s"], min(3.0 / max(n - lag + 1, 1), 0.5))
+    least = (
+        threshold(now, 0, now.held[0]),
+        threshold(now, 1, now.held[1]),
+        threshold(now, 2, now.held[2]),
+        threshold(now, 3, now.held[3]),
+    )
+    watch(now.commanded, least, parameters["within_s"], parameters["memory_s"], now.dt, state)
     mask = 0
     for i in range(N_CHANNELS):
-        u, past = now.commanded[i], state["past"][i]
-        least = threshold(now, i, now.held[i])
+        limit = max(least[i], noise_threshold(i, state))
+        if now.first or abs(now.commanded[i] - now.held[i]) >= limit:
+            mask |= 1 << i
+    return mask
+
+
+@compiled
+def watch(
+    commanded: Four, least: Four, within_s: float, memory_s: float, dt: float, state: np.void
+) -> None:
+    """Move the medians by the next commands.
+
+    Args:
+        commanded: Saturated [rad, rad, rad, N].
+        least: Thresholds without noise [rad, rad, rad, N].
+        within_s: Time P [s].
+        memory_s: Time constant of the medians [s].
+        dt: Control period [s].
+        state: Record of dtype `Scaled.STATE`, updated in place.
+    """
+    n = state["steps"]
+    state["steps"] = n + 1
+    lag = min(in_steps(within_s, dt), _DEPTH)
+    short = max(lag // 4, 1)
+    # large at first, so that medians are found in some 20 steps, whatever they are
+    share = max(dt / memory_s, min(3.0 / max(n - lag + 1, 1), 0.5))
+    for i in range(N_CHANNELS):
+        u, past = commanded[i], state["past"][i]
         if n >= lag:
             change, brief = u - past[(n - lag) % _DEPTH], u - past[(n - short) % _DEPTH]
-            floor = _MIN_SHARE * least
+            floor = _MIN_SHARE * least[i]
             state["slow"][i] = _moved(state["slow"][i], abs(change), share, floor)
             state["fast"][i] = _moved(state["fast"][i], abs(brief), share, floor)
         past[n % _DEPTH] = u
-        S, s = _DEVIATION * state["slow"][i], _DEVIATION * state["fast"][i]
-        limit = max(least, math.sqrt(S * S + 8.0 * s * s))
-        if now.first or abs(u - now.held[i]) >= limit:
-            mask |= 1 << i
-    return mask
+
+
+@compiled
+def noise_threshold(i: int, state: np.void) -> float:
+    """Return sqrt(S² + 8 s²) of channel i; 0 before there are changes."""
+    S, s = _DEVIATION * state["slow"][i], _DEVIATION * state["fast"][i]
+    return math.sqrt(S * S + 8.0 * s * s)
 
 
 @compiled

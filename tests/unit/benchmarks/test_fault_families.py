@@ -20,7 +20,7 @@ def test_every_law_can_fly_every_family(subtests: pytest.Subtests) -> None:
             assert len(scenario.faults) == len(faults)
 
 
-QUIET = Flown(False, False, 1.0, False, 0.2, 100.0)
+QUIET = Flown(False, False, 1.0, False, 0.2, 100.0, True)
 
 
 def tables_without_rule(flown: list[Flown], rival: list[Flown]) -> list[list[str]]:
@@ -33,8 +33,8 @@ def tables_without_rule(flown: list[Flown], rival: list[Flown]) -> list[list[str
 
 def test_a_row_has_the_worst_flight_beside_the_median() -> None:
     flown = [QUIET, QUIET._replace(error_deg=2.0), QUIET._replace(off_heading=True, error_deg=61.4)]
-    kept, sent, found = tables_without_rule(flown, flown)
-    assert kept == ["0, 1, 2.0, 61.4"] * 2
+    off, _, sent, found = tables_without_rule(flown, flown)
+    assert off == ["0, 1, 2.0, 61.4"] * 2
     assert sent == ["100"] * 2
     assert found == ["0, 3, 0.200, 0.200"]  # a PID finds nothing
 
@@ -42,8 +42,8 @@ def test_a_row_has_the_worst_flight_beside_the_median() -> None:
 def test_what_pid_does_better_is_bold() -> None:
     flown = [QUIET._replace(error_deg=error) for error in (2.0, 3.0, 31.0)]
     rival = [QUIET._replace(error_deg=error, messages=3000.0) for error in (2.0, 2.8, 18.0)]
-    kept, sent, _ = tables_without_rule(flown, rival)
-    assert kept == ["0, 0, 2.8, 18.0", "0, 0, 3.0, **31.0**"]
+    off, _, sent, _ = tables_without_rule(flown, rival)
+    assert off == ["0, 0, 2.8, 18.0", "0, 0, 3.0, **31.0**"]
     assert sent == ["3000", "100"]
 
 
@@ -52,6 +52,30 @@ def test_a_flight_that_was_lost_counts_as_worst_however_short() -> None:
     assert lost.overturned
     assert lost.off_heading
     assert (lost.error_deg, lost.messages) == (math.inf, math.inf)
-    kept, sent, _ = tables_without_rule([lost], [QUIET])
-    assert kept == ["0, 0, 1.0, 1.0", "**1**, **1**, **lost**, **lost**"]
+    off, _, sent, _ = tables_without_rule([lost], [QUIET])
+    assert off == ["0, 0, 1.0, 1.0", "**1**, **1**, **lost**, **lost**"]
     assert sent == ["100", "**lost**"]
+
+
+def test_a_law_is_held_against_the_best_simpler_one_flight_by_flight() -> None:
+    flown = [QUIET._replace(error_deg=error) for error in (2.0, 5.0, 31.0)]
+    rivals = [QUIET._replace(error_deg=error, kept=False) for error in (1.0, 6.0, math.inf)]
+    others = [QUIET._replace(error_deg=error) for error in (3.0, 4.0, 18.0)]
+    by_law = {
+        "pid": rivals,
+        "proposed": others,
+        "tube": [*flown[:2], flown[2]._replace(kept=False)],
+    }
+    _, kept, *_ = tables({("weak_aileron", "realistic"): by_law})
+    cells = kept.splitlines()[4].strip("|").split("|")[2:]
+    assert [cell.strip() for cell in cells] == ["0", "3", "**2**, -0.2, 1.0"]
+
+
+def test_a_mission_has_a_table_of_places() -> None:
+    on_path = [QUIET._replace(height_m=height, slot_m=1.0) for height in (2.0, 3.0)]
+    flown = {
+        ("brief", "ideal"): {"pid": on_path, "tube": on_path[::-1]},
+        ("weak", "ideal"): {"pid": [QUIET], "tube": [QUIET]},
+    }
+    _, _, placed, *_ = tables(flown)
+    assert placed.splitlines()[4:] == ["| brief | ideal | 3.0, 1.0 | 3.0, 1.0 |"]

@@ -9,16 +9,16 @@ import math
 
 import numpy as np
 
+from ftc_autopilot.common.tuples import Four
 from ftc_autopilot.control.diagnosis.parameters import limits_of
 from ftc_autopilot.control.diagnosis.suspicions import stop_suspected
 from ftc_autopilot.control.laws.tube.adaptation import MAX_ERROR
-from ftc_autopilot.control.step import Command, Step, Thresholds
+from ftc_autopilot.control.step import Step, Thresholds
+from ftc_autopilot.control.triggers.scaled import noise_threshold
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.airframe.aircraft import AircraftRecord
 from sitl_plant.airframe.stops import has_actuator
-from sitl_plant.airframe.thrust import reach_of
-from sitl_plant.vec3 import clamp
 
 _MAX_DOUBLINGS = 4
 _CHANGES_OF_SIDE = 2.6  # changes to the other side: four within two seconds, or three within less
@@ -54,7 +54,8 @@ def fallback_flies(now: Step, gains: np.void, state: np.void) -> bool:
         limits = limits_of(diagnosis, j)
         noise = math.sqrt(max(actuators[j]["variance"] - actuators[j]["smooth_variance"], 0.0))
         swings = math.sqrt(actuators[j]["smooth_variance"]) > max(_SWING_SIGMA * limits.jump, noise)
-        if swings or actuators[j]["swings"] > _CHANGES_OF_SIDE:
+        swings = swings or actuators[j]["swings"] > _CHANGES_OF_SIDE
+        if swings and j != THROTTLE:  # thrust swings with each command that lags, and turns nothing
             state["fallback_left"] = max(state["fallback_left"], now.dt)
         if actuators[j]["suspect_s"] > 0.0 and stop_suspected(actuators[j], diagnosis):
             state["fallback_left"] = max(state["fallback_left"], actuators[j]["suspect_s"])
@@ -77,39 +78,40 @@ def fallback_flies(now: Step, gains: np.void, state: np.void) -> bool:
     return bool(state["fallback_left"] > 0.0 and not now.first)
 
 
+@compiled
+def least_changes(thresholds: Thresholds, commands: np.ndarray) -> Four:
+    """Return by how much a command differs at (25) and (29) from those in force, shape (4,)."""
+    a, b = thresholds.a, thresholds.b
+    return (
+        b[0] * abs(commands[0]) + b[1],
+        b[0] * abs(commands[1]) + b[1],
+        b[0] * abs(commands[2]) + b[1],
+        a[0] * abs(commands[3]) + a[1],
+    )
+
+
 @inlined
 def triggered(
-    now: Step,
-    j: int,
-    command: Command,
-    thresholds: Thresholds,
-    aircraft: AircraftRecord,
-    commands: np.ndarray,
+    now: Step, j: int, commanded: Four, least: Four, noise: np.void, commands: np.ndarray
 ) -> bool:
     """Return whether the surviving law's command of channel j is sent, which is in force then.
 
-    The clock decides that if the trigger has one, else (25) or (29).
+    The clock decides that if the trigger has one; else (25) or (29), with thresholds that grow with
+    the noise and the gusts in the commands, as those of the trigger `scaled`.
 
     Args:
         now: The present step.
         j: The channel, number as FTC_ACTUATOR.
-        command: Commands of the surviving law.
-        thresholds: Of (25) and (29).
-        aircraft: Nominal aircraft, whose limits saturate the command.
+        commanded: Commands of the surviving law, saturated [rad, rad, rad, N].
+        least: Thresholds of (25) and (29) [rad, rad, rad, N].
+        noise: Record of dtype `Scaled.STATE`.
         commands: In force [rad, rad, rad, N], shape (4,), updated.
     """
-    lowest, highest = reach_of(aircraft, j, now.motion.V)
-    if j == THROTTLE:
-        saturated = clamp(command.thrust, lowest, highest)
-        least = thresholds.a[0] * abs(commands[j]) + thresholds.a[1]
-    else:
-        saturated = clamp(command.delta[j], lowest, highest)
-        least = thresholds.b[0] * abs(commands[j]) + thresholds.b[1]
-    fired = bool(abs(saturated - commands[j]) >= least)
+    fired = bool(abs(commanded[j] - commands[j]) >= max(least[j], noise_threshold(j, noise)))
     if now.clock_s[j] > 0.0:
         fired = bool(now.due & (1 << j))
     if fired:
-        commands[j] = saturated
+        commands[j] = commanded[j]
     return fired
 
 

@@ -13,13 +13,16 @@ from ftc_autopilot.control.laws.tube.fallback import (
     coarser,
     fallback_flies,
     flies_without_rudder,
+    least_changes,
     triggered,
 )
 from ftc_autopilot.control.laws.tube.observer import observe
 from ftc_autopilot.control.laws.tube.parameters import Tube
 from ftc_autopilot.control.signals import SIGNALS
 from ftc_autopilot.control.step import Command, SignalsRecord, Step
+from ftc_autopilot.control.transmit import saturated
 from ftc_autopilot.control.triggers.base import in_steps
+from ftc_autopilot.control.triggers.scaled import watch
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
 from mavlink_defs.runtime.jit import apart, compiled, inlined
 from sitl_plant.airframe.aircraft import AIRCRAFT, AircraftRecord
@@ -28,6 +31,8 @@ from sitl_plant.vec3 import clamp
 
 _MAX_PERIOD_S = 0.03
 """Of a clock that can send a dither."""
+_NOISE_SHARE, _NOISE_MEMORY_S = 0.5, 1.0
+"""Of the time 1/K2 of its fastest loop, within which changes of its commands are watched."""
 
 
 @apart(aircraft=AIRCRAFT, gains=Tube.record(), state=Tube.STATE, signals=SIGNALS)
@@ -59,6 +64,11 @@ def tube_law(
         adapt(now, aircraft, gains, state)
     model = state["model"]
     observe(now, positions, model, gains, state)
+    commanded = saturated(surviving, now, aircraft)
+    least = least_changes(thresholds, commands)
+    K2 = gains["fallback"]["K2"]
+    within_s = _NOISE_SHARE / max(K2[0], K2[1], K2[2])
+    watch(commanded, least, within_s, _NOISE_MEMORY_S, now.dt, state["noise"])
     mask = 0
     for j in range(N_CHANNELS):
         commands[j] -= state["dither"][j]
@@ -66,7 +76,7 @@ def tube_law(
         for j in range(N_CHANNELS):
             commands[j] += state["dither"][j]
         for j in range(N_CHANNELS):
-            if triggered(now, j, surviving, thresholds, aircraft, commands):
+            if triggered(now, j, commanded, least, state["noise"], commands):
                 mask |= 1 << j
                 state["dither"][j] = actuators[j]["dither"]
             state["exit"][j] = math.nan
@@ -74,7 +84,7 @@ def tube_law(
         if (
             no_rudder
             and has_actuator(aircraft, RUDDER)
-            and triggered(now, RUDDER, surviving, thresholds, aircraft, commands)
+            and triggered(now, RUDDER, commanded, least, state["noise"], commands)
         ):
             mask |= 1 << RUDDER
         if checked if now.clock_s[0] == 0.0 else now.due != 0:

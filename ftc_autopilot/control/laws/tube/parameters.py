@@ -8,6 +8,7 @@ from pydantic import Field
 from ftc_autopilot.control.laws.base import Gains, LawParameters
 from ftc_autopilot.control.laws.surviving.parameters import FaultTolerant, Surviving
 from ftc_autopilot.control.pairing import is_coupled, joint_moves
+from ftc_autopilot.control.triggers.scaled import Scaled
 from mavlink_defs.config.models import Renaming
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTTLE
@@ -71,6 +72,7 @@ class Tube(Renaming, FaultTolerant):
             ("fallback_left", "f8"),  # time for which it still flies [s]
             ("event_rate", "f8", (N_CHANNELS,)),  # events that are forgotten within a second
             ("rate_exceeded", "i8"),  # times that there were too many
+            ("noise", Scaled.STATE),  # of the fallback's commands
         ]
     )
 

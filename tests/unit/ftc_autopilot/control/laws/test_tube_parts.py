@@ -19,6 +19,7 @@ from ftc_autopilot.control.laws.tube.check import check, trim
 from ftc_autopilot.control.laws.tube.fallback import (
     coarser,
     fallback_flies,
+    least_changes,
     only_rudder_lost,
     triggered,
 )
@@ -29,8 +30,10 @@ from ftc_autopilot.control.laws.tube.tube import build_tube, to_errors
 from ftc_autopilot.control.reference import filter_reference
 from ftc_autopilot.control.step import ALL, Command, Step
 from ftc_autopilot.control.synchronisation_errors import FormationErrors
+from ftc_autopilot.control.transmit import saturated
 from ftc_autopilot.control.triggers.static import Consequence
 from gcs.scenario.model import Scenario
+from mavlink_defs.constants import AILERON, THROTTLE
 from mavlink_defs.framing.codec import SIM_STATE
 from sitl_plant.actuators.config import ActuatorServos
 from sitl_plant.actuators.lag import lagged
@@ -339,6 +342,17 @@ def test_the_surviving_law_takes_over_from_what_cannot_believe_in_a_weak_surface
     assert fallback_flies(now, gains, state)
 
 
+@pytest.mark.parametrize(("actuator", "flies"), [(AILERON, True), (THROTTLE, False)])
+def test_a_surface_that_swings_is_a_reason_and_a_thrust_that_lags_is_none(
+    nominal: np.void, actuator: int, flies: bool
+) -> None:
+    gains, state, now = gains_of(), new_state(), step_of(measured(nominal))
+    one = state["fallback"]["diagnosis"]["actuators"][actuator]
+    one["variance"] = one["smooth_variance"] = 1e4 if actuator == THROTTLE else 0.01
+    one["swings"] = 3.0
+    assert fallback_flies(now, gains, state) == flies
+
+
 def test_the_surviving_law_flies_while_a_turn_has_to_be_slow(nominal: np.void) -> None:
     gains, state, now = gains_of(), new_state(), step_of(measured(nominal))
     state["fallback"]["slows_turn"] = 1
@@ -371,18 +385,29 @@ def test_a_large_error_and_a_high_event_rate_are_reasons_too(nominal: np.void) -
 def test_its_commands_are_sent_by_the_papers_triggers(
     rudder: float, thrust: float, factor: float, nominal: np.void
 ) -> None:
-    now = step_of(measured(nominal))
-    thresholds, commands = coarser(now.thresholds, factor), COMMANDS.copy()
-    command = Command((0.0, 0.0, rudder), thrust, ALL)
+    now, commands, noise = step_of(measured(nominal)), COMMANDS.copy(), new_state()["noise"]
+    sent = saturated(Command((0.0, 0.0, rudder), thrust, ALL), now, nominal)
+    least = least_changes(coarser(now.thresholds, factor), commands)
     stop = nominal["stops"][0, 1]
     commanded = min(max(rudder, -stop), stop)
     due = abs(commanded - 0.3) >= factor * (0.01 * 0.3 + math.radians(1.0))
-    assert triggered(now, 2, command, thresholds, nominal, commands) == due
+    assert triggered(now, 2, sent, least, noise, commands) == due
     assert commands[2] == (commanded if due else 0.3)
     commanded = min(max(thrust, 0.0), nominal["thrust_limit"])
     due = abs(commanded - 900.0) >= factor * (0.01 * 900.0 + 1.0)
-    assert triggered(now, 3, command, thresholds, nominal, commands) == due
+    assert triggered(now, 3, sent, least, noise, commands) == due
     assert commands[3] == (commanded if due else 900.0)
+
+
+def test_a_command_that_gusts_move_is_sent_less_often(nominal: np.void) -> None:
+    now, commands, state = step_of(measured(nominal)), COMMANDS.copy(), new_state()
+    least = least_changes(now.thresholds, commands)
+    state["noise"]["slow"][3] = 2.0 * least[3]
+    beside = 0.0, 0.0, 0.3, 900.0 + 2.0 * least[3]
+    assert not triggered(now, 3, beside, least, state["noise"], commands)
+    assert triggered(
+        now, 3, (0.0, 0.0, 0.3, 900.0 + 3.0 * least[3]), least, state["noise"], commands
+    )
 
 
 def test_predictions_are_checked_as_often_as_configured(scenario1: Scenario) -> None:
