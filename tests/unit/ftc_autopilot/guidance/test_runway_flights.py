@@ -115,6 +115,31 @@ def test_a_line_too_short_for_a_landing_is_flown_over_and_around_to_a_longer_one
     assert any(remark.startswith(begin) for remark in remarks)
 
 
+@pytest.mark.parametrize(
+    ("fault", "most_m"),
+    [
+        ({"actuator": "aileron", "stuck_deg": 6.0}, 10.0),
+        ({"actuator": "rudder", "stuck_deg": 15.0}, 10.0),
+        ({"actuator": "throttle", "effectiveness": 0.3}, 3.0),
+    ],
+)
+def test_who_leans_or_is_slow_on_the_final_lands_on_the_line_all_the_same(
+    fly: Callable[..., Flown], fault: dict[str, Any], most_m: float
+) -> None:
+    """Stuck, they drifted away by tens of metres in the flare; weak, it went around for ever."""
+    start = {"north_m": -2200.0, "east_m": 0.0, "altitude_m": 40.0, "airspeed_m_s": 40.0}
+    changes = {
+        "uavs.0.initial": start,
+        "mission.items": [SHORT["mission.items"][4], LAND],
+        "faults": [{"uav": 1, "start_s": 5.0, **fault}],
+        "duration_s": 110.0,
+    }
+    landed = fly(**changes)
+    assert landed.phases == [FLYING, FINAL, FLARE, ROLL_OUT, STOPPED]
+    assert abs(landed.gear["worst"]["position"][1]) <= most_m
+    assert landed.gear["worst"]["sink"] <= 1.5
+
+
 def test_a_take_off_without_thrust_is_rejected(fly: Callable[..., Flown]) -> None:
     """Half of the thrust is more than a take-off takes of the paper's aircraft; a tenth is not."""
     fault = {"uav": 1, "actuator": "throttle", "effectiveness": 0.1, "start_s": 0.0}
