@@ -25,7 +25,7 @@ from ftc_autopilot.guidance.runway_state import (
 from gcs.fleet import in_process
 from gcs.fleet.remarks import remarks_of
 from gcs.results.recording import Steps
-from gcs.scenario.model import scenario_of, scenario_tree
+from gcs.scenario.model import load_scenario, scenario_of, scenario_tree
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.mission_files import mission_item
 
@@ -138,6 +138,15 @@ def test_who_leans_or_is_slow_on_the_final_lands_on_the_line_all_the_same(
     assert landed.phases == [FLYING, FINAL, FLARE, ROLL_OUT, STOPPED]
     assert abs(landed.gear["worst"]["position"][1]) <= most_m
     assert landed.gear["worst"]["sink"] <= 1.5
+
+
+@pytest.mark.parametrize("name", ["runway/aileron_stuck", "runway/launcher", "runway/engine_lost"])
+def test_bundled_flights_with_a_fault_end_on_the_runway(name: str) -> None:
+    ground = in_process.fly_and_summarise(load_scenario(name)).uavs[0].ground
+    assert ground is not None
+    assert ground.outcome == "landed"
+    assert ground.worst is not None
+    assert abs(ground.worst.east_m) <= 5.0
 
 
 def test_a_take_off_without_thrust_is_rejected(fly: Callable[..., Flown]) -> None:
