@@ -34,7 +34,12 @@ class ForeignAutopilot(Protocol):
     It sends its MAVLink, with the UAV's system id and component 1, to the address that the bridge
     gives its constructor: ``Class(config: AutopilotConfig, vehicle_link: UdpAddress)``. What
     ground stations send comes to it from there.
+
+    Attributes:
+        notices: Lines for the operator, which the bridge takes away.
     """
+
+    notices: list[str]
 
     def begin(self, first: PlantStep) -> None:
         """Start the program, and hold the aircraft where the plant has it.

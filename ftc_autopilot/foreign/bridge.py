@@ -16,6 +16,7 @@ from pathlib import Path
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.foreign.arduplane import ArduPlane
 from ftc_autopilot.foreign.base import ForeignAutopilot, ForeignError, ForeignInputError
+from ftc_autopilot.foreign.by_hand import waiting
 from ftc_autopilot.foreign.plant_link import PlantSide
 from ftc_autopilot.foreign.px4_plane import Px4Plane
 from ftc_autopilot.foreign.recorder import ForeignRecorder
@@ -39,6 +40,7 @@ _TICK_S = 0.02
 _TURN_S = 0.005  # between two looks at the other links while the plant's time runs
 _HEARTBEAT_S, _REGISTER_S = 1.0, 0.2
 _COUNT_S = 0.5
+_TAKEOVER_S = 3.0  # of silence, before one that is started by hand may be another one
 _LOOPBACK = "127.0.0.1"
 
 
@@ -79,15 +81,20 @@ class Bridge:
         stations = [endpoint.resolve(endpoint.parse_address(text)) for text in config.gcs]
         self._stations = [(one.host, one.port) for one in stations]
         self._gcs = sockets.enter_context(endpoint.open_udp(stations))
-        own = UdpAddress(_LOOPBACK, 0)
-        self._side = sockets.enter_context(endpoint.bind_udp(own, f"MAVLink of UAV {config.id}"))
+        self._by_hand = waiting(config)
+        own = self._by_hand.mavlink if self._by_hand else UdpAddress(_LOOPBACK, 0)
+        hint = "choose others with autopilot.port"
+        self._side = sockets.enter_context(
+            endpoint.bind_udp(own, f"MAVLink of UAV {config.id}", hint)
+        )
         for sock in (self._gcs, self._side):
             sock.setblocking(False)
         self._plant.settimeout(_TICK_S)
         self._recorder = ForeignRecorder(config, record, record_optional, self._log)
         self._vehicle = ForeignVehicle(config.id, config.origin, self._link.counts)
         self._peer: tuple[str, int] | None = None  # where the autopilot's MAVLink comes from
-        link = UdpAddress(_LOOPBACK, self._side.getsockname()[1])
+        self._peer_s = 0.0  # when it came last
+        link = UdpAddress(own.host, self._side.getsockname()[1])
         self._autopilot = FOREIGN[config.autopilot.kind](config, link)
         sockets.callback(self._autopilot.close)
         self._armed = self._over = False
@@ -129,6 +136,7 @@ class Bridge:
 
         There is no record of a flight that did not begin.
         """
+        self._take_notices()
         if self._steps or self.loss is None:
             unwritable = self._recorder.finish(
                 self.loss, self._link.repeats.tolist(), self._link.is_over, self.failure
@@ -214,9 +222,10 @@ class Bridge:
         if self._link.is_running and now < self._turn_due_s:
             return
         self._turn_due_s = now + _TURN_S
-        self._receive_from_autopilot()
+        self._receive_from_autopilot(now)
         self._receive_from_stations(now)
         self._vehicle.handle_timer(now)
+        self._take_notices()
         running = self._link.is_running
         if now >= self._due_s:
             self._due_s = now + (_REGISTER_S if self._link.step is None else _HEARTBEAT_S)
@@ -237,13 +246,33 @@ class Bridge:
         kind, autopilot = dialect.MAV_TYPE_FIXED_WING, dialect.MAV_AUTOPILOT_GENERIC
         return dialect.MAVLink_heartbeat_message(kind, autopilot, armed, 0, status, 3)
 
-    def _receive_from_autopilot(self) -> None:
+    def _take_notices(self) -> None:
+        """Show stations, and the log, what the operator should know."""
+        while self._autopilot.notices:
+            text = self._autopilot.notices.pop(0)
+            self._log(text)
+            self._vehicle.say(dialect.MAV_SEVERITY_NOTICE, text)
+
+    def _receive_from_autopilot(self, now: float) -> None:
         for datagram, sender in _waiting(self._side):
-            self._peer = self._peer or sender
-            if sender != self._peer:  # the autopilot has one socket: this is somebody else
+            if sender != self._peer and not self._follow(now):
                 self._link.drops[DropReason.STRANGER] += 1
                 continue
+            self._peer, self._peer_s = sender, now
             self._vehicle.receive(datagram)
+
+    def _follow(self, now: float) -> bool:
+        """Return whether another sender may be the autopilot, which has one socket: once.
+
+        One that is started by hand may be started again before the flight.
+        """
+        if self._peer is None:
+            return True
+        if self._by_hand is None or self._armed or now - self._peer_s < _TAKEOVER_S:
+            return False
+        config = self._config
+        self._vehicle = ForeignVehicle(config.id, config.origin, self._link.counts)
+        return True
 
     def _receive_from_stations(self, now: float) -> None:
         for datagram, sender in _waiting(self._gcs):

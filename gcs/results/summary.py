@@ -11,6 +11,7 @@ from gcs.results.figures import (
     ControlFailure,
     DiagnosisSummary,
     FlightSummary,
+    MotionBands,
     UavSummary,
 )
 from gcs.results.ground import GroundSummary, TouchdownSummary
@@ -131,6 +132,7 @@ def _summarise_uav(
         lowest_altitude_m=_finite(-own["highest_down"]),
         control_failure=_failure(own, step_us),
         ground=_on_ground(ending.contacts[i] if ending.contacts else None),
+        motion=_motion(tally.motion.get(i)),
     )
 
 
@@ -145,6 +147,13 @@ def _on_ground(facts: dict[str, Any] | None) -> GroundSummary | None:
         return None
     worst = facts["worst"]
     return GroundSummary(**{**facts, "worst": worst and TouchdownSummary(**worst)})
+
+
+def _motion(bands: np.ndarray | None) -> MotionBands | None:
+    """Return the bands of a UAV's motion; None without any."""
+    if bands is None or not np.isfinite(bands).all():
+        return None
+    return MotionBands(*zip(*bands.tolist(), strict=True))
 
 
 def _failure(own: np.void, step_us: int) -> ControlFailure | None:

@@ -4,7 +4,9 @@ Written from the published protocols; nothing is shared with the code under test
 law of `json_peer`. Its clock is that of the answers, so its MAVLink has the same times in each run.
 
 Options of its own, in the environment: PEER_READY_S, its time until it can be armed; PEER_REFUSES,
-the reason for which it refuses to be armed; PEER_DIES_S, its time at which it ends.
+the reason for which it refuses to be armed; PEER_DIES_S, its time at which it ends; PEER_RATE_HZ
+and PEER_CHANNELS of its frames; PEER_TWICE 1: once it is armed, each tenth frame is sent twice;
+PEER_GARBAGE 1: something else comes before the first one; PEER_ANSWERS, the file for the answers.
 """
 
 import argparse
@@ -13,10 +15,9 @@ import socket
 import sys
 from typing import Any
 
-from json_peer import Autopilot
+from json_peer import Autopilot, servo_packet
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-RATE_HZ = 500
 ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 HEALTHY = mavlink.MAV_SYS_STATUS_PREARM_CHECK
 
@@ -105,6 +106,7 @@ class Vehicle:
 
 def main() -> None:
     parser = argparse.ArgumentParser()
+    parser.add_argument("-I")
     for name in ("model", "rc-in-port", "base-port", "serial1", "serial2", "speedup", "home"):
         parser.add_argument(f"--{name}")
     parser.add_argument("--sim-port-out", type=int, required=True)
@@ -119,19 +121,29 @@ def main() -> None:
         assert os.path.getsize(file)
     ready_s = float(os.environ.get("PEER_READY_S", "1"))
     dies_s = float(os.environ.get("PEER_DIES_S", "inf"))
+    rate_hz = int(os.environ.get("PEER_RATE_HZ", "500"))
+    twice, garbage = "PEER_TWICE" in os.environ, "PEER_GARBAGE" in os.environ
     vehicle = Vehicle(options.serial0, options.sysid)
-    with Autopilot(options.sim_port_out, rate_hz=RATE_HZ) as peer:
-        frame = 0
+    channels = int(os.environ.get("PEER_CHANNELS", "16"))
+    peer = Autopilot(options.sim_port_out, rate_hz=rate_hz, channels=channels)
+    for strange in (b"GET / HTTP/1.0\r\n\r\n", servo_packet(0, [1500] * 16, magic=18457)):
+        if garbage:
+            peer.send(strange)
+    frame = 0
+    with open(os.environ.get("PEER_ANSWERS", os.devnull), "ab", buffering=0) as answers:
         while True:
             pwm = peer.outputs(0.4)
-            answer = peer.exchange(pwm if vehicle.armed else [1500, 1500, 1000, *pwm[3:]])
+            held = [1500, 1500, 1000, *pwm[3:]]
+            copies = 2 if twice and vehicle.armed and frame % 10 == 9 else 1
+            answer = peer.exchange(pwm if vehicle.armed else held, copies)
+            answers.write(peer.lines[-1][1:])
             time_s = answer["timestamp"]
             vehicle.ready = time_s >= ready_s
             if time_s >= dies_s:
                 print("panic: the peer was to end here", flush=True)
                 sys.exit(3)
             vehicle.serve()
-            if frame % (RATE_HZ // 5) == 0:
+            if frame % (rate_hz // 5) == 0:
                 vehicle.beat(time_s, answer)
             frame += 1
 
