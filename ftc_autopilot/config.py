@@ -17,6 +17,7 @@ from ftc_autopilot.kinds import AutopilotSection, FtcAutopilot
 from mavlink_defs import dialect
 from mavlink_defs.config.models import HostPort, Problems, SystemId, Title
 from mavlink_defs.config.quantity import quantity, whole
+from sitl_plant.airframe.gear import Runway
 from sitl_plant.sensing.config import Navigation, NavigationSensors
 
 Identity: TypeAlias = Literal["ardupilot", "generic"]
@@ -50,6 +51,7 @@ class AutopilotConfig(ControllerConfig):
         estimator: Parameters of its estimator.
         fence: Parameters of its fence.
         rally: Parameters of its rally points.
+        runway: The runway that it lands on if its mission has none; none: it knows of none.
         formation_bind: Where the formation link is received.
         plant: Where the plant receives the simulator link.
         gcs: Addresses of the ground stations, host:port.
@@ -68,6 +70,7 @@ class AutopilotConfig(ControllerConfig):
     estimator: EstimatorParameters = EstimatorParameters()
     fence: FenceParameters = FenceParameters()
     rally: RallyParameters = RallyParameters()
+    runway: Runway | None = None
     neighbour_timeout_s: float = quantity(
         "s", "Silence after which a neighbour's edge is dropped.", NEIGHBOUR_TIMEOUT_S, gt=0.0
     )

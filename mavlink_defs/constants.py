@@ -51,9 +51,16 @@ Faults call the last two gps and airspeed, as MAVLink does.
 LAST_SYSTEM = 250
 """Largest system id of a UAV."""
 
-AUTO, RTL, LOITER, TAKEOFF, GUIDED = 10, 11, 12, 13, 15
+AUTO, RTL, LOITER, TAKEOFF, GUIDED, AUTOLAND = 10, 11, 12, 13, 15, 26
 """custom_mode numbers of ArduPlane."""
-MODE_NAMES = {AUTO: "AUTO", RTL: "RTL", LOITER: "LOITER", TAKEOFF: "TAKEOFF", GUIDED: "GUIDED"}
+MODE_NAMES = {
+    AUTO: "AUTO",
+    RTL: "RTL",
+    LOITER: "LOITER",
+    TAKEOFF: "TAKEOFF",
+    GUIDED: "GUIDED",
+    AUTOLAND: "AUTOLAND",
+}
 
 MAX_DATAGRAM = 65535
 """Size of the longest UDP payload, rounded up [bytes]."""

@@ -36,6 +36,7 @@ from ftc_autopilot.guidance.runway_phases import (
     find_out,
     nose_for,
     note_path,
+    on_final,
     uses_runway,
 )
 from ftc_autopilot.guidance.runway_sequence import lands_alone, note_others
@@ -340,12 +341,15 @@ def _fly_near_ground(uav: np.void, path: np.void, now: Situation, step: int, dt:
         if lands_alone(path, now.s):
             now = replaced(now, "coordination", no_coordination())
         note_others(now, step, dt, path, uav)
+    if before in (FINAL, FLARE) and not is_glide(path):
+        now = on_final(now, path, figures, runway)
     now = replaced(now, "level", advance(now, path, aircraft, limits, figures, runway))
     if on_ground(runway["phase"]):
         command[0], command[1] = now.motion.V, 0.0
         command[2], command[3] = runway["pitch"], runway["heading"]
     else:
-        now = replaced(now, "over_ground", int(runway["phase"] in (FINAL, FLARE)))
+        approaches = runway["phase"] in (FINAL, FLARE)
+        now = replaced(now, "over_ground", int(approaches))
         signals, lost = uav["signals"], uav["signals"]["phase"]
         steers = lost[AILERON] != LOST and lost[RUDDER] != LOST
         if steers and not heading_loop(parameters).by_bank:
@@ -355,6 +359,7 @@ def _fly_near_ground(uav: np.void, path: np.void, now: Situation, step: int, dt:
         flown = guide(now, path, aircraft, parameters["guidance"], guidance["law"])
         for k in range(4):
             command[k] = flown[k]
+        command[0] += runway["faster"] if approaches else 0.0
         command[1] = bank_near_ground(flown[1], now, path, limits, figures, runway)
     if runway["phase"] != before and (on_ground(before) or on_ground(runway["phase"])):
         uav["controller"]["started"] = 0

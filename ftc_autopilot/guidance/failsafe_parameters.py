@@ -19,6 +19,6 @@ class FailsafeParameters(Model):
     act_fail_act: Literal["report", "loiter", "land", "rtl"] = Field(
         default="report",
         description="What an actuator that the diagnosis declares lost does: it is reported, and "
-        "LOITER, the mission's landing or RTL is flown. Without thrust the latter two are a glide "
+        "LOITER, a landing or RTL is flown. Without thrust the latter two are a glide "
         "to the runway.",
     )

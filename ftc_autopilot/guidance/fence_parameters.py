@@ -15,8 +15,8 @@ from mavlink_defs.config.quantity import quantity, whole
 ALT_MAX, AROUND_HOME, AREAS, ALT_MIN = 1, 2, 4, 8
 """Bits of `FenceParameters.type`."""
 
-ActionName = Literal["report", "rtl", "loiter", "guided"]
-REPORT, TO_RTL, TO_LOITER, TO_GUIDED = ACTION_NUMBERS = 0, 1, 4, 6
+ActionName = Literal["report", "rtl", "loiter", "guided", "land"]
+REPORT, TO_RTL, TO_LOITER, TO_GUIDED, TO_LAND = ACTION_NUMBERS = 0, 1, 4, 6, 8
 """FENCE_ACTION of each `ActionName`: ArduPlane's; 4 is what stops a copter."""
 
 
@@ -34,8 +34,8 @@ class FenceParameters(Model):
     )
     action: ActionName = Field(
         default="rtl",
-        description="What a breach does: it is reported, and the mode becomes RTL, LOITER, or "
-        "GUIDED to the return point.",
+        description="What a breach does: it is reported, and the mode becomes RTL, LOITER, GUIDED "
+        "to the return point, or a landing is flown.",
     )
     alt_max_m: float = quantity("m", "Greatest height above home.", 100.0, ge=-1e5, le=1e5)
     alt_min_m: float = quantity("m", "Least height above home.", -10.0, ge=-1e5, le=1e5)

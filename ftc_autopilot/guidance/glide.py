@@ -16,7 +16,7 @@ from ftc_autopilot.guidance.legs import Circle, Leg, Pose, approach
 from ftc_autopilot.guidance.limits import FlightLimits, turn_radius
 from ftc_autopilot.guidance.path import path_record
 from ftc_autopilot.guidance.runway import RunwayFigures
-from ftc_autopilot.guidance.runway_legs import flare_legs
+from ftc_autopilot.guidance.runway_legs import BREEZE_M_S, flare_legs
 from ftc_autopilot.guidance.runway_marks import RunwayMarks
 
 _SETTLING = 3.0
@@ -25,8 +25,6 @@ _LOAD = 1.0 / math.cos(math.radians(20.0)) ** 2
 """Sink in a turn by the one in straight flight: as the drag that lift makes, at 20° of bank."""
 _PIECE = math.radians(30.0)
 """Part of a turn that has one slope [rad]."""
-_BREEZE_M_S = 2.0
-"""Wind below which none is turned into [m/s]."""
 _TURN_SHARE = 0.5
 """Share of the height that a turn into the wind may take."""
 _BISECTIONS = 30
@@ -88,7 +86,7 @@ class Glide:
         """Return the path straight ahead, into the wind if there is the height to turn."""
         pose, (north, east) = self._begin.pose, self._begin.wind
         legs = list[Leg]()
-        if math.hypot(north, east) > _BREEZE_M_S:
+        if math.hypot(north, east) > BREEZE_M_S:
             angle = math.remainder(math.atan2(-east, -north) - pose.course, 2.0 * math.pi)
             turn = Leg(*pose, math.copysign(1.0 / self._radius, angle), abs(angle) * self._radius)
             if self._taken([turn]) < _TURN_SHARE * self._height:

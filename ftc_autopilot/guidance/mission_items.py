@@ -84,6 +84,20 @@ def is_path(items: Sequence[MissionItem]) -> bool:
     return len(items) > 1 and items[1].command != dialect.MAV_CMD_FTC_REFERENCE_SEGMENT
 
 
+def landing_start(items: Sequence[MissionItem]) -> int | None:
+    """Return the item with which the landing of a mission begins; None without a landing.
+
+    It is the last DO_LAND_START before it, or the place before it.
+    """
+    commands = [item.command for item in items]
+    if LAND not in commands:
+        return None
+    landing = commands.index(LAND)
+    marks = [k for k in range(landing) if commands[k] == dialect.MAV_CMD_DO_LAND_START]
+    places = [k for k in range(1, landing) if commands[k] in PLACES]
+    return (marks or places or [landing])[-1]
+
+
 def has_place(item: MissionItem) -> bool:
     """Return whether an item names a place: some clients write 0 for none, others no value."""
     return INT32_MAX not in (abs(item.x), abs(item.y)) and (item.x, item.y) != (0, 0)
@@ -272,9 +286,8 @@ def _placed(
     there, is its height, `before`.
     """
     command = item.command
-    if command == LAND and (limits.runway is None or not limits.runway.lands):
-        text = "the aircraft has no gear to land on; add `gear: {kind: tricycle}` to it, or"
-        raise ItemError(item.seq, dialect.MAV_MISSION_UNSUPPORTED, f"{text} `{{kind: belly}}`")
+    if command == LAND:
+        check_gear(limits, item.seq)
     if command == TAKEOFF:
         return MissionTarget(item, height=_take_off_height(item, origin, home))
     flown_to = command in PLACES and command != RETURN
@@ -297,6 +310,13 @@ def _placed(
     within = param(item, 2) if command == WAYPOINT else 0.0
     radius = 0.0 if command in FLOWN_STRAIGHT else param(item, 2 if command == LOITER_TO_ALT else 3)
     return MissionTarget(item, place, height, within, radius)
+
+
+def check_gear(limits: FlightLimits, seq: int = 0) -> None:
+    """Refuse a landing of an aircraft that cannot land; `seq`: number of its item."""
+    if limits.runway is None or not limits.runway.lands:
+        text = "the aircraft has no gear to land on; add `gear: {kind: tricycle}` to it, or"
+        raise ItemError(seq, dialect.MAV_MISSION_UNSUPPORTED, f"{text} `{{kind: belly}}`")
 
 
 def _landing(

@@ -13,10 +13,13 @@ from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.legs import Pose
 from ftc_autopilot.guidance.limits import FlightLimits, level_airspeed, too_tight
 from ftc_autopilot.guidance.mission_items import (
+    LAND,
     LOITER,
+    LOITER_TO_ALT,
     RETURN,
     TAKEOFF,
     MissionTarget,
+    check_gear,
     decode_items,
     is_path,
     remarks_on,
@@ -25,6 +28,7 @@ from ftc_autopilot.guidance.mission_path import MissionPath, Start, mission_path
 from ftc_autopilot.guidance.mission_places import Home
 from ftc_autopilot.guidance.path import path_record
 from ftc_autopilot.guidance.runway import STANDS, RunwayFigures
+from ftc_autopilot.guidance.runway_legs import LEAST_CLIMB_M, landing_circle
 from ftc_autopilot.guidance.runway_sequence import why_not_in_sequence
 from mavlink_defs import dialect
 from mavlink_defs.mission_files import mission_item
@@ -216,6 +220,36 @@ class Planner:
         if path.remarks:
             raise ItemError(0, dialect.MAV_MISSION_INVALID_PARAM7, path.remarks[0])
         return _record(path)
+
+    def landing(
+        self, start: Start, touchdown: Pose, ground: float, height: float, home: Home
+    ) -> np.void:
+        """Return the path down into a circle beside the line of a landing, and along that line.
+
+        Args:
+            start: Where it begins.
+            touchdown: Place of touchdown, and the course there.
+            ground: Height of the centre of gravity there [m].
+            height: Of the circle, unless that is too low for an approach [m].
+            home: What heights are checked against.
+
+        Raises:
+            ItemError: The aircraft stands, or cannot land.
+        """
+        check_gear(self.limits)
+        assert self.limits.runway is not None
+        if start.stands:
+            raise ItemError(0, dialect.MAV_MISSION_INVALID, "the aircraft stands on the ground")
+        flare = self.limits.runway.flare_height(self.limits.runway.slope)
+        height = max(height, ground + flare + LEAST_CLIMB_M)
+        land = MissionTarget(mission_item(2, LAND), touchdown[:2], ground, length=math.inf)
+        land = land._replace(airspeed=start.airspeed)
+        c, s = math.cos(touchdown.course), math.sin(touchdown.course)
+        beside = c * (start.pose.east - touchdown.east) - s * (start.pose.north - touchdown.north)
+        circle = landing_circle(touchdown, beside, height, land, self.limits)
+        before = MissionTarget(mission_item(1, LOITER_TO_ALT), circle[:2], height)
+        way = before._replace(radius=circle.radius), land
+        return _record(mission_path(way, self.limits, home, start))
 
     def way_home(self, start: Start, home: Home) -> np.void:
         """Return the path from a start into the circle around home."""

@@ -80,7 +80,11 @@ class RunwayParameters(Model):
         gt=0.0,
     )
     take_off_m: float = quantity(
-        "m", "Height above home of a take-off for which no mission says one.", 50.0, gt=0.0
+        "m",
+        "Height above home of a take-off for which no mission says one, and of the circle before "
+        "a landing in AUTOLAND.",
+        50.0,
+        gt=0.0,
     )
     acceleration_m_s2: float = quantity(
         "m/s^2", "Greatest acceleration of a take-off, for which thrust is given.", 5.0, gt=0.0

@@ -6,17 +6,20 @@ approach that is given up to its beginning.
 
 import math
 
-from ftc_autopilot.guidance.legs import Leg, Pose
+from ftc_autopilot.guidance.legs import Circle, Leg, Pose
 from ftc_autopilot.guidance.limits import FlightLimits, turn_radius
 from ftc_autopilot.guidance.mission_items import MissionTarget
 from ftc_autopilot.guidance.runway import CANNOT_START, FROM_LAUNCHER, RunwayFigures
 from ftc_autopilot.guidance.runway_marks import RunwayMarks
 from mavlink_defs import dialect
 from mavlink_defs.profile import ItemError
+from sitl_plant.airframe.gear import Runway
 
 _FLARE_LEGS = 8
 _SETTLING = 3.0
 """Time of level flight on the line of the runway before an approach descends, in lags."""
+BREEZE_M_S = 2.0
+"""Wind below which no landing is turned into it [m/s]."""
 LEAST_CLIMB_M = 10.0
 """Least height to which a take-off climbs above the runway [m]."""
 _BISECTIONS = 40
@@ -125,6 +128,41 @@ def too_short(
     return text, _needed(figures.slope, level, descent, figures)
 
 
+def landing_circle(
+    touchdown: Pose, side: float, height: float, target: MissionTarget, limits: FlightLimits
+) -> Circle:
+    """Return the circle from which the line of a landing with the usual slope is a tangent.
+
+    Args:
+        touchdown: Place and course of the touchdown.
+        side: Positive: the circle is to the right of the line.
+        height: Of the circle [m].
+        target: NAV_LAND there.
+        limits: What the aircraft can fly.
+    """
+    figures, radius = _figures(limits), turn_radius(target.airspeed, limits)
+    level = _level_length(target, limits)
+    length = _needed(figures.slope, level, height - target.height, figures)
+    right, c, s = math.copysign(radius, side), *_along(touchdown.course)
+    return Circle(
+        touchdown.north - length * c - right * s, touchdown.east - length * s + right * c, right
+    )
+
+
+def touchdown_on(runway: Runway, wind: tuple[float, float], figures: RunwayFigures) -> Pose:
+    """Return where a runway is touched down on, with as much of it before as behind the roll.
+
+    It is landed on along its heading, unless the wind, north and east [m/s], comes from behind.
+    """
+    course = math.radians(runway.heading_deg)
+    c, s = _along(course)
+    before = 0.5 * (runway.length_m - figures.landing_roll)
+    if wind[0] * c + wind[1] * s > BREEZE_M_S:
+        course, before = course + math.pi, runway.length_m - before
+    course = math.remainder(course, 2.0 * math.pi)
+    return Pose(runway.north_m + before * c, runway.east_m + before * s, course)
+
+
 def around_to(line: Leg, length: float, radius: float) -> tuple[Leg, ...]:
     """Return the way over a line and around, by two half circles to the left, to a longer line.
 
@@ -196,6 +234,10 @@ def _slope(length: float, level: float, descent: float, figures: RunwayFigures, 
         fits = _needed(middle, level, descent, figures) <= length
         low, high = (low, middle) if fits else (middle, high)
     return high
+
+
+def _along(course: float) -> tuple[float, float]:
+    return math.cos(course), math.sin(course)
 
 
 def _figures(limits: FlightLimits) -> RunwayFigures:

@@ -15,12 +15,18 @@ In the flare the nose begins to turn from the way over the air to the runway one
 reference filter before touchdown, so that half of the turn is made then: who is aligned drifts, and
 a gust may keep it up. Wing low would take more bank, of an aircraft
 with much side force, than the wing has room for. Bank is limited by the height of the wing tip.
+
+What is left of a faulty aircraft shows on the final, whatever law flies it. One that needs a bank
+to fly straight drifts away as soon as it has to level its wings: it flies lower by so much that its
+flare ends in a firm touchdown, a few seconds earlier. One that is slower than it is told to be is
+told to be faster.
 """
 
 import math
 
 import numpy as np
 
+from ftc_autopilot.common.tuples import replaced
 from ftc_autopilot.guidance.laws.base import Situation
 from ftc_autopilot.guidance.path import NO_LOOP, height_at, point_at
 from ftc_autopilot.guidance.runway import STANDS
@@ -70,6 +76,14 @@ _LEAST_BANK = math.radians(2.5)
 """Bank that is commanded on the ground; the other half of 5° is for gusts [rad]."""
 _BANK_RESERVE = math.radians(10.0)
 """Bank beyond what is commanded with which an approach is not stable [rad]."""
+_LEANS = math.radians(5.0), math.radians(10.0)
+"""Bank on the final from which on it flies lower, and with which by all of it [rad]."""
+_FIRM = 1.0
+"""Sink of a firm touchdown [m/s]."""
+_TAKES_S = 5.0
+"""Time constant with which bank and airspeed of the final count [s]."""
+_SLOW = 0.95
+"""Airspeed below which it is commanded to be faster, relative to the path's."""
 _NEAR_M = 2.0
 """Height below the one to climb to at which the climb ends [m]."""
 
@@ -139,6 +153,7 @@ def advance(
     elif phase == FLYING:
         if path["landing"] > 0.0 and path["final"] <= s < path["landing"]:
             enter(state, FINAL)
+            state["leaning"] = state["faster"] = 0.0
             state["ground"] = height_at(path, path["landing"])
             state["climb_to"], state["climb_until"] = path["around_at"], path["around"]
     else:
@@ -154,9 +169,32 @@ def nose_for(now: Situation, path: np.void, figures: np.void, state: np.void) ->
     bias = figures["touchdown"] * figures["flare"]
     above = -now.position[2] - state["ground"]
     left = figures["flare"] * math.log(max(above + bias, bias) / bias)
+    left = max(left, above / max(now.velocity[2], figures["touchdown"]))  # a gust keeps it up
     if left > _TURNING * 3.0 / now.bandwidth:
         return math.nan
     return float(point_at(path, path["landing"]).course)
+
+
+@compiled
+def on_final(now: Situation, path: np.void, figures: np.void, state: np.void) -> Situation:
+    """Note what the final and the flare take; return the situation on the path that is flown.
+
+    The lower path is flown as much later as brings its touchdown to the same place.
+    """
+    if state["phase"] == FINAL:
+        state["leaning"] += (now.motion.phi[0] - state["leaning"]) * now.dt / _TAKES_S
+    slow = _SLOW * now.here.airspeed - now.motion.V
+    most = figures["approach"] - figures["stall"]
+    state["faster"] = clamp(state["faster"] + slow * now.dt / _TAKES_S, 0.0, most)
+    least, all_of_it = _LEANS
+    share = clamp((abs(state["leaning"]) - least) / (all_of_it - least), 0.0, 1.0)
+    firm = min(_FIRM, figures["approach"] * figures["slope"])
+    sink = figures["touchdown"] + share * max(firm - figures["touchdown"], 0.0)
+    lower = (sink - figures["touchdown"]) * figures["flare"]
+    later = figures["approach"] * figures["flare"] * math.log(sink / figures["touchdown"])
+    slot = replaced(now.coordination, "slot", (0.0, 0.0, -lower))
+    now = replaced(replaced(now, "coordination", slot), "s", max(now.s - later, path["final"]))
+    return replaced(now, "here", point_at(path, now.s))
 
 
 @compiled

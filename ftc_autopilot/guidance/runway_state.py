@@ -28,6 +28,8 @@ RUNWAY_STATE = np.dtype(
         ("asked", "i8"),  # 1: a go-around is asked for
         ("waits", "i8"),  # 1: another member of its formation takes off first
         ("reason", "i8"),  # of the last rejection or go-around
+        ("leaning", "f8"),  # bank on the final, behind a low pass [rad]
+        ("faster", "f8"),  # airspeed commanded beyond the path's on an approach [m/s]
         ("bank_max", "f8"),  # as the ground permits it [rad]; 0: any
         # what is asked for on the ground
         ("heading", "f8"),  # rad

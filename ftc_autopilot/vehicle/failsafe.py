@@ -5,8 +5,7 @@ the same each time. Each loss acts once: whoever changes the mode afterwards is 
 the ground or in the approach lands.
 """
 
-import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -33,19 +32,16 @@ _NAMES = {TO_LOITER: "LOITER", TO_LAND: "landing", TO_RTL: "RTL"}
 class ActuatorFailsafe:
     """Acts on actuators that are lost."""
 
-    def __init__(
-        self, hot: HotState, controllers: Controllers, modes: Modes, land: Callable[[], int]
-    ) -> None:
+    def __init__(self, hot: HotState, controllers: Controllers, modes: Modes) -> None:
         """Note nothing yet.
 
         Args:
             hot: What the compiled loop knows.
             controllers: Of one UAV.
             modes: Its modes.
-            land: Flies the landing of the mission, and returns MAV_RESULT.
         """
         self._uav, self._hot = controllers.uavs[0], hot
-        self._modes, self._path, self._land = modes, modes.path, land
+        self._modes, self._path = modes, modes.path
         self._period = max(_PERIOD_US // hot.step_us, 1)
         self._changes: list[Change] = []
         self.restart()
@@ -105,7 +101,7 @@ class ActuatorFailsafe:
         if phase in (FINAL, FLARE):
             return "the approach goes on"
         action = self._action
-        if action == TO_LAND and self._land() != dialect.MAV_RESULT_ACCEPTED:
+        if action == TO_LAND and self._modes.land() != dialect.MAV_RESULT_ACCEPTED:
             action = TO_RTL
         if action != TO_LAND and not self._modes.enter(LOITER if action == TO_LOITER else RTL):
             return f"{_NAMES[action]} cannot be flown"
@@ -121,7 +117,7 @@ class ActuatorFailsafe:
         return float(self._uav["signals"]["offset"][THROTTLE]) < runway.idle * weight
 
     def _begin_glide(self) -> str:
-        way, there = self._path.glide(self._wind)
+        way, there = self._path.glide()
         self._modes.guide(way, RTL)
         return "glide to the runway" if there else "no runway within reach, straight ahead"
 
@@ -131,12 +127,6 @@ class ActuatorFailsafe:
         error = path.here()[2] - float(path.point().height)
         if phase in (FINAL, FLARE) or abs(error) < _ANOTHER_M:
             return
-        way, there = path.glide(self._wind)
+        way, there = path.glide()
         if there:
             path.begin(way)
-
-    @property
-    def _wind(self) -> tuple[float, float]:
-        """The wind that guidance has estimated, north and east [m/s]."""
-        north, east, _ = map(float, self._uav["guidance"]["law"]["path"]["wind"])
-        return (north, east) if math.isfinite(north + east) else (0.0, 0.0)

@@ -19,6 +19,7 @@ from ftc_autopilot.guidance.fence_parameters import (
     ALT_MIN,
     REPORT,
     TO_GUIDED,
+    TO_LAND,
     TO_LOITER,
 )
 from ftc_autopilot.guidance.runway_state import FLYING
@@ -30,7 +31,7 @@ from ftc_autopilot.vehicle.message import message
 from ftc_autopilot.vehicle.modes import Modes, Say
 from mavlink_defs import dialect
 from mavlink_defs.config.problems import counted
-from mavlink_defs.constants import GUIDED, LOITER, MAX_MISSION_ITEMS, MODE_NAMES, RTL
+from mavlink_defs.constants import AUTOLAND, GUIDED, LOITER, MAX_MISSION_ITEMS, MODE_NAMES, RTL
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.profile import ItemError
 from mavlink_defs.services.machine import SystemId
@@ -257,7 +258,7 @@ class VehicleFence:
         """Yield the breaches that begin, as of `FenceWatch.at`; end those that are over."""
         least: dict[int, tuple[float, str]] = {}
         watch = self.watch
-        if self._path.phase != FLYING:  # takes off or lands
+        if self._path.phase != FLYING or self._modes.mode == AUTOLAND:  # takes off or lands
             watch = watch._replace(floor=False)
         for kind, clear, why in watch.at(self._path.here()):
             least[kind] = min(least.get(kind, (math.inf, "")), (clear, why))
@@ -279,6 +280,9 @@ class VehicleFence:
             return ""
         if self._own_path == self._path.number:
             return f"; goes on in {MODE_NAMES[self._modes.mode]}"
+        if action == TO_LAND and self._modes.land() == dialect.MAV_RESULT_ACCEPTED:
+            self._own_path = self._path.number
+            return "; landing"
         mode = {TO_LOITER: LOITER, TO_GUIDED: GUIDED}.get(action, RTL)
         try:
             self._modes.guide(self._way(mode), mode)

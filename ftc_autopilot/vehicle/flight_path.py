@@ -16,7 +16,7 @@ from ftc_autopilot.control.controllers import Controllers, ReferenceSource, begi
 from ftc_autopilot.guidance.glide import Begin, Glide
 from ftc_autopilot.guidance.legs import Pose
 from ftc_autopilot.guidance.limits import tightest_turn
-from ftc_autopilot.guidance.mission_items import LAND
+from ftc_autopilot.guidance.mission_items import LAND, check_gear
 from ftc_autopilot.guidance.mission_path import Start
 from ftc_autopilot.guidance.mission_places import Home, home_item
 from ftc_autopilot.guidance.path import (
@@ -29,6 +29,7 @@ from ftc_autopilot.guidance.path import (
 )
 from ftc_autopilot.guidance.planner import Planner
 from ftc_autopilot.guidance.runway import figures_of
+from ftc_autopilot.guidance.runway_legs import BREEZE_M_S, touchdown_on
 from ftc_autopilot.guidance.runway_state import (
     AROUND,
     CLIMBING,
@@ -40,6 +41,8 @@ from ftc_autopilot.guidance.runway_state import (
 from ftc_autopilot.hot.hot_state import HotState
 from mavlink_defs.profile import ItemError
 from mavlink_defs.services.mission import MissionItem
+from sitl_plant.airframe.rigid_body import R1
+from sitl_plant.vec3 import mul, vec3
 
 _SAME_RADIUS = 1.0 + 1e-6
 """Share by which a turn may be too tight, by rounding."""
@@ -108,6 +111,7 @@ class FlightPath:
         self.items: tuple[MissionItem, ...] = ()
         self.airspeed = self.planner.limits.cruise_m_s
         self._hot, self.home = hot, home
+        self._runway = config.runway
         self._in_formation = config.formation is not None
         self._guidance, self._paths = controllers.uavs[0]["guidance"], controllers.paths
         self.number, self.begun_at = 0, 0.0
@@ -154,6 +158,15 @@ class FlightPath:
     def point(self) -> PathPoint:
         """Return the point of the path where the vehicle is; there must be a path."""
         return point_at(self.record, self.position)
+
+    @property
+    def wind(self) -> tuple[float, float]:
+        """The wind that guidance has estimated, else the present one, north and east [m/s]."""
+        law, measured = self._guidance["law"]["path"], self._hot.measured
+        wind = mul(R1(vec3(measured["attitude"])), vec3(measured["wind"]))
+        if law["started"] and self.flown:
+            wind = vec3(law["wind"])
+        return float(wind[0]), float(wind[1])
 
     def item(self) -> int:
         """Return the number of the mission item that is flown."""
@@ -269,25 +282,35 @@ class FlightPath:
             return self.way_to(place)
         return Way(self.planner.way_home(self._start(self.airspeed), home))
 
-    def glide(self, wind: tuple[float, float]) -> tuple[Way, bool]:
-        """Return the way down without thrust, and whether the mission's runway is within reach.
+    def landing(self, height: float, place: tuple[float, float] | None = None) -> Way:
+        """Return the way of AUTOLAND: to a place, or a known runway, or here, into the wind.
 
         Args:
-            wind: Velocity of the air, north and east [m/s].
+            height: Above home, to which it descends before the approach [m].
+            place: North and east [m].
         """
+        check_gear(self.planner.limits)
+        start, home = self._start(self.airspeed), self.home.at
+        to = self._runway_ahead() if place is None else None
+        if to is None:
+            north, east = self.wind
+            calm = math.hypot(north, east) < BREEZE_M_S
+            course = start.pose.course if calm else math.atan2(-east, -north)
+            to = Pose(*(place or start.pose[:2]), course), self._ground
+        height = min(start.height, home.height_m + height)
+        return Way(self.planner.landing(start, *to, height, home))
+
+    def glide(self) -> tuple[Way, bool]:
+        """Return the way down without thrust, and whether a runway is within reach."""
         limits = self.planner.limits
-        assert limits.runway is not None
         here = self.planner.start_of(self._hot.measured, self.airspeed)
-        begin = Begin(here.pose, here.height, wind)
-        if any(item.command == LAND for item in self.items):
-            planned = self.planner.path(self.items, home=self.home.at)
-            there = point_at(planned, float(planned["landing"]))
-            to = Pose(float(there.north), float(there.east), float(there.course))
-            path = Glide(begin, float(there.height), limits, self._item_of(LAND)).to_runway(to)
+        begin = Begin(here.pose, here.height, self.wind)
+        if (to := self._runway_ahead()) is not None:
+            touchdown, ground = to
+            path = Glide(begin, ground, limits, self._item_of(LAND)).to_runway(touchdown)
             if path is not None:
                 return Way(path), True
-        ground = self.home.at.height_m + limits.runway.height
-        return Way(Glide(begin, ground, limits).ahead()), False
+        return Way(Glide(begin, self._ground, limits).ahead()), False
 
     def way_to(
         self,
@@ -342,7 +365,28 @@ class FlightPath:
     # inside
 
     def _item_of(self, command: int) -> int:
-        return next(item.seq for item in self.items if item.command == command)
+        return next((item.seq for item in self.items if item.command == command), 0)
+
+    @property
+    def _ground(self) -> float:
+        """Height of the centre of gravity on the ground at home [m]."""
+        assert self.planner.limits.runway is not None
+        return self.home.at.height_m + self.planner.limits.runway.height
+
+    def _runway_ahead(self) -> tuple[Pose, float] | None:
+        """Return place and course of a touchdown, and the height of the centre of gravity there.
+
+        They are the mission's, else of the runway that the vehicle knows; None: there is neither.
+        """
+        if self._item_of(LAND):
+            planned = self.planner.path(self.items, home=self.home.at)
+            there = point_at(planned, float(planned["landing"]))
+            at = Pose(float(there.north), float(there.east), float(there.course))
+            return at, float(there.height)
+        own = self.planner.limits.runway
+        if self._runway is None or own is None:
+            return None
+        return touchdown_on(self._runway, self.wind, own), self._ground
 
     def _start(self, airspeed: float) -> Start:
         """Return where a path begins: near a runway at the height to which it climbs first."""

@@ -112,6 +112,17 @@ class Guided:
             return self._refuse(f"Target: {error.reason}")
         return _ACCEPTED
 
+    def land(self, message: CommandMessage) -> int:
+        """Execute MAV_CMD_NAV_LAND: params 5 and 6 are the place; none: as the mission does."""
+        place = _place_of(message, dialect.MAV_FRAME_GLOBAL)
+        if place.latitude is None or place.longitude is None or place[:2] == (0, 0):
+            return self._modes.land()
+        try:
+            north, east = north_east_of(place.latitude, place.longitude, self._origin)
+        except ItemError as error:
+            return self._refuse(f"Land: {error.reason}")
+        return self._modes.land((north, east))
+
     def set_home(self, message: CommandMessage) -> int:
         """Execute MAV_CMD_DO_SET_HOME: param 1 = 1 takes the present place, else 5 to 7 are it."""
         here = message.param1 == 1.0

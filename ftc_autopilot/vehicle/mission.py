@@ -98,10 +98,7 @@ class Mission:
             text = "Mission start: params 1 and 2 must be 0, a part cannot be flown"
             self._say(dialect.MAV_SEVERITY_WARNING, text)
             return dialect.MAV_RESULT_DENIED
-        return self.start_at(1 if self._modes.started else self.server.current)
-
-    def start_at(self, seq: int) -> int:
-        """Fly the mission in AUTO from an item on, started or not; return MAV_RESULT."""
+        seq = 1 if self._modes.started else self.server.current
         result = self._modes.start_mission(seq)
         self._follows = self._follows or result == _ACCEPTED
         self._note_state()

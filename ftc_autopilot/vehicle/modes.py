@@ -12,7 +12,7 @@ from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.controller import restart_law
 from ftc_autopilot.control.controllers import NOT_STARTED, Controllers, ReferenceSource
 from ftc_autopilot.control.reference import profile_record
-from ftc_autopilot.guidance.mission_items import is_path, refusal
+from ftc_autopilot.guidance.mission_items import is_path, landing_start, refusal
 from ftc_autopilot.guidance.mission_places import Home
 from ftc_autopilot.hot.hot_state import HotState
 from ftc_autopilot.plugins.loading import calling
@@ -20,6 +20,7 @@ from ftc_autopilot.vehicle.flight_path import FlightPath, Way
 from mavlink_defs import dialect
 from mavlink_defs.constants import (
     AUTO,
+    AUTOLAND,
     FORCE_DISARM,
     GUIDED,
     LOITER,
@@ -34,6 +35,7 @@ Say = Callable[[int, str], None]
 """Announces a text, with its MAV_SEVERITY."""
 
 _ACCEPTED, _DENIED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_DENIED
+_BY_ITSELF = {AUTO, RTL, TAKEOFF, AUTOLAND}
 
 
 class Modes:
@@ -114,7 +116,7 @@ class Modes:
         """Return a HEARTBEAT with mode, arming and state."""
         flags = dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | dialect.MAV_MODE_FLAG_STABILIZE_ENABLED
         flags |= dialect.MAV_MODE_FLAG_GUIDED_ENABLED if self.mode != LOITER else 0
-        flags |= dialect.MAV_MODE_FLAG_AUTO_ENABLED if self.mode in {AUTO, RTL, TAKEOFF} else 0
+        flags |= dialect.MAV_MODE_FLAG_AUTO_ENABLED if self.mode in _BY_ITSELF else 0
         flags |= dialect.MAV_MODE_FLAG_SAFETY_ARMED if self.armed else 0
         return dialect.MAVLink_heartbeat_message(
             dialect.MAV_TYPE_FIXED_WING, self._autopilot, flags, self.mode, self.status, 3
@@ -302,6 +304,21 @@ class Modes:
         self._take_off_m = before
         return _DENIED
 
+    def land(self, place: tuple[float, float] | None = None) -> int:
+        """Fly the landing of the mission; without one, or at a place, land in AUTOLAND.
+
+        Args:
+            place: North and east [m].
+        """
+        begin = landing_start(self.path.items) if place is None else None
+        if begin is not None:
+            return self.start_mission(begin)
+        try:
+            self.guide(self.path.landing(self._usual_take_off_m, place), AUTOLAND)
+        except ItemError as error:
+            return self._refuse(f"Land: {error.reason}")
+        return _ACCEPTED
+
     def change_speed(self, params: Sequence[float]) -> int:
         """Execute MAV_CMD_DO_CHANGE_SPEED: param 2 is the airspeed [m/s]."""
         if self._guidance["follows"] == ReferenceSource.PROFILE:
@@ -418,6 +435,8 @@ class Modes:
             return self.path.way_home()
         if mode == TAKEOFF:
             return self.path.take_off(self._take_off_m)
+        if mode == AUTOLAND:
+            return self.path.landing(self._usual_take_off_m)
         return self.path.circle_here() if armed else None
 
     def _note_mode(self, mode: int) -> None:

@@ -1,8 +1,7 @@
 """Take-off and landing of a vehicle: what it tells of them, and the commands for them."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
-from ftc_autopilot.guidance.mission_items import LAND, PLACES
 from ftc_autopilot.guidance.runway import STANDS
 from ftc_autopilot.guidance.runway_state import (
     AIRSPEED,
@@ -25,7 +24,6 @@ from ftc_autopilot.guidance.runway_state import (
     is_glide,
 )
 from ftc_autopilot.vehicle.changes import Change
-from ftc_autopilot.vehicle.flight_path import FlightPath
 from ftc_autopilot.vehicle.message import message
 from ftc_autopilot.vehicle.modes import Modes, Say
 from ftc_autopilot.vehicle.shown_state import ShownState
@@ -71,16 +69,15 @@ _ACCEPTED, _DENIED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_DENIED
 class RunwayMessages:
     """Tells which phase a take-off or landing is in, and disarms when it is over."""
 
-    def __init__(self, shown: ShownState, modes: Modes, start: Callable[[int], int], say: Say):
+    def __init__(self, shown: ShownState, modes: Modes, say: Say):
         """Note nothing yet.
 
         Args:
             shown: The last state.
             modes: The vehicle's modes.
-            start: Flies the mission from an item on, and returns MAV_RESULT.
             say: Announces a text.
         """
-        self._shown, self._modes, self._start, self._say = shown, modes, start, say
+        self._shown, self._modes, self._say = shown, modes, say
         self._phase = modes.path.phase
 
     @message(dialect.MAVLink_extended_sys_state_message, every_s=1.0)
@@ -107,14 +104,6 @@ class RunwayMessages:
         if self._phase == STOPPED:
             self._modes.disarm_at_once()
 
-    def land(self, _: tuple[float, ...] = ()) -> int:
-        """Execute MAV_CMD_NAV_LAND and MAV_CMD_DO_LAND_START: fly the landing of the mission."""
-        begin = landing_start(self._modes.path)
-        if begin is None:
-            text = "Land: the mission has no landing; upload one with NAV_LAND (21)"
-            return self._refuse(text)
-        return self._start(begin)
-
     def go_around(self, _: tuple[float, ...]) -> int:
         """Execute MAV_CMD_DO_GO_AROUND: climb, and fly the approach again."""
         if self._modes.path.phase not in (FINAL, FLARE):
@@ -133,17 +122,3 @@ class RunwayMessages:
     def _refuse(self, text: str) -> int:
         self._say(dialect.MAV_SEVERITY_WARNING, text)
         return _DENIED
-
-
-def landing_start(path: FlightPath) -> int | None:
-    """Return the item with which the mission's landing begins; None without a landing.
-
-    It is the last DO_LAND_START before it, or the place before it.
-    """
-    commands = [item.command for item in path.items]
-    if LAND not in commands:
-        return None
-    landing = commands.index(LAND)
-    marks = [k for k in range(landing) if commands[k] == dialect.MAV_CMD_DO_LAND_START]
-    places = [k for k in range(1, landing) if commands[k] in PLACES]
-    return (marks or places or [landing])[-1]

@@ -104,8 +104,8 @@ class VehicleServices:
         self._changes = Changes()
         shown = ShownState(hot, config.origin, self._home)
         self._estimator = EstimatorMessages(hot, shown, self._clock)
-        self._runway = RunwayMessages(shown, self.modes, self._plan.mission.start_at, self.say)
-        self._failsafe = ActuatorFailsafe(hot, controllers, self.modes, self._runway.land)
+        self._runway = RunwayMessages(shown, self.modes, self.say)
+        self._failsafe = ActuatorFailsafe(hot, controllers, self.modes)
         makers = (
             StateMessages(shown, controllers, self._home, self._clock),
             TrueStateSensors(shown, self._clock)
@@ -340,8 +340,7 @@ class VehicleServices:
             dialect.MAV_CMD_DO_CHANGE_SPEED: modes.change_speed,
             dialect.MAV_CMD_MISSION_START: mission.start,
             dialect.MAV_CMD_NAV_TAKEOFF: modes.take_off,
-            dialect.MAV_CMD_NAV_LAND: self._runway.land,
-            dialect.MAV_CMD_DO_LAND_START: self._runway.land,
+            dialect.MAV_CMD_DO_LAND_START: lambda _: modes.land(),
             dialect.MAV_CMD_DO_GO_AROUND: self._runway.go_around,
             dialect.MAV_CMD_DO_SET_MISSION_CURRENT: mission.set_current,
             dialect.MAV_CMD_FTC_SET_SLOT: self._formation.set_slot,
@@ -352,6 +351,7 @@ class VehicleServices:
 
     def _place_handlers(self) -> dict[int, PlaceHandler]:
         return {
+            dialect.MAV_CMD_NAV_LAND: self._guided.land,
             dialect.MAV_CMD_DO_REPOSITION: self._guided.reposition,
             dialect.MAV_CMD_DO_SET_HOME: self._set_home,
         }

@@ -30,6 +30,7 @@ from ftc_autopilot.estimation.estimator import estimate
 from ftc_autopilot.hot.navigation import estimator_of, write_estimate
 from ftc_autopilot.warm_up import PARTS
 from gcs.console.errors import BadInput
+from gcs.fleet.failsafes import Failsafes
 from gcs.fleet.foreign import check_foreign
 from gcs.results.figures import FlightSummary
 from gcs.results.mission_paths import paths_of
@@ -203,10 +204,15 @@ def fly_on(
 
     run(first, room(first, first))  # loads the code
     started, step, loss, failure = time.perf_counter(), first, None, None
+    failsafes = Failsafes(scenario, controllers)
+    measured = estimates.measured if navigates(fleet) else fleet.uavs["message"]
     while step < scenario.steps and loss is None:
-        chunk = room(step, min(step + _CHUNK_STEPS, scenario.steps))
+        end = min(step + _CHUNK_STEPS, scenario.steps, failsafes.next_step + 1)
+        chunk = room(step, end)
         flown, lost = run(step, chunk)
         step += flown
+        if step > failsafes.next_step:
+            failsafes.look(step - 1, measured)
         if lost >= 0:
             loss, failure = _why_lost(scenario, flight, lost, step)
         if on_steps is not None:

@@ -244,6 +244,7 @@ class Scenario(Model):
             gcs=(links.address(links.gcs_port),),
             telemetry_clock=links.telemetry_clock,
             signing_key=links.signing_key,
+            runway=self.runway,
             **parameters_in(self.fence, self.rally),
         )
 

@@ -25,6 +25,7 @@ CASES: dict[str, tuple[dict[str, Any], str]] = {
         },
         "landed",
     ),
+    "glides": ({"extends": "runway/engine_lost", "duration_s": 110.0}, "landed"),
 }
 
 

@@ -117,6 +117,7 @@ def test_modes_and_arming(mavproxy: MavProxy) -> None:
     mavproxy.say("mode LOITER", r"AP: mode LOITER")
     mavproxy.say("mode RTL", r"AP: mode RTL")
     mavproxy.say("mode TAKEOFF", r"Got COMMAND_ACK: DO_SET_MODE: DENIED")
+    mavproxy.say("mode AUTOLAND", r"AP: Mode AUTOLAND: the aircraft has no gear")
     mavproxy.say("arm throttle", r"ARMED")
     mavproxy.say("disarm", r"DISARMED")
 

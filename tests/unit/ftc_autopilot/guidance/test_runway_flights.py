@@ -25,7 +25,7 @@ from ftc_autopilot.guidance.runway_state import (
 from gcs.fleet import in_process
 from gcs.fleet.remarks import remarks_of
 from gcs.results.recording import Steps
-from gcs.scenario.model import scenario_of, scenario_tree
+from gcs.scenario.model import load_scenario, scenario_of, scenario_tree
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.mission_files import mission_item
 
@@ -113,6 +113,40 @@ def test_a_line_too_short_for_a_landing_is_flown_over_and_around_to_a_longer_one
     remarks = remarks_of(scenario_of(CIRCUIT, edit(scenario_tree(CIRCUIT), changes)))
     begin = "mission: item 2: an approach of 300 m is too short for 40 m of height at 35.9 m/s"
     assert any(remark.startswith(begin) for remark in remarks)
+
+
+@pytest.mark.parametrize(
+    ("fault", "most_m"),
+    [
+        ({"actuator": "aileron", "stuck_deg": 6.0}, 10.0),
+        ({"actuator": "rudder", "stuck_deg": 15.0}, 10.0),
+        ({"actuator": "throttle", "effectiveness": 0.3}, 3.0),
+    ],
+)
+def test_who_leans_or_is_slow_on_the_final_lands_on_the_line_all_the_same(
+    fly: Callable[..., Flown], fault: dict[str, Any], most_m: float
+) -> None:
+    """Stuck, they drifted away by tens of metres in the flare; weak, it went around for ever."""
+    start = {"north_m": -2200.0, "east_m": 0.0, "altitude_m": 40.0, "airspeed_m_s": 40.0}
+    changes = {
+        "uavs.0.initial": start,
+        "mission.items": [SHORT["mission.items"][4], LAND],
+        "faults": [{"uav": 1, "start_s": 5.0, **fault}],
+        "duration_s": 110.0,
+    }
+    landed = fly(**changes)
+    assert landed.phases == [FLYING, FINAL, FLARE, ROLL_OUT, STOPPED]
+    assert abs(landed.gear["worst"]["position"][1]) <= most_m
+    assert landed.gear["worst"]["sink"] <= 1.5
+
+
+@pytest.mark.parametrize("name", ["runway/aileron_stuck", "runway/launcher", "runway/engine_lost"])
+def test_bundled_flights_with_a_fault_end_on_the_runway(name: str) -> None:
+    ground = in_process.fly_and_summarise(load_scenario(name)).uavs[0].ground
+    assert ground is not None
+    assert ground.outcome == "landed"
+    assert ground.worst is not None
+    assert abs(ground.worst.east_m) <= 5.0
 
 
 def test_a_take_off_without_thrust_is_rejected(fly: Callable[..., Flown]) -> None:

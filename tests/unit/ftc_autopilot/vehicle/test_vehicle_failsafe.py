@@ -12,7 +12,7 @@ from ftc_autopilot.guidance.runway_state import FINAL, FLYING, STOPPED
 from ftc_autopilot.hot.checkpoint import VEHICLE
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs import dialect
-from mavlink_defs.constants import AUTO, LOITER, RTL, RUDDER, THROTTLE
+from mavlink_defs.constants import AUTO, AUTOLAND, LOITER, RTL, RUDDER, THROTTLE
 
 CIRCUIT, ENGINE_LOST = load_scenario("runway/circuit"), load_scenario("runway/engine_lost")
 REPORT, TO_LOITER, TO_LAND, TO_RTL = range(4)
@@ -112,9 +112,15 @@ def test_no_glide_is_planned_for_who_flies_no_path() -> None:
     assert not bench.modes.path.flown
 
 
-def test_without_a_landing_in_the_mission_it_returns() -> None:
+def test_without_a_landing_in_the_mission_it_lands_all_the_same() -> None:
     bench = FailsafeBench(TO_LAND)
     bench.upload_items(list(CIRCUIT.mission_items()[:-1]))
+    assert "rudder lost: landing" in bench.lose(RUDDER)
+    assert bench.modes.mode == AUTOLAND
+
+
+def test_without_gear_it_returns() -> None:
+    bench = FailsafeBench(TO_LAND, load_scenario("missions/race_track"))
     assert "rudder lost: RTL" in bench.lose(RUDDER)
     assert bench.modes.mode == RTL
 

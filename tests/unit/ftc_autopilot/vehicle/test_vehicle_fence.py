@@ -28,7 +28,7 @@ from ftc_autopilot.guidance.runway_state import AROUND as GOING_AROUND
 from ftc_autopilot.guidance.runway_state import CLIMBING, FINAL, FLARE, FLYING, ROLLING
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs import dialect
-from mavlink_defs.constants import GUIDED, LOITER, RTL
+from mavlink_defs.constants import AUTOLAND, GUIDED, LOITER, MODE_NAMES, RTL
 
 
 @pytest.fixture
@@ -137,8 +137,27 @@ def test_guided_leads_to_the_return_point_or_home(fenced: FenceBench) -> None:
     assert (fenced.modes.mode, fenced.goal()) == (GUIDED, (500, 0, 60))
 
 
+@pytest.mark.parametrize(
+    ("name", "mode", "text"),
+    [
+        ("runway/circuit", AUTOLAND, "; landing"),
+        ("paper/scenario1", RTL, "; RTL"),
+    ],
+)
+def test_a_breach_ends_in_a_landing_if_the_aircraft_can_land(
+    name: str, mode: int, text: str
+) -> None:
+    bench = FenceBench(load_scenario(name))
+    bench.fly_fenced()
+    bench.set(FENCE_ACTION=8)
+    assert bench.put(1001.0).endswith(f"circle of item 0{text}\n")
+    assert bench.modes.mode == mode
+    bench.put(0.0)
+    assert bench.put(1001.0).endswith(f"goes on in {MODE_NAMES[mode]}\n")
+
+
 def test_an_action_that_no_plane_has_is_refused(bench: FenceBench) -> None:
-    text = "FENCE_ACTION is 2, must be 0 report, 1 rtl, 4 loiter, 6 guided\n"
+    text = "FENCE_ACTION is 2, must be 0 report, 1 rtl, 4 loiter, 6 guided, 8 land\n"
     assert bench.set(FENCE_ACTION=2) == text
 
 
@@ -183,6 +202,9 @@ def test_the_least_height_is_not_watched_on_the_ground_on_takeoff_and_landing() 
         runway["phase"] = phase
         assert "fence" not in bench.put(0.0, height=20.0)
     runway["phase"] = FLYING
+    assert bench.command(SET_MODE, 1.0, AUTOLAND) == ACCEPTED
+    assert "fence" not in bench.put(0.0, height=20.0)
+    assert bench.command(SET_MODE, 1.0, LOITER) == ACCEPTED
     assert "below 50 m" in bench.put(0.0, height=20.0)
 
 

@@ -1,21 +1,25 @@
 """Commands in take-off and landing of an aircraft that flies: none of them brings it down."""
 
+import math
 from typing import Any
 
 import pytest
 from flying_bench import FlyingBench
 from vehicle_bench import ACCEPTED, ARM
 
+from ftc_autopilot.common.geography import Origin, place_of
 from ftc_autopilot.guidance.runway_state import (
     AROUND,
     CLIMBING,
     FLARE,
     ROLL_OUT,
     STANDING,
+    STOPPED,
 )
 from mavlink_defs import dialect
 from mavlink_defs.constants import FORCE_DISARM, LOITER, RTL
 from sitl_plant.air.turbulence import dryden
+from sitl_plant.airframe.standing import contact_facts
 
 SET_MODE = dialect.MAV_CMD_DO_SET_MODE
 ON_FINAL: dict[str, Any] = {
@@ -25,6 +29,20 @@ ON_FINAL: dict[str, Any] = {
         {"land": {"north_m": 0.0, "east_m": 0.0}},
     ],
 }
+IN_THE_AIR: dict[str, Any] = {
+    "uavs.0.initial": {
+        "north_m": 200.0,
+        "east_m": 300.0,
+        "altitude_m": 90.0,
+        "yaw_deg": 60.0,
+        "airspeed_m_s": 40.0,
+    },
+    "mission.items": [
+        {"waypoint": {"north_m": 900.0, "east_m": 1500.0, "height_m": 90.0}},
+        {"waypoint": {"north_m": 900.0, "east_m": 3500.0, "height_m": 90.0}},
+    ],
+}
+PLACE = tuple(degrees * 1e-7 for degrees in place_of(Origin(), 300.0, -200.0, 0.0)[:2])
 
 
 def on_final() -> FlyingBench:
@@ -40,6 +58,32 @@ def test_another_mode_after_lift_off_is_flown_at_the_height_of_the_take_off(mode
     bench.fly_on(40.0)
     assert bench.loss is None
     assert abs(bench.height - 60.0) < 1.0
+
+
+@pytest.mark.parametrize(
+    ("place", "wind"), [((), (3.0, 2.0)), ((), (-3.0, 1.0)), ((math.nan,) * 4 + PLACE, (0.0, 4.0))]
+)
+def test_who_is_to_land_from_anywhere_lands(
+    place: tuple[float, ...], wind: tuple[float, float]
+) -> None:
+    """On the runway from either end, or at a place that is commanded, into the wind."""
+    steady = {"north_m_s": wind[0], "east_m_s": wind[1]}
+    bench = FlyingBench("runway/circuit", {**IN_THE_AIR, "wind": {"steady": steady}})
+    bench.fly_on(5.0)
+    assert bench.command(dialect.MAV_CMD_NAV_LAND, *place) == ACCEPTED
+    bench.fly_to(STOPPED)
+    facts = contact_facts(bench.plant["gear"])
+    assert facts is not None
+    assert bench.loss is None
+    assert abs(facts["worst"]["sink_m_s"]) < 1.0
+    north, east, *_ = bench.plant["state"]
+    if place:
+        assert abs(north - 300.0) < 3.0
+        assert -700.0 < east < -200.0
+    else:
+        assert bench.outcome == "landed"
+        assert -150.0 < north < 450.0
+        assert abs(east) < 3.0
 
 
 def test_another_mode_in_the_flare_is_a_go_around() -> None:

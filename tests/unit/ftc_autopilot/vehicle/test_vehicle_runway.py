@@ -2,24 +2,28 @@
 
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 from vehicle_bench import ACCEPTED, ARM, DENIED, START, Bench, of_type
 
+from ftc_autopilot.common.geography import place_of
+from ftc_autopilot.guidance.path import point_at
 from ftc_autopilot.guidance.runway_state import (
     FINAL,
     ROLL_OUT,
     STANDING,
     STOPPED,
 )
-from gcs.scenario.model import load_scenario
+from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs import dialect
-from mavlink_defs.constants import AUTO, LOITER, TAKEOFF
+from mavlink_defs.constants import AUTO, AUTOLAND, LOITER, TAKEOFF
 
 SCENARIO = load_scenario(Path("scenarios/runway/circuit.yaml"))
 SET_MODE, TAKE_OFF = dialect.MAV_CMD_DO_SET_MODE, dialect.MAV_CMD_NAV_TAKEOFF
 LAND, GO_AROUND = dialect.MAV_CMD_NAV_LAND, dialect.MAV_CMD_DO_GO_AROUND
+LAND_START = dialect.MAV_CMD_DO_LAND_START
+LONG = dialect.MAVLink_command_long_message(1, 1, LAND, 0, *[0.0] * 7)
 LANDING = 6
 """Item of the landing."""
 
@@ -97,10 +101,77 @@ def test_a_landing_is_flown_from_the_place_before_it(bench: RunwayBench) -> None
     assert bench.modes.current_item() == LANDING - 1
 
 
-def test_without_a_landing_in_the_mission_none_is_flown(bench: RunwayBench) -> None:
+class Landing(NamedTuple):
+    """Touchdown of a path: north, east [m], course [deg]."""
+
+    north: float
+    east: float
+    course: float
+
+
+def landing_of(bench: RunwayBench) -> Landing:
+    there = point_at(bench.path.record, float(bench.path.record["landing"]))
+    return Landing(there.north, there.east, math.degrees(there.course) % 360.0)
+
+
+@pytest.fixture
+def flying(bench: RunwayBench) -> RunwayBench:
+    """A bench that flies in LOITER, and whose mission has no landing."""
     bench.fly()
     bench.upload_items(list(SCENARIO.mission_items()[:-1]))
-    assert bench.command(LAND) == DENIED
+    assert bench.command(ARM, 1.0) == ACCEPTED
+    bench.run()
+    return bench
+
+
+@pytest.mark.parametrize(
+    ("command", "params"), [(LAND, ()), (LAND_START, ()), (SET_MODE, (1.0, AUTOLAND))]
+)
+def test_without_a_landing_in_the_mission_the_runway_is_landed_on(
+    flying: RunwayBench, command: int, params: tuple[float, ...]
+) -> None:
+    assert flying.command(command, *params) == ACCEPTED
+    assert flying.modes.mode == AUTOLAND
+    north, east, course = landing_of(flying)
+    runway = SCENARIO.runway
+    assert runway is not None
+    before, behind = north - runway.north_m, runway.length_m + runway.north_m - north
+    assert before == pytest.approx(behind - flying.path.planner.limits.runway.landing_roll)
+    assert (round(east, 6), round(course, 6)) == (0.0, 0.0)
+    assert flying.landed_state() == dialect.MAV_LANDED_STATE_IN_AIR
+
+
+def test_the_runway_is_landed_on_against_the_wind(flying: RunwayBench) -> None:
+    flying.hot.measured["wind"] = (3.0, 1.0, 0.0)
+    assert flying.command(LAND) == ACCEPTED
+    assert landing_of(flying).course == pytest.approx(180.0)
+
+
+@pytest.mark.parametrize("wind", [(0.0, 0.0), (-3.0, 0.0), (0.0, -4.0), (0.0, 4.0)])
+def test_a_given_place_is_landed_at_against_the_wind(
+    flying: RunwayBench, wind: tuple[float, float]
+) -> None:
+    """Degrees in COMMAND_LONG, as float32; in calm air the present course, north, is kept."""
+    place = place_of(SCENARIO.origin, 900.0, -700.0, 0.0)
+    flying.hot.measured["wind"] = (*wind, 0.0)
+    assert flying.command(LAND, *[math.nan] * 4, place[0] * 1e-7, place[1] * 1e-7) == ACCEPTED
+    found = landing_of(flying)
+    assert found[:2] == pytest.approx((900.0, -700.0), abs=1.0)
+    calm = wind == (0.0, 0.0)
+    into = 0.0 if calm else math.degrees(math.atan2(-wind[1], -wind[0])) % 360.0
+    assert found.course == pytest.approx(into)
+
+
+def test_who_stands_does_not_land(bench: RunwayBench) -> None:
+    bench.upload_items(list(SCENARIO.mission_items()[:-1]))
+    assert "stands on the ground" in said(bench.say(LONG))
+    assert bench.modes.mode == LOITER
+
+
+def test_an_aircraft_without_gear_does_not_land(scenario1: Scenario) -> None:
+    bench = Bench(scenario1)
+    assert "no gear to land on" in said(bench.say(LONG))
+    assert bench.vehicle.modes.mode == LOITER
 
 
 def test_an_approach_can_be_given_up(bench: RunwayBench) -> None:
