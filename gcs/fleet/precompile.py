@@ -26,8 +26,8 @@ from mavlink_defs.capture.impairing import new_directions
 from mavlink_defs.capture.tap_counts import new_counts
 from mavlink_defs.constants import N_CHANNELS
 from mavlink_defs.framing.hot_signing import SIGNING_PARTS
-from mavlink_defs.runtime.code_cache import mark_warm, not_cached
-from mavlink_defs.runtime.jit import EVERYTHING, cold_parts, load
+from mavlink_defs.runtime.cache_folder import mark_warm, not_cached
+from mavlink_defs.runtime.jit import EVERYTHING, PLAIN, cold_parts, load
 from sitl_plant.air.turbulence import advance_turbulence
 from sitl_plant.loop.period import GROUND_PARTS
 from sitl_plant.loop.warm_up import call_everything as call_plant
@@ -60,7 +60,7 @@ def compile_parts(
                 _compile(cold[k])
         for name in cold_parts(cold):  # which another process failed to compile
             _compile(name)
-        if parts is None:
+        if parts is None and not PLAIN:
             mark_warm(EVERYTHING)
     except OSError as problem:
         raise not_cached(problem) from problem

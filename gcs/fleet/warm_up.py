@@ -49,7 +49,7 @@ def warm_up(
 @contextlib.contextmanager
 def _counting(task: Task) -> Iterator[None]:
     """Show how many functions are compiled, whichever process compiles them."""
-    from mavlink_defs.runtime.code_cache import compiled_functions
+    from mavlink_defs.runtime.cache_folder import compiled_functions
 
     over, before = threading.Event(), compiled_functions()
 

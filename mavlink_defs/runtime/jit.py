@@ -2,7 +2,7 @@
 
 Machine code that was made when the wheel was built is called if it is of these sources
 (`mavlink_defs.runtime.prebuilt`). Otherwise numba, which is imported only then, compiles a function
-on its first call and keeps the code on disk (`mavlink_defs.runtime.code_cache`).
+on its first call and keeps the code on disk (`mavlink_defs.runtime.cache_folder`).
 
 With ``NUMBA_DISABLE_JIT=1`` the same functions run as plain Python.
 """
@@ -194,10 +194,12 @@ def cold_parts(parts: Iterable[str]) -> list[str]:
     """
     if PLAIN or is_complete():
         return []
-    compiler(*why_not())
-    from mavlink_defs.runtime.code_cache import parts_left
+    from mavlink_defs.runtime.cache_folder import parts_left
 
-    return parts_left(parts)
+    left = parts_left(parts)
+    if left:
+        compiler(*why_not())
+    return left
 
 
 def _compiled(function: _F, forceinline: bool) -> _F:

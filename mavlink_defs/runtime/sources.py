@@ -1,6 +1,6 @@
 """Digests of sources: of a file with all that it imports, directly or not.
 
-By them compiled code is found in the cache of `mavlink_defs.runtime.code_cache`, and machine code
+By them compiled code is found in the cache (`mavlink_defs.runtime.cache_folder`), and machine code
 that was made before is known to be of these sources (`mavlink_defs.runtime.prebuilt`).
 """
 

@@ -245,7 +245,7 @@ def test_an_installation_shares_the_compiled_code_of_equal_sources(
     programs: Path, folder: Path
 ) -> None:
     cache = "from mavlink_defs.runtime.jit import cold_parts; "
-    cache += "from mavlink_defs.runtime.code_cache import mark_warm"
+    cache += "from mavlink_defs.runtime.cache_folder import mark_warm"
     code = f"{cache}; print(cold_parts(['plant'])); mark_warm('plant')"
     changes = {"NUMBA_DISABLE_JIT": "0", "NUMBA_CACHE_DIR": str(folder / "cache")}
     assert run_well(programs, folder, "python", "-c", code, **changes) == "['plant']\n"

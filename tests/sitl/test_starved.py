@@ -31,7 +31,7 @@ BUSY_LOOP, BUSY_LOOPS = ("sh", "-c", "while kill -0 $PPID; do :; done"), 40
 OLD, NEW = "acted on a state", "acts on new states again"
 INTERVAL_S = 0.02  # of FTC_EVENTS
 RESOLUTION_S = 5 * INTERVAL_S  # of times compared
-MEMORY_S = 1.0  # for which a gap excuses being late: what comes after it comes in one burst
+MEMORY_S = 1.0  # for which gaps excuse being late: what comes after one comes in one burst
 MESSAGES = 50
 MAX_WAIT_S = 40.0  # of a wait: busy loops are no good company
 LEVEL = [{"start_s": 0.0, "airspeed_m_s": 40.0, "roll_deg": 0.0, "pitch_deg": 1.0, "yaw_deg": 0.0}]
@@ -129,8 +129,13 @@ def test_a_starved_autopilot_is_late_by_no_more_than_it_lacked_and_says_so(tmp_p
     lacked = [
         (late.other_s, late.other_s - early.other_s) for early, late in itertools.pairwise(heard)
     ]
+    allowed_s = []
     for k, message in enumerate(heard[1:], 1):
-        lately_s = max(gap_s for at_s, gap_s in lacked[:k] if at_s > message.other_s - MEMORY_S)
-        assert message.other_s - message.own_s <= lately_s + RESOLUTION_S
-    most_s = max(gap_s for _, gap_s in lacked)
-    assert OLD_STATE_S < max(message.oldest_s for message in heard) <= most_s + RESOLUTION_S
+        lately_s = sum(  # a second gap may come before what the first one held back is worked off
+            gap_s
+            for at_s, gap_s in lacked[:k]
+            if at_s > message.other_s - MEMORY_S and gap_s > RESOLUTION_S
+        )
+        allowed_s.append(lately_s + RESOLUTION_S)
+        assert message.other_s - message.own_s <= allowed_s[-1]
+    assert OLD_STATE_S < max(message.oldest_s for message in heard) <= max(allowed_s)

@@ -35,7 +35,7 @@ import os
 from pathlib import Path
 from mavlink_defs.alone import alone
 from mavlink_defs.outer import both
-from mavlink_defs.runtime.code_cache import compiled_functions
+from mavlink_defs.runtime.cache_folder import compiled_functions
 counted = compiled_functions()
 def compiled_now():
     return {(path, path.stat().st_mtime_ns) for path in cache.rglob("*.nbc")}
@@ -199,3 +199,19 @@ def test_numba_is_used_by_its_public_names() -> None:
     assert {path.name: private.findall(path.read_text()) for path in users} == {
         path.name: [] for path in users
     }
+
+
+def test_who_asks_what_is_cached_imports_no_compiler(tmp_path: Path) -> None:
+    code = """
+import sys
+from mavlink_defs.runtime.cache_folder import mark_warm
+from mavlink_defs.runtime.jit import cold_parts
+mark_warm("plant")
+print(cold_parts(["plant"]), "numba" in sys.modules)
+print(cold_parts(["plant", "relay"]), "numba" in sys.modules)
+"""
+    env = {key: text for key, text in os.environ.items() if key not in CACHE_VARIABLES}
+    env |= {"XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, check=False, env=env, capture_output=True, text=True)
+    assert done.stdout == "[] False\n['relay'] True\n", done.stderr
