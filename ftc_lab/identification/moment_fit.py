@@ -15,7 +15,7 @@ from ftc_lab.identification.output_error import (
     SHIFTS,
     Linearised,
     MomentModel,
-    Motion,
+    RateMotion,
 )
 from ftc_lab.identification.segments import LogWindows
 
@@ -84,7 +84,7 @@ def fit_moments(
     """
     from scipy.optimize import least_squares
 
-    motion, model = Motion(signals, shots), start
+    motion, model = RateMotion(signals, shots), start
     unknown = _unknowns(start, fixed, exact=signals.exact)
     free, unit = unknown.names, unknown.unit
     prior = np.eye(len(free))[[name in SHIFTS for name in free]]
@@ -137,7 +137,9 @@ def _sizes(parts: list[Linearised]) -> np.ndarray:
     return found
 
 
-def _fit_of(motion: Motion, shots: LogWindows, model: MomentModel, free: list[str]) -> MomentFit:
+def _fit_of(
+    motion: RateMotion, shots: LogWindows, model: MomentModel, free: list[str]
+) -> MomentFit:
     """Return a model with the least squares problem about it."""
     parts = motion.linearised(model, free)
     columns = {name: list[np.ndarray]() for name in free}

@@ -97,7 +97,7 @@ class Linearised(NamedTuple):
         return both.swapaxes(2, 3).reshape(-1, len(self.names) + 1)
 
 
-class Motion:
+class RateMotion:
     """The equations of the rates in the steps of some windows, m of n steps.
 
     An aircraft is alike to both sides, so that rolling and yawing go together, and pitching alone:
@@ -252,5 +252,5 @@ def rates_predicted(
 
     Both without the start, shape (m, n, 3).
     """
-    motion = Motion(signals, windows)
+    motion = RateMotion(signals, windows)
     return motion.simulated(model)[:, 1:].T, motion.measured[:, 1:].T
