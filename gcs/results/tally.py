@@ -11,6 +11,7 @@ import numpy as np
 
 from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.control.diagnosis import LOST
+from gcs.results.beside import Beside, beside_of
 from gcs.results.mission_paths import leaders_of, paths_of, silent_in
 from gcs.results.path_following import PathFigures
 from gcs.results.recording import Steps
@@ -76,12 +77,15 @@ class Tally:
         synchronisation: Sums of the synchronisation errors.
         separation: Least distance between two UAVs.
         following: How the UAVs follow their path; None for a scenario without a mission.
+        beside: Triggers beside foreign autopilots, by index of the UAV.
     """
 
     def __init__(self, scenario: Scenario) -> None:
         n, step_us = len(scenario.uavs), scenario.step_us
         self._step_us, self._normal = step_us, scenario.ground.normal
         self._foreign = silent_in(scenario)
+        found = ((i, beside_of(scenario, uav.id)) for i, uav in enumerate(scenario.uavs))
+        self.beside: dict[int, Beside] = {i: one for i, one in found if one is not None}
         self.steps = 0
         self.traffic = Traffic(scenario)
         self.synchronisation = Synchronisation(scenario)
@@ -174,6 +178,8 @@ class Tally:
         )
         if i in self._foreign:
             _count_foreign(steps, column, self.uavs[i])
+        if (beside := self.beside.get(i)) is not None:
+            beside.add(steps, column)
         if self.uavs[i]["changes"] > before["changes"]:
             self._note_decisions(i, steps.first, steps.signals[:, column], int(before["lost"]))
 
