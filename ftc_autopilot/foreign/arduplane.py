@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ftc_autopilot.config import AutopilotConfig
-from ftc_autopilot.foreign.base import ForeignError, ForeignInputError, PlantStep
+from ftc_autopilot.foreign.base import Conversation, ForeignError, ForeignInputError, PlantStep
 from ftc_autopilot.foreign.child import Child
 from ftc_autopilot.kinds import ArduPlaneAutopilot
 from mavlink_defs.endpoint import UdpAddress, bind_udp, free_ports
@@ -24,10 +24,13 @@ from sitl_plant.ardupilot.peer import Frame, Peer
 from sitl_plant.ardupilot.protocol import Measured, answer, steps_of
 from sitl_plant.vec3 import Vec3
 
+_NO_LOGS = "LOG_BACKEND_TYPE 0\n"
+"""They would go with its folder, and a thread that writes them knows no clock but the wall's."""
 _TURN_S = 0.02
 _WAIT_S = 0.5  # between two looks whether it runs
 _PATIENCE_S = 60.0  # that it may take for a frame on a busy machine, wall time
 _UNSUPPRESSED_S = 2.5  # after arming: its motor stands still for 2 s
+_BEGAN_S = 1_767_225_600  # 2026-01-01, from which its GPS counts: the same in each flight
 _AHEAD = 1000  # times real time: its clock is the plant's, which sets the pace
 _MAX_DATAGRAM = 2048
 
@@ -59,6 +62,8 @@ class ArduPlane:
         self._answer = b""
         self._time_s: float | None = None  # of the flight, for messages
         self._paced: tuple[float, int] | None = None  # wall time and `_held` since it is ready
+        self._until = 0  # of these, as long as which it may answer a station
+        self._first = 0  # step at which the flight begins
 
     def begin(self, first: PlantStep) -> None:
         """Start it, and hold the aircraft on its launcher."""
@@ -79,10 +84,12 @@ class ArduPlane:
                 "--serial1", "none:", "--serial2", "none:",
                 "--sysid", str(config.id),
                 "--speedup", str(_AHEAD),
+                "--start-time", str(_BEGAN_S),
                 "--home", f"{at.latitude_deg:.9f},{at.longitude_deg:.9f},{at.altitude_m:.3f},0",
                 "--defaults", self._defaults(),
             ],
         )  # fmt: skip
+        self._first = self._due = first.step
         x = np.concatenate([state[name] for name in ("position", "velocity", "attitude", "rates")])
         acceleration, period_s = self._own.outputs.launch_acceleration_m_s2, config.step_us / 1e6
         steps = math.ceil(float(np.linalg.norm(state["velocity"])) / acceleration / period_s)
@@ -94,7 +101,7 @@ class ArduPlane:
         config, path = self._config, self._own.defaults
         derived = self._child.folder / "derived.parm"
         text = parameter_text(parameters_of(config.aircraft, self._own.outputs, config.step_us))
-        derived.write_text(text)
+        derived.write_text(text + _NO_LOGS)
         if path is None:
             return str(derived)
         own = Path(path).expanduser().resolve()
@@ -103,28 +110,49 @@ class ArduPlane:
             raise ForeignInputError(f"UAV {config.id}: {text}")
         return f"{derived},{own}"
 
-    def hold(self, ready: bool, armed: bool) -> bool:
+    def hold(self, talk: Conversation) -> bool:
         """Let its clock run on; return whether its launch is over."""
         end = time.monotonic() + _TURN_S
-        self._check_ready(ready)
-        if not armed:
-            self._armed = None
-        elif self._armed is None:
-            self._armed = self._held
+        self._check_ready(talk.is_ready)
         while (left := end - time.monotonic()) > 0.0:
-            if self._waits and not (ready and self._is_ahead()):
-                if self._is_launched():
-                    return True
-                self._reply(self._on_launcher())
-                self._held += self._frame_steps
+            if self._waits:
+                talk.exchange(self._own_time_s)
+                if not talk.is_armed:
+                    self._armed = None
+                elif self._armed is None:
+                    self._armed, self._paced = self._held, None
+                if self._may_run(talk):
+                    if self._is_launched():
+                        return True
+                    self._reply(self._on_launcher())
+                    self._held += self._frame_steps
             self._receive(left)
         return False
 
+    @property
+    def _own_time_s(self) -> float:
+        return self._held * self._config.step_us / 1e6
+
+    def _may_run(self, talk: Conversation) -> bool:
+        """Return whether its clock may run on.
+
+        Stations talk to it once it is ready. In lockstep it runs for their messages alone, as long
+        for each as its answer takes: so it has the same time at each in every flight.
+        """
+        if self._armed is not None or not talk.is_ready:
+            return True
+        if not talk.is_lockstep:
+            while talk.release():
+                pass
+            return not self._is_ahead()
+        if self._held >= self._until:
+            takes_s = talk.release()
+            self._until = self._held + math.ceil(takes_s * 1e6 / self._config.step_us)
+            talk.exchange(self._own_time_s)
+        return self._held < self._until
+
     def _is_ahead(self) -> bool:
-        """Return whether it waits for the wall clock: stations talk to it, and it times them."""
-        if self._armed is not None:
-            self._paced = None
-            return False
+        """Return whether it is ahead of the wall clock, by which stations time it."""
         now = time.monotonic()
         if self._paced is None:
             self._paced = now, self._held
@@ -133,7 +161,7 @@ class ArduPlane:
 
     def _check_ready(self, ready: bool) -> None:
         self._child.check()
-        passed_s, limit_s = self._held * self._config.step_us / 1e6, self._own.ready_within_s
+        passed_s, limit_s = self._own_time_s, self._own.ready_within_s
         if not ready and passed_s > limit_s:
             text = f"ArduPlane is not ready to be armed after {limit_s:g} s of its time"
             raise ForeignError(text)
@@ -167,7 +195,7 @@ class ArduPlane:
         attitude, velocity, wind = (_floats(state[n]) for n in ("attitude", "velocity", "wind"))
         self._reply(
             Measured(
-                time_s=(self._held + sent.step) * period_s,
+                time_s=(self._held + sent.step - self._first) * period_s,
                 rates=_floats(state["rates"]),
                 specific_force=_floats(state["specific_force"]),
                 position=_floats(state["position"]),

@@ -3,6 +3,7 @@
 What it tracks is its own: references and errors are NaN.
 """
 
+import contextlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -86,6 +87,11 @@ class ForeignRecorder:
             self._spool = None
             self._notify(f"{unwritten(problem)}; flying on without recording")
         self._count = 0
+
+    def flush(self) -> None:
+        """Write the rest of a flight that goes on with another bridge."""
+        with contextlib.suppress(OSError):  # its rows are missing then
+            self._write()
 
     def finish(
         self, loss: str | None, repeats: list[int], heard_end: bool, failure: str | None

@@ -4,7 +4,8 @@ Written from the published protocols; nothing is shared with the code under test
 law of `json_peer`. Its clock is that of the answers, so its MAVLink has the same times in each run.
 
 Options of its own, in the environment: PEER_READY_S, its time until it can be armed; PEER_REFUSES,
-the reason for which it refuses to be armed; PEER_DIES_S, its time at which it ends.
+the reason for which it refuses to be armed; PEER_DIES_S, its time at which it ends; PEER_HEARD, a
+file to which it writes what it is told, a line each: one that finds such a file does not end.
 """
 
 import argparse
@@ -32,10 +33,15 @@ class Vehicle:
         self._sock.setblocking(False)
         self._link = mavlink.MAVLink(None, system, mavlink.MAV_COMP_ID_AUTOPILOT1)
         self._link.robust_parsing = True
-        self.armed, self.mode, self.items, self.home = False, 0, 0, False
+        self.armed, self.mode, self.items, self.home, self.item = False, 0, 0, False, 0
         self._expected = 0
         self._refuses = os.environ.get("PEER_REFUSES", "")
         self.ready = False
+
+    def note(self, text: str) -> None:
+        if "PEER_HEARD" in os.environ:
+            with open(os.environ["PEER_HEARD"], "a") as file:
+                file.write(text + "\n")
 
     def send(self, *messages: Any) -> None:
         """Send messages in one datagram, as ArduPilot does what has gathered."""
@@ -50,6 +56,7 @@ class Vehicle:
             mavlink.MAVLink_heartbeat_message(1, 3, base, self.mode, status, 3),
             mavlink.MAVLink_sys_status_message(0, 0, health, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
             mavlink.MAVLink_attitude_message(int(time_s * 1e3), roll, pitch, yaw, 0, 0, 0),
+            mavlink.MAVLink_mission_current_message(self.item),
             mavlink.MAVLink_meminfo_message(0, 0),  # of its dialect, not of ours
         )
 
@@ -80,6 +87,7 @@ class Vehicle:
         if self.items < self._expected:
             self.send(mavlink.MAVLink_mission_request_int_message(*back, self.items, kind))
         else:
+            self.note(f"{self.items} items")
             self.send(mavlink.MAVLink_mission_ack_message(*back, 0, kind))
 
     def _execute(self, message: Any) -> int:
@@ -90,12 +98,18 @@ class Vehicle:
                     self.send(mavlink.MAVLink_statustext_message(2, text))
                     return int(mavlink.MAV_RESULT_FAILED)
                 self.armed = message.param1 == 1.0
+                self.note("armed")
             case mavlink.MAV_CMD_DO_SET_HOME:
                 self.home = True
             case mavlink.MAV_CMD_MISSION_START:
-                self.mode = 10
+                self.mode, self.item = 10, 2
+                self.note("mission")
             case mavlink.MAV_CMD_DO_SET_MODE:
                 self.mode = int(message.param2)
+                self.note(f"mode {self.mode}")
+            case mavlink.MAV_CMD_DO_SET_MISSION_CURRENT:
+                self.item = int(message.param1)
+                self.note(f"item {self.item}")
             case mavlink.MAV_CMD_SET_MESSAGE_INTERVAL if message.param1 < 50_000:
                 pass
             case _:
@@ -105,7 +119,7 @@ class Vehicle:
 
 def main() -> None:
     parser = argparse.ArgumentParser()
-    for name in ("model", "rc-in-port", "base-port", "serial1", "serial2", "speedup", "home"):
+    for name in ("model", "rc-in-port", "base-port", "serial1", "serial2", "speedup", "home", "start-time"):
         parser.add_argument(f"--{name}")
     parser.add_argument("--sim-port-out", type=int, required=True)
     parser.add_argument("--sysid", type=int, required=True)
@@ -119,6 +133,8 @@ def main() -> None:
         assert os.path.getsize(file)
     ready_s = float(os.environ.get("PEER_READY_S", "1"))
     dies_s = float(os.environ.get("PEER_DIES_S", "inf"))
+    if os.path.exists(os.environ.get("PEER_HEARD", "")):
+        dies_s = float("inf")
     vehicle = Vehicle(options.serial0, options.sysid)
     with Autopilot(options.sim_port_out, rate_hz=RATE_HZ) as peer:
         frame = 0

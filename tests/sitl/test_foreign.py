@@ -40,6 +40,8 @@ def peer(folder: Path, **environment: str) -> str:
 def mixed(folder: Path, binary: str, duration_s: float = 1.0, **changes: Any) -> Path:
     """Return a scenario of two UAVs of ours and one of an ArduPlane."""
     tree = scenario_tree(faults=[], duration_s=duration_s) | changes
+    if "mission" in tree:
+        del tree["profile"]
     tree["uavs"][2]["autopilot"] = {"kind": "ardupilot", "binary": binary, "ready_within_s": 60.0}
     return written(folder, tree)
 
@@ -166,6 +168,44 @@ def test_bad_input_is_one_message(tmp_path: Path) -> None:
         assert done.returncode == 2, done.stderr
         assert text in done.stderr
         assert_one_message(done.stderr)
+
+
+MISSION = {
+    "items": [
+        {"waypoint": {"north_m": 700.0 * n, "east_m": 300.0 * e, "height_m": 300.0}}
+        for n, e in ((1, 0), (2, 0), (2, 1))
+    ]
+}
+
+
+def restarted(folder: Path, scenario: Path) -> dict[str, Any]:
+    """Fly with one that ends in flight; return the summary."""
+    done = flown(folder, scenario, "--restart", "on-failure", "--record", "full")
+    assert done.returncode == 0, done.stderr
+    summary = summary_of(folder / "run")
+    own = summary["uavs"][2]
+    assert (summary["completed"], own["restarts"], own["missing_steps"]) == (True, 1, 0)
+    assert own["active_steps"] == summary["steps"]
+    return own
+
+
+def test_one_that_ends_in_flight_is_told_all_again(tmp_path: Path) -> None:
+    heard = tmp_path / "heard"
+    binary = peer(tmp_path, PEER_DIES_S="8", PEER_HEARD=str(heard))
+    restarted(tmp_path, mixed(tmp_path, binary, duration_s=6.0, mission=MISSION))
+    lines = heard.read_text().splitlines()
+    assert lines == ["4 items", "mission", "armed", "4 items", "mode 10", "item 2", "armed"]
+    assert not children_of(binary)
+
+
+def test_in_real_time_it_is_not_started_again(tmp_path: Path) -> None:
+    binary = peer(tmp_path, PEER_DIES_S="9", PEER_HEARD=str(tmp_path / "heard"))
+    scenario = mixed(tmp_path, binary, duration_s=30.0)
+    done = flown(tmp_path, scenario, "--restart", "on-failure", "--speed", "1")
+    assert (done.returncode, "ArduPlane ended with status 3 at" in done.stderr) == (1, True)
+    assert "is started again in lockstep only" in done.stderr
+    assert_one_message(done.stderr)
+    assert not children_of(binary)
 
 
 @pytest.mark.skipif(not REAL, reason="FTC_ARDUPLANE names no ArduPlane")

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as theirs
 
+from ftc_autopilot.foreign.datagrams import frames_in
 from ftc_autopilot.foreign.plant_link import PlantSide
-from ftc_autopilot.foreign.vehicle import ForeignVehicle, frames_in
+from ftc_autopilot.foreign.vehicle import ForeignVehicle
 from mavlink_defs import dialect
 from mavlink_defs.framing.frames import FramePacker, parse
 from mavlink_defs.origin import Origin
@@ -51,12 +52,11 @@ def test_its_heartbeat_shows_when_it_is_ready_and_has_its_home(
 ) -> None:
     vehicle.receive(heartbeat(link))
     assert vehicle.to_stations() == []
-    assert not vehicle.is_ready
+    assert not vehicle.is_shown
     vehicle.to_autopilot()
     checked = dialect.MAV_SYS_STATUS_PREARM_CHECK
     status = bytes(theirs.MAVLink_sys_status_message(0, 0, checked, *[0] * 10).pack(link))
     vehicle.receive(status + heartbeat(link))
-    assert vehicle.is_ready
     assert vehicle.to_stations() == [status]
     (frame,) = vehicle.to_autopilot()
     asked = parse(frame)
@@ -66,6 +66,7 @@ def test_its_heartbeat_shows_when_it_is_ready_and_has_its_home(
     beat = heartbeat(link)
     vehicle.receive(bytes(ack) + beat)
     assert vehicle.to_stations() == [beat], "not the acknowledgement"
+    assert vehicle.is_shown
 
 
 def test_faults_go_to_the_plant_and_all_else_to_it(vehicle: ForeignVehicle) -> None:
@@ -77,6 +78,8 @@ def test_faults_go_to_the_plant_and_all_else_to_it(vehicle: ForeignVehicle) -> N
     assert vehicle.to_autopilot() == []
     arm = station_command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
     vehicle.receive_from_station(arm, 0.0, 0)
+    assert vehicle.to_autopilot() == []
+    assert vehicle.release() > 1.0, "its next HEARTBEAT shows what it has done"
     (frame,) = vehicle.to_autopilot()
     passed = parse(frame)
     assert passed is not None
