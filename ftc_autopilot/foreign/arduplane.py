@@ -17,6 +17,7 @@ from ftc_autopilot.foreign.child import Child
 from ftc_autopilot.kinds import ArduPlaneAutopilot
 from mavlink_defs.endpoint import UdpAddress, bind_udp, free_ports
 from sitl_plant.airframe.aircraft import aircraft_record
+from sitl_plant.ardupilot.instruments import JsonInstruments
 from sitl_plant.ardupilot.launch import AircraftLaunch, new_launch, out_of_body
 from sitl_plant.ardupilot.outputs import Outputs
 from sitl_plant.ardupilot.parameters import parameter_text, parameters_of
@@ -49,6 +50,14 @@ class ArduPlane:
         self._config, self._own = config, config.autopilot
         self._link = vehicle_link
         self._peer = Peer()
+        self._instruments = JsonInstruments(
+            config.sensors,
+            config.aircraft.air_density_kg_m3,
+            config.id,
+            config.sensor_seed,
+            config.step_us,
+        )
+        self.failures = self._instruments.failures
         self._outputs = Outputs(self._own.outputs, aircraft_record(config.aircraft))
         self._sock = bind_udp(UdpAddress("127.0.0.1", 0), f"physics of UAV {config.id}")
         self._child = Child("ArduPlane", config.id)
@@ -193,18 +202,17 @@ class ArduPlane:
         period_s = self._config.step_us / 1e6
         self._time_s = sent.time_us / 1e6
         attitude, velocity, wind = (_floats(state[n]) for n in ("attitude", "velocity", "wind"))
-        self._reply(
-            Measured(
-                time_s=(self._held + sent.step - self._first) * period_s,
-                rates=_floats(state["rates"]),
-                specific_force=_floats(state["specific_force"]),
-                position=_floats(state["position"]),
-                attitude=attitude,
-                velocity=out_of_body(velocity, attitude),
-                airspeed=math.dist(velocity, wind),
-                wind=out_of_body(wind, attitude),
-            )
+        motion = Measured(
+            time_s=(self._held + sent.step - self._first) * period_s,
+            rates=_floats(state["rates"]),
+            specific_force=_floats(state["specific_force"]),
+            position=_floats(state["position"]),
+            attitude=attitude,
+            velocity=out_of_body(velocity, attitude),
+            airspeed=math.dist(velocity, wind),
+            wind=out_of_body(wind, attitude),
         )
+        self._reply(self._instruments.shown(sent.step, self._time_s, motion))
         end = time.monotonic() + _PATIENCE_S
         while not self._waits:
             self._receive(_WAIT_S)

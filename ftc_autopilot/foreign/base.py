@@ -9,6 +9,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from sitl_plant.sensing.failures import Failures
+
 
 class ForeignError(Exception):
     """A foreign autopilot cannot fly, or cannot fly on; the text says why, in one line."""
@@ -64,7 +66,12 @@ class ForeignAutopilot(Protocol):
     It sends its MAVLink, with the UAV's system id and component 1, to the address that the bridge
     gives its constructor: ``Class(config: AutopilotConfig, vehicle_link: UdpAddress)``. What
     ground stations send comes to it from there.
+
+    Attributes:
+        failures: Faults of the sensors that it is shown, which the bridge sets.
     """
+
+    failures: Failures
 
     def begin(self, first: PlantStep) -> None:
         """Start the program, and hold the aircraft where the plant has it.

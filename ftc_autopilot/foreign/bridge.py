@@ -19,7 +19,9 @@ from ftc_autopilot.foreign.base import ForeignAutopilot, ForeignError, ForeignIn
 from ftc_autopilot.foreign.plant_link import PlantSide
 from ftc_autopilot.foreign.px4_plane import Px4Plane
 from ftc_autopilot.foreign.recorder import ForeignRecorder
+from ftc_autopilot.foreign.sensor_faults import SensorFaults
 from ftc_autopilot.foreign.vehicle import ForeignVehicle
+from ftc_autopilot.kinds import FtcAutopilot
 from ftc_autopilot.vehicle.gcs_signing import GcsSigning
 from mavlink_defs import dialect, endpoint
 from mavlink_defs.constants import MAX_DATAGRAM
@@ -94,17 +96,25 @@ class Bridge:
             sock.setblocking(False)
         self._plant.settimeout(_TICK_S)
         self._recorder = ForeignRecorder(config, record, record_optional, self._log)
-        self._vehicle = ForeignVehicle(config.id, config.origin, self._link.counts, checkpoint)
-        self._is_kept = checkpoint is not None
         self._peer: tuple[str, int] | None = None  # where the autopilot's MAVLink comes from
         link = UdpAddress(_LOOPBACK, self._side.getsockname()[1])
+        assert not isinstance(config.autopilot, FtcAutopilot)
         self._autopilot = FOREIGN[config.autopilot.kind](config, link)
         sockets.callback(self._autopilot.close)
+        faults = SensorFaults(self._autopilot.failures, config.autopilot.refuses, self._time_s)
+        self._vehicle = ForeignVehicle(
+            config.id, config.origin, self._link.counts, faults, checkpoint
+        )
+        self._is_kept = checkpoint is not None
         self._armed = self._over = False
         self._heard_s = time.monotonic()
         self._due_s = self._count_due_s = self._turn_due_s = 0.0
         self._steps = 0
         self._flown: int | None = None  # the last step that it has flown
+
+    def _time_s(self) -> float:
+        """Return the simulation time [s]."""
+        return 0.0 if self._link.step is None else self._link.step.time_us / 1e6
 
     def fly(self) -> None:
         """Serve all links until the simulation is over, or `stopping` is set.

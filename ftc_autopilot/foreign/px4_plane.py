@@ -63,6 +63,7 @@ class Px4Plane:
             config.sensor_seed,
             step_us,
         )
+        self.failures = self._instruments.failures
         self._actuators = Px4Actuators(self._own.outputs, aircraft)
         self._connection = Px4Connection(
             self._own.simulator_host, PORT + self._instance, f"PX4 of UAV {config.id}"

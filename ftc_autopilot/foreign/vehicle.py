@@ -1,21 +1,25 @@
 """The MAVLink of a foreign autopilot, as its bridge passes it on; no socket and no clock.
 
-What the autopilot sends goes to the ground stations, and theirs to it. Commands on faults go to
-the plant, which alone can execute them: the autopilot does not hear of them, as ours does not.
+What the autopilot sends goes to the ground stations, and theirs to it. Commands on faults of
+actuators go to the plant, those on faults of sensors are executed by the bridge, which makes these:
+the autopilot does not hear of them, as ours does not.
 """
 
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from ftc_autopilot.foreign.datagrams import frames_in
 from ftc_autopilot.foreign.resumption import Told
+from ftc_autopilot.foreign.sensor_faults import SensorFaults
 from ftc_autopilot.vehicle.commands import Commands, Handler
 from ftc_autopilot.vehicle.telemetry import DEFAULT_INTERVALS_US
 from mavlink_defs import dialect
 from mavlink_defs.constants import SIMULATOR_COMPONENT
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.faults import COMMANDS as FAULT_COMMANDS
+from mavlink_defs.faults.command import InvalidParam
 from mavlink_defs.framing.frames import FramePacker, parse, text_chunks
 from mavlink_defs.framing.header import HEADER_SIZE, MESSAGE_ID
 from mavlink_defs.origin import Origin
@@ -23,7 +27,6 @@ from mavlink_defs.services.command import CommandMessage, command_params
 from mavlink_defs.services.machine import SystemId, is_for, sender_of
 
 _FIRST_PRIVATE = 53_000
-_SHOWN = {dialect.MAVLINK_MSG_ID_STATUSTEXT, dialect.MAVLINK_MSG_ID_FTC_FAULT}
 _OWN_REQUESTS = {dialect.MAVLINK_MSG_ID_FTC_FAULT, dialect.MAVLINK_MSG_ID_FTC_EVENTS}
 _ASKED_OF_IT = [n for n in DEFAULT_INTERVALS_US if n < _FIRST_PRIVATE]
 _READ = {
@@ -59,6 +62,7 @@ class ForeignVehicle:
         system: int,
         origin: Origin,
         counts: Callable[[], MAVLink_message],
+        faults: SensorFaults,
         checkpoint: Path | None = None,
     ) -> None:
         """Begin before it is heard.
@@ -67,6 +71,7 @@ class ForeignVehicle:
             system: System id of the UAV.
             origin: Its home: it would be where it is held.
             counts: Returns FTC_EVENTS.
+            faults: Of the sensors that its bridge makes.
             checkpoint: Where it is kept what it has been told; None: nowhere.
         """
         self._counts = counts
@@ -79,7 +84,9 @@ class ForeignVehicle:
         self._from_stations: deque[tuple[bytes, float]] = deque()  # each with how long it takes
         self._beat: MAVLink_message | None = None  # its last HEARTBEAT
         self._is_fresh, self._beat_due_s = False, 0.0
-        self._commands = Commands(self._own, self._handlers(), {})
+        self._faults = faults
+        fault_handlers = {n: partial(self._execute, n) for n in FAULT_COMMANDS}
+        self._commands = Commands(self._own, self._handlers(), {}, fault_handlers)
         self._packers: dict[tuple[int, int], FramePacker] = {}
         self._to_autopilot: list[bytes] = []
         self._to_stations: list[bytes] = []
@@ -206,11 +213,22 @@ class ForeignVehicle:
             dialect.MAV_CMD_SET_MESSAGE_INTERVAL: stream,
         }
 
+    def _execute(self, number: int, params: tuple[float, ...]) -> int | None:
+        """Execute a command on faults of sensors; return its result, None: it is the plant's."""
+        try:
+            return self._faults.execute(number, params)
+        except (InvalidParam, OverflowError) as problem:
+            self.say(dialect.MAV_SEVERITY_WARNING, str(problem))
+            return dialect.MAV_RESULT_DENIED
+
     # from the plant
 
     def receive_from_plant(self, message: MAVLink_message, now: float) -> None:
         """Take in a message of the aircraft's simulator component."""
-        if message.get_msgId() in _SHOWN:
+        if isinstance(message, dialect.MAVLink_ftc_fault_message):
+            for one in self._faults.beside(message):
+                self._show(one)
+        elif isinstance(message, dialect.MAVLink_statustext_message):
             self._show(message)
         self._commands.receive_from_simulator(message, now)
 

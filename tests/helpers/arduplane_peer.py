@@ -119,7 +119,16 @@ class Vehicle:
 
 def main() -> None:
     parser = argparse.ArgumentParser()
-    for name in ("model", "rc-in-port", "base-port", "serial1", "serial2", "speedup", "home", "start-time"):
+    for name in (
+        "model",
+        "rc-in-port",
+        "base-port",
+        "serial1",
+        "serial2",
+        "speedup",
+        "home",
+        "start-time",
+    ):
         parser.add_argument(f"--{name}")
     parser.add_argument("--sim-port-out", type=int, required=True)
     parser.add_argument("--sysid", type=int, required=True)

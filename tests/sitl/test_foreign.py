@@ -94,6 +94,20 @@ def test_a_fault_of_the_scenario_acts_on_it(tmp_path: Path) -> None:
     assert not stands[601:].any()
 
 
+def test_a_sensor_fault_acts_on_what_it_is_shown(tmp_path: Path) -> None:
+    biased = {"uav": 3, "sensor": "gyro", "bias_deg_s": 20.0, "axis": "x"}
+    held = []
+    for name, faults in (("with", [biased | {"start_s": 0.3}]), ("without", [])):
+        folder = tmp_path / name
+        folder.mkdir()
+        done = flown(folder, mixed(folder, peer(folder), faults=faults), "--record", "full")
+        assert done.returncode == 0, done.stderr
+        table = table_of(folder / "run" / "trajectory.arrows")
+        held.append(table["held_aileron"][table["uav"] == 3])
+    differs = np.flatnonzero(held[0] != held[1])
+    assert 300 < differs[0] <= 304, "a frame of the peer has two control periods"
+
+
 def test_stations_set_faults_that_it_does_not_hear_of(tmp_path: Path) -> None:
     (port,) = free_ports(1)
     to = ("--connect", f"udpout:127.0.0.1:{port}", "--uav", "3")
@@ -108,6 +122,15 @@ def test_stations_set_faults_that_it_does_not_hear_of(tmp_path: Path) -> None:
         listed = run("gcs", "fault", "list", "--json", *to)
         (fault,) = json.loads(listed.stdout)[0]["faults"]
         assert fault["actuator"] == "rudder"
+        sensor = ("gcs", "fault", "sensor", "set")
+        set_one = run(*sensor, "gyro", "--failure", "stuck", "--for-s", "60", *to)
+        assert set_one.returncode == 0, set_one.stderr
+        refused = run(*sensor, "barometer", "--failure", "stuck", *to)
+        assert refused.returncode == 3
+        assert "ArduPlane makes its barometer itself" in refused.stderr
+        listed = run("gcs", "fault", "list", "--json", *to)
+        _, fault = json.loads(listed.stdout)[0]["faults"]
+        assert fault["sensor"] == "gyro"
         assert run("gcs", "fault", "clear", *to).returncode == 0
         listed = run("gcs", "fault", "list", "--json", *to)
         assert json.loads(listed.stdout)[0]["faults"] == []

@@ -8,17 +8,29 @@ from pymavlink.dialects.v20 import ardupilotmega as theirs
 
 from ftc_autopilot.foreign.datagrams import frames_in
 from ftc_autopilot.foreign.plant_link import PlantSide
+from ftc_autopilot.foreign.sensor_faults import SensorFaults
 from ftc_autopilot.foreign.vehicle import ForeignVehicle
+from ftc_autopilot.kinds import ArduPlaneAutopilot
 from mavlink_defs import dialect
 from mavlink_defs.framing.frames import FramePacker, parse
 from mavlink_defs.origin import Origin
+from sitl_plant.ardupilot.instruments import JsonInstruments
+from sitl_plant.sensing.config import NavigationSensors
 
 UAV = 7
 
 
+PLANE = ArduPlaneAutopilot(kind="ardupilot", binary="arduplane")
+
+
+def faults(time_s: float = 5.0) -> SensorFaults:
+    shown = JsonInstruments(NavigationSensors(), 1.2, UAV, 1, 1000)
+    return SensorFaults(shown.failures, PLANE.refuses, lambda: time_s)
+
+
 @pytest.fixture
 def vehicle() -> ForeignVehicle:
-    return ForeignVehicle(UAV, Origin(), PlantSide(UAV, None).counts)
+    return ForeignVehicle(UAV, Origin(), PlantSide(UAV, None).counts, faults())
 
 
 @pytest.fixture
@@ -136,3 +148,52 @@ def test_only_changes_are_sent_and_what_was_lost_again() -> None:
     link.receive(state(4, 3)[:-1])
     assert not link.took_step
     assert link.drops.total() == 1
+
+
+def answers(vehicle: ForeignVehicle) -> list[dialect.MAVLink_message]:
+    found = [parse(frame) for frame in vehicle.to_stations()]
+    return [one for one in found if one is not None]
+
+
+def injected(vehicle: ForeignVehicle, *params: float) -> tuple[int, str]:
+    """Inject a failure; return the result and what is said of it."""
+    command = station_command(dialect.MAV_CMD_INJECT_FAILURE, *params)
+    vehicle.receive_from_station(command, 0.0, 0)
+    heard = answers(vehicle)
+    (ack,) = (one for one in heard if isinstance(one, dialect.MAVLink_command_ack_message))
+    said = [one for one in heard if isinstance(one, dialect.MAVLink_statustext_message)]
+    return ack.result, "".join(one.text for one in said)
+
+
+def test_faults_of_sensors_are_the_bridges(vehicle: ForeignVehicle) -> None:
+    gyro, mag = dialect.FAILURE_UNIT_SENSOR_GYRO, dialect.FAILURE_UNIT_SENSOR_MAG
+    stuck, off = dialect.FAILURE_TYPE_STUCK, dialect.FAILURE_TYPE_OFF
+    assert injected(vehicle, gyro, stuck) == (dialect.MAV_RESULT_ACCEPTED, "")
+    result, said = injected(vehicle, mag, stuck)
+    assert (result, "makes its magnetometer itself" in said) == (dialect.MAV_RESULT_DENIED, True)
+    result, said = injected(vehicle, gyro, off)
+    assert (result, "never off" in said) == (dialect.MAV_RESULT_DENIED, True)
+    assert vehicle.to_plant() == []
+    bias = station_command(dialect.MAV_CMD_FTC_SET_SENSOR_FAULT, 5.0, 3.0, 20.0, 0.0, 6.0, 9.0, 1.0)
+    vehicle.receive_from_station(bias, 0.0, 0)
+    answers(vehicle)
+    for count in (0, 2):  # of the plant's own
+        listed = []
+        for index in range(max(count, 1)):
+            of_plant = dialect.MAVLink_ftc_fault_message(0.5, 0, 0, 1, 2, index, count, 2, 1)
+            theirs = parse(FramePacker(UAV, 25).pack(of_plant))
+            assert theirs is not None
+            vehicle.receive_from_plant(theirs, 0.1)
+            listed += answers(vehicle)
+        assert [(one.index, one.count) for one in listed] == [
+            (i, count + 2) for i in range(count + 2)
+        ]
+        assert [one.sensor for one in listed[count:]] == [1, 5]
+    vehicle.receive_from_station(station_command(dialect.MAV_CMD_FTC_CLEAR_FAULTS, -1.0), 0.0, 0)
+    assert len(vehicle.to_plant()) == 1, "all are cleared, the plant's as well"
+    none = parse(FramePacker(UAV, 25).pack(dialect.MAVLink_ftc_fault_message(*[0] * 9)))
+    assert none is not None
+    answers(vehicle)
+    vehicle.receive_from_plant(none, 0.1)
+    (empty,) = answers(vehicle)
+    assert empty.count == 0
