@@ -29,9 +29,11 @@ _NO_LOGS = "LOG_BACKEND_TYPE 0\n"
 """They would go with its folder, and a thread that writes them knows no clock but the wall's."""
 _TURN_S = 0.02
 _WAIT_S = 0.5  # between two looks whether it runs
+_AGAIN_S = 1.0  # it repeats a frame after 1.1 s: earlier, the answer has crossed the repetition
 _PATIENCE_S = 60.0  # that it may take for a frame on a busy machine, wall time
 _UNSUPPRESSED_S = 2.5  # after arming: its motor stands still for 2 s
 _BEGAN_S = 1_767_225_600  # 2026-01-01, from which its GPS counts: the same in each flight
+_STARTS_S = 10.0  # its clock, which runs by the wall until its first frame, jumps there with it
 _AHEAD = 1000  # times real time: its clock is the plant's, which sets the pace
 _MAX_DATAGRAM = 2048
 
@@ -68,9 +70,8 @@ class ArduPlane:
         self._waits = False  # it has sent a frame that is not answered
         self._due = 0  # step at which that is to be answered
         self._frame_steps = 1
-        self._answer = b""
+        self._answer, self._again_s = b"", 0.0
         self._time_s: float | None = None  # of the flight, for messages
-        self._paced: tuple[float, int] | None = None  # wall time and `_held` since it is ready
         self._until = 0  # of these, as long as which it may answer a station
         self._first = 0  # step at which the flight begins
 
@@ -129,7 +130,7 @@ class ArduPlane:
                 if not talk.is_armed:
                     self._armed = None
                 elif self._armed is None:
-                    self._armed, self._paced = self._held, None
+                    self._armed = self._held
                 if self._may_run(talk):
                     if self._is_launched():
                         return True
@@ -145,28 +146,16 @@ class ArduPlane:
     def _may_run(self, talk: Conversation) -> bool:
         """Return whether its clock may run on.
 
-        Stations talk to it once it is ready. In lockstep it runs for their messages alone, as long
-        for each as its answer takes: so it has the same time at each in every flight.
+        Stations talk to it once it is ready. It runs for their messages alone, as long for each as
+        its answer takes: so it has the same time at each in every flight.
         """
         if self._armed is not None or not talk.is_ready:
             return True
-        if not talk.is_lockstep:
-            while talk.release():
-                pass
-            return not self._is_ahead()
         if self._held >= self._until:
             takes_s = talk.release()
             self._until = self._held + math.ceil(takes_s * 1e6 / self._config.step_us)
             talk.exchange(self._own_time_s)
         return self._held < self._until
-
-    def _is_ahead(self) -> bool:
-        """Return whether it is ahead of the wall clock, by which stations time it."""
-        now = time.monotonic()
-        if self._paced is None:
-            self._paced = now, self._held
-        since, held = self._paced
-        return (self._held - held) * self._config.step_us / 1e6 > now - since
 
     def _check_ready(self, ready: bool) -> None:
         self._child.check()
@@ -191,7 +180,7 @@ class ArduPlane:
         assert self._launch is not None
         period_s = self._config.step_us / 1e6
         since = -1 if self._launched is None else self._held - self._launched
-        return self._launch.at(since * period_s, self._held * period_s)
+        return self._launch.at(since * period_s, _STARTS_S + self._own_time_s)
 
     def exchange(self, sent: PlantStep) -> np.ndarray:
         """Answer its frame with the state of a step, and return what it commands then."""
@@ -203,7 +192,7 @@ class ArduPlane:
         self._time_s = sent.time_us / 1e6
         attitude, velocity, wind = (_floats(state[n]) for n in ("attitude", "velocity", "wind"))
         motion = Measured(
-            time_s=(self._held + sent.step - self._first) * period_s,
+            time_s=_STARTS_S + (self._held + sent.step - self._first) * period_s,
             rates=_floats(state["rates"]),
             specific_force=_floats(state["specific_force"]),
             position=_floats(state["position"]),
@@ -228,6 +217,7 @@ class ArduPlane:
         """Answer the frame that waits."""
         self._answer, self._waits = answer(measured), False
         self._send()
+        self._again_s = time.monotonic() + _AGAIN_S
 
     def _send(self) -> None:
         if self._peer.address is not None:
@@ -248,7 +238,7 @@ class ArduPlane:
                 self._outputs.receive(packet.pulses_us)
                 self._frame_steps = steps_of(packet.rate_hz, self._config.step_us)
                 self._waits = True
-            case Frame.REPEATED if not self._waits:
+            case Frame.REPEATED if not self._waits and time.monotonic() > self._again_s:
                 self._send()  # its answer was lost
 
     def close(self) -> None:

@@ -34,10 +34,6 @@ class Conversation(Protocol):
     """The MAVLink of a foreign autopilot, as its bridge passes it on."""
 
     @property
-    def is_lockstep(self) -> bool:
-        """Whether the plant waits for it: nothing may then depend on the wall clock."""
-
-    @property
     def is_ready(self) -> bool:
         """Whether it can be armed, and stations see it; after a restart they need not."""
 

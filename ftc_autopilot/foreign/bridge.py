@@ -95,7 +95,13 @@ class Bridge:
         for sock in (self._gcs, self._side):
             sock.setblocking(False)
         self._plant.settimeout(_TICK_S)
-        self._recorder = ForeignRecorder(config, record, record_optional, self._log)
+        self._recorder = ForeignRecorder(
+            config,
+            record,
+            record_optional,
+            self._log,
+            resumes=checkpoint is not None and checkpoint.exists(),
+        )
         self._peer: tuple[str, int] | None = None  # where the autopilot's MAVLink comes from
         link = UdpAddress(_LOOPBACK, self._side.getsockname()[1])
         assert not isinstance(config.autopilot, FtcAutopilot)
@@ -183,11 +189,6 @@ class Bridge:
             self._due_s = 0.0  # the plant is to know it now
             if self._link.is_running:
                 self._fly_step()
-
-    @property
-    def is_lockstep(self) -> bool:
-        """Whether the plant waits for it."""
-        return self._link.is_lockstep
 
     @property
     def is_ready(self) -> bool:

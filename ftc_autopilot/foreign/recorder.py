@@ -32,6 +32,7 @@ class ForeignRecorder:
         folder: Path | None,
         optional: bool,
         notify: Callable[[str], None],
+        resumes: bool,
     ) -> None:
         """Make the folder.
 
@@ -40,11 +41,12 @@ class ForeignRecorder:
             folder: Where it records; None: it does not.
             optional: Fly on if the folder cannot be written.
             notify: Called with a line for the log.
+            resumes: Go on with what a bridge before this one has written.
 
         Raises:
             OSError: It cannot be made; it is named.
         """
-        self._spool = None if folder is None else Spool(folder)
+        self._spool = None if folder is None else Spool(folder, resumes)
         self._optional, self._notify = optional, notify
         aircraft = aircraft_record(config.aircraft)
         self._ranges = [_range_of(aircraft, c) for c in range(N_CHANNELS)]

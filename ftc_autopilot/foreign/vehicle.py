@@ -46,6 +46,8 @@ _SHOWS_S = 1.2
 _LISTS_S = 20.0
 """The same of the list of its parameters."""
 _SILENT_S = 1.0
+_REPETITIONS = range(1, 6)
+"""COMMAND_LONG.confirmation of what is taken for repeated; a later one may have been lost."""
 _BESIDE = (dialect.MAVLINK_MSG_ID_SYS_STATUS, dialect.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT)
 
 
@@ -82,6 +84,7 @@ class ForeignVehicle:
         self.is_armed = self._is_checked = self._is_heard = False
         self.told = Told(self._own, self._bridge, checkpoint)
         self._from_stations: deque[tuple[bytes, float]] = deque()  # each with how long it takes
+        self._asked: dict[tuple[SystemId, int], tuple[tuple[float, ...], bytes | None]] = {}
         self._beat: MAVLink_message | None = None  # its last HEARTBEAT
         self._is_fresh, self._beat_due_s = False, 0.0
         self._faults = faults
@@ -107,6 +110,7 @@ class ForeignVehicle:
             if message is not None and message.get_srcSystem() == self._system:
                 if self._is_mine(message, time_s):
                     continue
+                self._note_answer(message, frame)
                 self._note(message)
                 if number == dialect.MAVLINK_MSG_ID_HEARTBEAT and not self.is_shown:
                     continue
@@ -155,9 +159,9 @@ class ForeignVehicle:
         target = getattr(message, "target_system", 0), getattr(message, "target_component", 0)
         if target != self._bridge:
             return False
-        is_ack = isinstance(message, dialect.MAVLink_command_ack_message)
-        if is_ack and message.command == dialect.MAV_CMD_DO_SET_HOME:
-            self._has_home |= message.result == dialect.MAV_RESULT_ACCEPTED
+        if isinstance(message, dialect.MAVLink_command_ack_message):
+            is_accepted = message.result == dialect.MAV_RESULT_ACCEPTED
+            self._has_home |= is_accepted and message.command == dialect.MAV_CMD_DO_SET_HOME
         if self.told.resumes:
             self.told.receive(message, time_s)
         return True
@@ -175,8 +179,31 @@ class ForeignVehicle:
         if isinstance(message, dialect.MAVLink_heartbeat_message):  # which nobody answers
             self._to_autopilot.append(frame)
             return
+        if isinstance(message, dialect.MAVLink_command_long_message) and self._is_again(message):
+            return
         self.told.note_station(message)
         self._from_stations.append((frame, _answered_in_s(message)))
+
+    def _is_again(self, message: dialect.MAVLink_command_long_message) -> bool:
+        """Return whether a command has been given already; show its answer again if there is one.
+
+        A station that waits repeats it by the wall clock, which is not to move the autopilot's.
+        """
+        key, params = (sender_of(message), message.command), command_params(message)
+        asked = self._asked.get(key)
+        if asked is None or asked[0] != params or message.confirmation not in _REPETITIONS:
+            self._asked[key] = params, None
+            return False
+        if asked[1] is not None:
+            self._to_stations.append(asked[1])
+        return True
+
+    def _note_answer(self, message: MAVLink_message, frame: bytes) -> None:
+        """Keep the answer to a command of a station."""
+        if isinstance(message, dialect.MAVLink_command_ack_message):
+            key = SystemId(message.target_system, message.target_component), message.command
+            if (asked := self._asked.get(key)) is not None:
+                self._asked[key] = asked[0], frame
 
     def release(self) -> float:
         """Let one message of a station through to the autopilot.

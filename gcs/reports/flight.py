@@ -27,7 +27,7 @@ def flight_tables(summary: FlightSummary, scenario: Scenario) -> list[Table | Te
         f"sending every channel every {milliseconds(scenario.step_us / 1e6)}"
     )
     remarks = [line for uav in summary.uavs for line in _remarks(uav, summary.steps)]
-    tables = [
+    tables: list[Table | Text] = [
         transmissions_table(summary, names),
         _links(summary, names),
         _tracking(summary, names),

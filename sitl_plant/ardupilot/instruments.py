@@ -16,6 +16,7 @@ from sitl_plant.sensing.config import NavigationSensors
 from sitl_plant.sensing.failures import VALUES, Failures, new_failures
 from sitl_plant.sensing.sense import range_of
 from sitl_plant.sensing.units import units_of
+from sitl_plant.vec3 import Vec3
 
 _HPA = 0.01  # of one Pa
 _fail = in_python(sensor_failures.fail)
@@ -54,7 +55,7 @@ class JsonInstruments:
             self._has_last = False
             return motion
         pressure = 0.5 * self._density * motion.airspeed * motion.airspeed * _HPA
-        parts = {
+        parts: dict[str, tuple[float, ...]] = {
             "gyro": motion.rates,
             "accelerometer": motion.specific_force,
             "gps": (*motion.position, *motion.velocity),
@@ -71,9 +72,13 @@ class JsonInstruments:
         self._has_last = True
         (pressure,) = parts["airspeed"]
         return motion._replace(
-            rates=parts["gyro"],
-            specific_force=parts["accelerometer"],
-            position=parts["gps"][:3],
-            velocity=parts["gps"][3:],
+            rates=_vector(parts["gyro"]),
+            specific_force=_vector(parts["accelerometer"]),
+            position=_vector(parts["gps"]),
+            velocity=_vector(parts["gps"][3:]),
             airspeed=math.sqrt(2.0 * max(pressure, 0.0) / (_HPA * self._density)),
         )
+
+
+def _vector(values: tuple[float, ...]) -> Vec3:
+    return values[0], values[1], values[2]

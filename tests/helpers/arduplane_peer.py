@@ -146,11 +146,12 @@ def main() -> None:
         dies_s = float("inf")
     vehicle = Vehicle(options.serial0, options.sysid)
     with Autopilot(options.sim_port_out, rate_hz=RATE_HZ) as peer:
-        frame = 0
+        frame, began_s = 0, 0.0
         while True:
             pwm = peer.outputs(0.4)
             answer = peer.exchange(pwm if vehicle.armed else [1500, 1500, 1000, *pwm[3:]])
-            time_s = answer["timestamp"]
+            began_s = answer["timestamp"] if frame == 0 else began_s
+            time_s = answer["timestamp"] - began_s
             vehicle.ready = time_s >= ready_s
             if time_s >= dies_s:
                 print("panic: the peer was to end here", flush=True)

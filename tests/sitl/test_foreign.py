@@ -206,7 +206,7 @@ def restarted(folder: Path, scenario: Path) -> dict[str, Any]:
     done = flown(folder, scenario, "--restart", "on-failure", "--record", "full")
     assert done.returncode == 0, done.stderr
     summary = summary_of(folder / "run")
-    own = summary["uavs"][2]
+    own: dict[str, Any] = summary["uavs"][2]
     assert (summary["completed"], own["restarts"], own["missing_steps"]) == (True, 1, 0)
     assert own["active_steps"] == summary["steps"]
     return own
@@ -232,12 +232,38 @@ def test_in_real_time_it_is_not_started_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not REAL, reason="FTC_ARDUPLANE names no ArduPlane")
-def test_a_real_one_flies(tmp_path: Path) -> None:
-    done = flown(tmp_path, mixed(tmp_path, REAL, duration_s=10.0))
-    assert done.returncode == 0, done.stderr
-    own = summary_of(tmp_path / "run")["uavs"][2]
-    assert own["attitude_lost_at_s"] is None
-    assert own["actuator_messages"] > 100
+def test_a_real_one_flies_twice_the_same(tmp_path: Path) -> None:
+    recorded = []
+    for name in ("first", "second"):
+        folder = tmp_path / name
+        folder.mkdir()
+        done = flown(folder, mixed(folder, REAL, duration_s=10.0), "--record", "full")
+        assert done.returncode == 0, done.stderr
+        own = summary_of(folder / "run")["uavs"][2]
+        assert own["attitude_lost_at_s"] is None
+        assert own["actuator_messages"] > 100
+        recorded.append((folder / "run" / "trajectory.arrows").read_bytes())
+    assert recorded[0] == recorded[1]
+
+
+@pytest.mark.skipif(not REAL, reason="FTC_ARDUPLANE names no ArduPlane")
+def test_a_real_one_that_is_killed_is_started_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PEER_OF", str(tmp_path))
+    scenario = mixed(tmp_path, REAL, duration_s=20.0, mission=MISSION)
+    options = ("--out", str(tmp_path / "run"), "--free-ports", "--restart", "on-failure")
+    flight = start("gcs", "fly", str(scenario), *options, "--quiet")
+    log = tmp_path / "run" / "processes" / "plant.log"
+    wait_until(lambda: log.exists() and "all armed" in log.read_text(), "it flies")
+    name = Path(REAL).expanduser().resolve().name
+    for one in children_of(str(tmp_path)):
+        if Path(f"/proc/{one}/comm").read_text().strip() == name[:15]:
+            os.kill(one, signal.SIGKILL)
+    _, error = flight.communicate(timeout=300)
+    assert flight.returncode == 0, error
+    summary = summary_of(tmp_path / "run")
+    assert (summary["completed"], summary["uavs"][2]["restarts"]) == (True, 1)
 
 
 def test_a_campaign_flies_it_beside_our_laws(tmp_path: Path) -> None:

@@ -150,7 +150,7 @@ def test_only_changes_are_sent_and_what_was_lost_again() -> None:
     assert link.drops.total() == 1
 
 
-def answers(vehicle: ForeignVehicle) -> list[dialect.MAVLink_message]:
+def answers(vehicle: ForeignVehicle) -> list[Any]:
     found = [parse(frame) for frame in vehicle.to_stations()]
     return [one for one in found if one is not None]
 
@@ -197,3 +197,27 @@ def test_faults_of_sensors_are_the_bridges(vehicle: ForeignVehicle) -> None:
     vehicle.receive_from_plant(none, 0.1)
     (empty,) = answers(vehicle)
     assert empty.count == 0
+
+
+def test_a_command_that_is_repeated_does_not_move_its_clock(
+    vehicle: ForeignVehicle, link: Any
+) -> None:
+    arm = station_command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
+    assert isinstance(arm, dialect.MAVLink_command_long_message)
+
+    def given(confirmation: int) -> float:
+        arm.confirmation = confirmation
+        vehicle.receive_from_station(arm, 0.0, 0)
+        return vehicle.release()
+
+    assert given(0) > 0.0
+    assert given(1) == 0.0, "it is under way"
+    ack = bytes(theirs.MAVLink_command_ack_message(arm.command, 0, 0, 0, 255, 190).pack(link))
+    vehicle.receive(ack)
+    assert vehicle.to_stations() == [ack]
+    assert given(2) == 0.0
+    assert vehicle.to_stations() == [ack], "its answer was late, or lost"
+    assert given(6) > 0.0, "it was lost itself, perhaps"
+    assert given(0) > 0.0, "another one"
+    arm.param1 = 0.0
+    assert given(1) > 0.0, "of which the first was lost"
