@@ -9,9 +9,9 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from mavlink_defs import dialect
 from mavlink_defs.config.models import AtMost, Model, Problems, Title
-from mavlink_defs.config.quantity import quantity
+from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.faults.fault import Fault
-from sitl_plant.ardupilot.config import JSON_INSTRUMENTS, ArduPilot
+from sitl_plant.ardupilot.config import JSON_INSTRUMENTS, PORT, ArduPilot
 from sitl_plant.px4.config import Px4Outputs
 
 _MODES = {"TAKEOFF": 13, "LOITER": 12, "CRUISE": 7, "FBWB": 6, "GUIDED": 15}
@@ -33,22 +33,34 @@ class FtcAutopilot(Model):
 
 
 class ArduPlaneAutopilot(Model):
-    """An ArduPlane SITL, which a bridge starts and flies by its JSON interface.
+    """An ArduPlane SITL, which a bridge flies by its JSON interface.
 
     Attributes:
         kind: ArduPlane.
-        binary: Its program, built for SITL.
+        binary: Its program, built for SITL, which the bridge starts; none: somebody starts it by
+            hand.
         defaults: File of its parameters, --defaults; none: derived from the aircraft.
         mode: Mode in which it is armed; none: AUTO with a mission, else LOITER.
         outputs: Which of its outputs moves which actuator, and its launch.
     """
 
     kind: Literal["ardupilot"]
-    binary: Title = Field(min_length=1)
+    binary: Title | None = Field(default=None, min_length=1)
+    port: int = whole(
+        "",
+        "By hand: UDP port of the physics of UAV 1, --sim-port-out; UAV i has one 10 (i - 1) "
+        "higher. Its MAVLink goes to the next one, --serial0.",
+        PORT,
+        ge=1,
+        le=60_000,
+    )
     defaults: Title | None = None
     mode: Literal["AUTO", "TAKEOFF", "LOITER", "CRUISE", "FBWB", "GUIDED"] | None = None
     ready_within_s: float = quantity(
         "s", "Longest time, by its own clock, until its EKF is ready.", 120.0, gt=0.0
+    )
+    answers_within_s: float = quantity(
+        "s", "Longest time until it sends a frame, by the wall clock.", 60.0, gt=0.0
     )
     outputs: ArduPilot = ArduPilot()
 

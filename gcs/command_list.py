@@ -83,7 +83,6 @@ OWN: Mapping[str, GcsCommand] = {
         wireshark=("wireshark", "Write a Wireshark dissector for all messages (Lua)."),
         key=("key", "Make a key file for MAVLink 2 signing."),
         config=("config", "Write the configurations of a fleet that spans several hosts."),
-        ardupilot=("ardupilot", "Let ArduPilot SITLs fly a scenario's aircraft."),
     ),
 }
 """Our commands, in the order of the help."""
@@ -92,6 +91,8 @@ OWN = {
     "web": OWN["web"]._replace(extra="web", packages=WEB_PACKAGES),
     "wireshark": OWN["wireshark"]._replace(extra="tools", packages=TOOLS_PACKAGES),
 }
+GONE = {"ardupilot": "gcs fly SCENARIO --set autopilot.kind=ardupilot"}
+"""What does now what a command of the version before did."""
 
 
 def registered() -> dict[str, "EntryPoint"]:

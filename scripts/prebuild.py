@@ -16,7 +16,6 @@ from ftc_autopilot.control.laws import heading_loop
 from ftc_autopilot.hot.checkpoint import checksum
 from ftc_autopilot.warm_up import call_messages
 from gcs.commands.cli import main as command_line
-from gcs.fleet.ardupilot.flight import ArduPilotFlight
 from gcs.fleet.in_process import fly_in_process
 from gcs.fleet.precompile import PARTS
 from gcs.results.beside import Beside
@@ -143,7 +142,6 @@ def call_what_is_rare() -> None:
     sign_bytes(new_link_signer(bytes(range(32)), 0), FRAME)
     at_rest = vec3(np.zeros(3))
     norm(scale(1.0, sub(at_rest, at_rest)))
-    ArduPilotFlight(scenario, print, print, print).load_code()
     sampled = Instruments(NavigationSensors(), Origin(), 1.2, 9.8, 1, 1, 1000)
     sampled.note(0, np.zeros(1, SIM_STATE)[0])
     simulator = OwnSimulator(scenario.aircraft_of(scenario.uavs[0].id))

@@ -7,12 +7,12 @@ at that step. Until the flight begins it is held on a launcher, at rest, by a cl
 import contextlib
 import math
 import time
-from pathlib import Path
 
 import numpy as np
 
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.foreign.base import Conversation, ForeignError, ForeignInputError, PlantStep
+from ftc_autopilot.foreign.by_hand import arguments, instruction, waiting
 from ftc_autopilot.foreign.child import Child
 from ftc_autopilot.kinds import ArduPlaneAutopilot
 from mavlink_defs.endpoint import UdpAddress, bind_udp, free_ports
@@ -20,7 +20,6 @@ from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.ardupilot.instruments import JsonInstruments
 from sitl_plant.ardupilot.launch import AircraftLaunch, new_launch, out_of_body
 from sitl_plant.ardupilot.outputs import Outputs
-from sitl_plant.ardupilot.parameters import parameter_text, parameters_of
 from sitl_plant.ardupilot.peer import Frame, Peer
 from sitl_plant.ardupilot.protocol import Measured, answer, steps_of
 from sitl_plant.vec3 import Vec3
@@ -30,11 +29,12 @@ _NO_LOGS = "LOG_BACKEND_TYPE 0\n"
 _TURN_S = 0.02
 _WAIT_S = 0.5  # between two looks whether it runs
 _AGAIN_S = 1.0  # it repeats a frame after 1.1 s: earlier, the answer has crossed the repetition
-_PATIENCE_S = 60.0  # that it may take for a frame on a busy machine, wall time
 _UNSUPPRESSED_S = 2.5  # after arming: its motor stands still for 2 s
 _BEGAN_S = 1_767_225_600  # 2026-01-01, from which its GPS counts: the same in each flight
 _STARTS_S = 10.0  # its clock, which runs by the wall until its first frame, jumps there with it
 _AHEAD = 1000  # times real time: its clock is the plant's, which sets the pace
+_SETTLED_S = 2.0  # its first frames come before it has read its parameters [s of its time]
+_NEAR = 0.01  # relative difference of a frame from what it asks for that is not worth a word
 _MAX_DATAGRAM = 2048
 
 
@@ -42,11 +42,14 @@ class ArduPlane:
     """One ArduPlane SITL."""
 
     def __init__(self, config: AutopilotConfig, vehicle_link: UdpAddress) -> None:
-        """Prepare it; `begin` starts it.
+        """Prepare it; `begin` starts it, or waits for one that is started by hand.
 
         Args:
             config: The configuration of its bridge.
             vehicle_link: Where it is to send its MAVLink.
+
+        Raises:
+            EndpointError: The port where that one finds its physics cannot be used.
         """
         assert isinstance(config.autopilot, ArduPlaneAutopilot)
         self._config, self._own = config, config.autopilot
@@ -61,10 +64,17 @@ class ArduPlane:
         )
         self.failures = self._instruments.failures
         self._outputs = Outputs(self._own.outputs, aircraft_record(config.aircraft))
-        self._sock = bind_udp(UdpAddress("127.0.0.1", 0), f"physics of UAV {config.id}")
+        self.notices: list[str] = []
+        at = waiting(config)
+        self._physics = UdpAddress("127.0.0.1", 0) if at is None else at.physics
+        hint = "choose others with autopilot.port"
+        self._sock = bind_udp(self._physics, f"physics of UAV {config.id}", hint)
         self._child = Child("ArduPlane", config.id)
+        self._asked_s = 0.0  # when it was answered last, by the wall clock
         self._launch: AircraftLaunch | None = None
         self._held = 0  # control periods of its clock before the flight
+        self._started = 0  # of these, when it was started last
+        self._odd_rate_hz = 0  # that its frames cannot have, and that is said
         self._launched: int | None = None  # of these, when the launch began
         self._armed: int | None = None
         self._waits = False  # it has sent a frame that is not answered
@@ -72,6 +82,7 @@ class ArduPlane:
         self._frame_steps = 1
         self._answer, self._again_s = b"", 0.0
         self._time_s: float | None = None  # of the flight, for messages
+        self._paced: tuple[float, int] | None = None  # wall time and `_held` since it is ready
         self._until = 0  # of these, as long as which it may answer a station
         self._first = 0  # step at which the flight begins
 
@@ -81,44 +92,35 @@ class ArduPlane:
         if state is None:
             text = "ArduPlane makes its own sensors of the true state: set navigation: true_state"
             raise ForeignInputError(f"UAV {config.id}: {text}")
-        rc_port, base_port = free_ports(2)
-        at = config.origin
-        self._child.start(
-            self._own.binary,
-            [
-                "--model", "JSON:127.0.0.1",
-                "--sim-port-out", str(self._sock.getsockname()[1]),
-                "--rc-in-port", str(rc_port),
-                "--base-port", str(base_port),
-                "--serial0", f"udpclient:{self._link}",
-                "--serial1", "none:", "--serial2", "none:",
-                "--sysid", str(config.id),
-                "--speedup", str(_AHEAD),
-                "--start-time", str(_BEGAN_S),
-                "--home", f"{at.latitude_deg:.9f},{at.longitude_deg:.9f},{at.altitude_m:.3f},0",
-                "--defaults", self._defaults(),
-            ],
-        )  # fmt: skip
         self._first = self._due = first.step
+        self._asked_s = time.monotonic()
+        self._start()
         x = np.concatenate([state[name] for name in ("position", "velocity", "attitude", "rates")])
         acceleration, period_s = self._own.outputs.launch_acceleration_m_s2, config.step_us / 1e6
         steps = math.ceil(float(np.linalg.norm(state["velocity"])) / acceleration / period_s)
         gravity = float(aircraft_record(config.aircraft)["g"])
         self._launch = new_launch(x, state["wind"], gravity, steps * period_s)
 
-    def _defaults(self) -> str:
-        """Return the files of its parameters: derived ones, and behind them the user's."""
-        config, path = self._config, self._own.defaults
-        derived = self._child.folder / "derived.parm"
-        text = parameter_text(parameters_of(config.aircraft, self._own.outputs, config.step_us))
-        derived.write_text(text + _NO_LOGS)
-        if path is None:
-            return str(derived)
-        own = Path(path).expanduser().resolve()
-        if not own.is_file():
-            text = f"autopilot.defaults is {path}, and there is no such file"
-            raise ForeignInputError(f"UAV {config.id}: {text}")
-        return f"{derived},{own}"
+    def _start(self) -> None:
+        """Start it, or say how it is started."""
+        if self._own.binary is None:
+            self.notices.append(instruction(self._config))
+            return
+        rc_port, base_port = free_ports(2)
+        physics = UdpAddress("127.0.0.1", self._sock.getsockname()[1])
+        self._child.start(
+            self._own.binary,
+            [
+                *arguments(
+                    self._config, physics, self._link, self._child.folder / "derived.parm", _NO_LOGS
+                ),
+                "--start-time", str(_BEGAN_S),
+                "--rc-in-port", str(rc_port),
+                "--base-port", str(base_port),
+                "--serial1", "none:", "--serial2", "none:",
+                "--speedup", str(_AHEAD),
+            ],
+        )  # fmt: skip
 
     def hold(self, talk: Conversation) -> bool:
         """Let its clock run on; return whether its launch is over."""
@@ -147,22 +149,58 @@ class ArduPlane:
         """Return whether its clock may run on.
 
         Stations talk to it once it is ready. It runs for their messages alone, as long for each as
-        its answer takes: so it has the same time at each in every flight.
+        its answer takes: so it has the same time at each in every flight. One that is started by
+        hand keeps to the wall clock.
         """
         if self._armed is not None or not talk.is_ready:
             return True
+        if self._own.binary is None:  # somebody flies it, who may have a link of his own to it
+            while talk.release():
+                pass
+            return not self._is_ahead()
         if self._held >= self._until:
             takes_s = talk.release()
             self._until = self._held + math.ceil(takes_s * 1e6 / self._config.step_us)
             talk.exchange(self._own_time_s)
         return self._held < self._until
 
+    def _is_ahead(self) -> bool:
+        """Return whether it is ahead of the wall clock, by which an operator times it."""
+        now = time.monotonic()
+        if self._paced is None:
+            self._paced = now, self._held
+        since, held = self._paced
+        return (self._held - held) * self._config.step_us / 1e6 > now - since
+
     def _check_ready(self, ready: bool) -> None:
         self._child.check()
-        passed_s, limit_s = self._own_time_s, self._own.ready_within_s
+        self._check_silence("before the flight")
+        passed_s = (self._held - self._started) * self._config.step_us / 1e6
+        limit_s = self._own.ready_within_s
         if not ready and passed_s > limit_s:
             text = f"ArduPlane is not ready to be armed after {limit_s:g} s of its time"
             raise ForeignError(text)
+        if passed_s > _SETTLED_S:
+            self._check_rate()
+
+    def _check_silence(self, when: str) -> None:
+        limit_s = self._own.answers_within_s
+        if not self._waits and time.monotonic() - self._asked_s > limit_s:
+            text = f"ArduPlane has been silent for {limit_s:g} s {when}"
+            raise ForeignError(f"{text}; {self._peer.describe()}")
+
+    def _check_rate(self) -> None:
+        """Say once if its frames are not as long as it asks for."""
+        rate_hz = self._peer.packet.rate_hz if self._peer.packet else 0
+        step_us, steps = self._config.step_us, self._frame_steps
+        off = abs(steps * step_us * rate_hz / 1e6 - 1.0)
+        if off < _NEAR or rate_hz in {0, self._odd_rate_hz}:
+            return
+        self._odd_rate_hz = rate_hz
+        self.notices.append(
+            f"ArduPlane asks for steps of {1e6 / rate_hz:.0f} us (SIM_RATE_HZ {rate_hz}) and gets "
+            f"{steps * step_us} us, whole control periods of {step_us} us: its clock follows"
+        )
 
     def _is_launched(self) -> bool:
         """Return whether the flight begins now; launch it when its motor may turn."""
@@ -202,20 +240,18 @@ class ArduPlane:
             wind=out_of_body(wind, attitude),
         )
         self._reply(self._instruments.shown(sent.step, self._time_s, motion))
-        end = time.monotonic() + _PATIENCE_S
         while not self._waits:
             self._receive(_WAIT_S)
             if not self._waits:
                 self._child.check(self._time_s)
-                if time.monotonic() > end:
-                    text = f"ArduPlane has been silent for {_PATIENCE_S:g} s"
-                    raise ForeignError(f"{text} at {self._time_s:.3f} s")
+                self._check_silence(f"at {self._time_s:.3f} s")
         self._due = sent.step + self._frame_steps
         return self._outputs.shares
 
     def _reply(self, measured: Measured) -> None:
         """Answer the frame that waits."""
         self._answer, self._waits = answer(measured), False
+        self._asked_s = time.monotonic()
         self._send()
         self._again_s = time.monotonic() + _AGAIN_S
 
@@ -232,7 +268,12 @@ class ArduPlane:
         except OSError:  # none came
             return
         match self._peer.receive(datagram, address, time.monotonic()):
-            case Frame.NEW | Frame.RESTARTED:
+            case Frame.RESTARTED if self._time_s is not None:
+                text = f"ArduPlane was started again at {self._time_s:.3f} s"
+                raise ForeignError(f"{text}: start the flight again")
+            case Frame.NEW | Frame.RESTARTED as frame:
+                if frame is Frame.RESTARTED:
+                    self._started = self._held
                 packet = self._peer.packet
                 assert packet is not None
                 self._outputs.receive(packet.pulses_us)
@@ -242,7 +283,9 @@ class ArduPlane:
                 self._send()  # its answer was lost
 
     def close(self) -> None:
-        """End it."""
+        """End it, if it was started here."""
+        if self._peer.packet is not None:
+            self.notices.append(f"ArduPlane: {self._peer.describe()}")
         self._child.close()
         self._sock.close()
 

@@ -65,9 +65,11 @@ class ForeignAutopilot(Protocol):
 
     Attributes:
         failures: Faults of the sensors that it is shown, which the bridge sets.
+        notices: Lines for the operator, which the bridge takes away.
     """
 
     failures: Failures
+    notices: list[str]
 
     def begin(self, first: PlantStep) -> None:
         """Start the program, and hold the aircraft where the plant has it.

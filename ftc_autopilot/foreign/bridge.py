@@ -11,11 +11,13 @@ import socket
 import time
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.foreign.arduplane import ArduPlane
 from ftc_autopilot.foreign.base import ForeignAutopilot, ForeignError, ForeignInputError
+from ftc_autopilot.foreign.by_hand import waiting
 from ftc_autopilot.foreign.plant_link import PlantSide
 from ftc_autopilot.foreign.px4_plane import Px4Plane
 from ftc_autopilot.foreign.recorder import ForeignRecorder
@@ -41,6 +43,7 @@ _TICK_S = 0.02
 _TURN_S = 0.005  # between two looks at the other links while the plant's time runs
 _HEARTBEAT_S, _REGISTER_S = 1.0, 0.2
 _COUNT_S = 0.5
+_TAKEOVER_S = 3.0  # of silence, before one that is started by hand may be another one
 _LOOPBACK = "127.0.0.1"
 _IN_LOCKSTEP = "a foreign autopilot is started again in lockstep only"
 
@@ -90,8 +93,12 @@ class Bridge:
         stations = [endpoint.resolve(endpoint.parse_address(text)) for text in config.gcs]
         self._stations = [(one.host, one.port) for one in stations]
         self._gcs = sockets.enter_context(endpoint.open_udp(stations))
-        own = UdpAddress(_LOOPBACK, 0)
-        self._side = sockets.enter_context(endpoint.bind_udp(own, f"MAVLink of UAV {config.id}"))
+        self._by_hand = waiting(config)
+        own = self._by_hand.mavlink if self._by_hand else UdpAddress(_LOOPBACK, 0)
+        hint = "choose others with autopilot.port"
+        self._side = sockets.enter_context(
+            endpoint.bind_udp(own, f"MAVLink of UAV {config.id}", hint)
+        )
         for sock in (self._gcs, self._side):
             sock.setblocking(False)
         self._plant.settimeout(_TICK_S)
@@ -103,14 +110,16 @@ class Bridge:
             resumes=checkpoint is not None and checkpoint.exists(),
         )
         self._peer: tuple[str, int] | None = None  # where the autopilot's MAVLink comes from
-        link = UdpAddress(_LOOPBACK, self._side.getsockname()[1])
+        self._peer_s = 0.0  # when it came last
+        link = UdpAddress(own.host, self._side.getsockname()[1])
         assert not isinstance(config.autopilot, FtcAutopilot)
         self._autopilot = FOREIGN[config.autopilot.kind](config, link)
         sockets.callback(self._autopilot.close)
         faults = SensorFaults(self._autopilot.failures, config.autopilot.refuses, self._time_s)
-        self._vehicle = ForeignVehicle(
-            config.id, config.origin, self._link.counts, faults, checkpoint
+        self._new_vehicle = partial(
+            ForeignVehicle, config.id, config.origin, self._link.counts, faults, checkpoint
         )
+        self._vehicle = self._new_vehicle()
         self._is_kept = checkpoint is not None
         self._armed = self._over = False
         self._heard_s = time.monotonic()
@@ -158,6 +167,7 @@ class Bridge:
         There is no record of a flight that did not begin, and no end of one that goes on with the
         next bridge.
         """
+        self._take_notices()
         goes_on = self.loss is not None and self._is_kept and not self._link.is_over
         if goes_on:
             self._recorder.flush()
@@ -207,10 +217,11 @@ class Bridge:
     def exchange(self, time_s: float) -> None:
         """Take in what the autopilot has sent, and send what waits, at a time of its clock [s]."""
         for datagram, sender in _waiting(self._side):
-            self._peer = self._peer or sender
-            if sender != self._peer:  # the autopilot has one socket: this is somebody else
+            now = time.monotonic()
+            if sender != self._peer and not self._follow(now):
                 self._link.drops[DropReason.STRANGER] += 1
                 continue
+            self._peer, self._peer_s = sender, now
             self._vehicle.receive(datagram, time_s)
         if (refusal := self._vehicle.told.refusal) is not None:
             raise ForeignError(refusal)
@@ -282,6 +293,7 @@ class Bridge:
                 pass
             self.exchange(now)
         self._vehicle.handle_timer(now)
+        self._take_notices()
         running = self._link.is_running
         if now >= self._due_s:
             self._due_s = now + (_REGISTER_S if self._link.step is None else _HEARTBEAT_S)
@@ -298,6 +310,25 @@ class Bridge:
         status = dialect.MAV_STATE_ACTIVE if armed else dialect.MAV_STATE_STANDBY
         kind, autopilot = dialect.MAV_TYPE_FIXED_WING, dialect.MAV_AUTOPILOT_GENERIC
         return dialect.MAVLink_heartbeat_message(kind, autopilot, armed, 0, status, 3)
+
+    def _take_notices(self) -> None:
+        """Show stations, and the log, what the operator should know."""
+        while self._autopilot.notices:
+            text = self._autopilot.notices.pop(0)
+            self._log(text)
+            self._vehicle.say(dialect.MAV_SEVERITY_NOTICE, text)
+
+    def _follow(self, now: float) -> bool:
+        """Return whether another sender may be the autopilot, which has one socket: once.
+
+        One that is started by hand may be started again before the flight.
+        """
+        if self._peer is None:
+            return True
+        if self._by_hand is None or self._armed or now - self._peer_s < _TAKEOVER_S:
+            return False
+        self._vehicle = self._new_vehicle()
+        return True
 
     def _receive_from_stations(self, now: float) -> None:
         for datagram, sender in _waiting(self._gcs):

@@ -69,6 +69,7 @@ class Px4Plane:
             self._own.simulator_host, PORT + self._instance, f"PX4 of UAV {config.id}"
         )
         self._child = Child("PX4", config.id)
+        self.notices: list[str] = []
         self._launch: AircraftLaunch | None = None
         self._held = np.zeros(1, SIM_STATE)[0]
         self._tick = 0  # control periods that its sensors have seen

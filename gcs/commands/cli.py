@@ -14,7 +14,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from gcs.command_list import OWN, GcsCommand, command_of, load, registered
+from gcs.command_list import GONE, OWN, GcsCommand, command_of, load, registered
 from gcs.commands.options import ConnectOption, ThemeOption
 from gcs.console.errors import BadInput, GcsError, Interrupted
 from gcs.console.extras import missing
@@ -55,6 +55,8 @@ class _Commands(TyperGroup):
         super().__init__(**{**attributes, "commands": lines})
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        if args and args[0] in GONE:
+            raise BadInput(f"there is no gcs {args[0]} any more", f"use {GONE[args[0]]}")
         if args and args[0] not in OWN:
             self.list_commands(ctx)  # for the suggestions as well
         if args and args[0] in self.commands:

@@ -10,7 +10,7 @@ from typing import Any
 
 from gcs.console.errors import BadInput
 from gcs.fleet.disk_space import check_space
-from gcs.fleet.foreign import check_foreign
+from gcs.fleet.foreign import check_foreign, to_start
 from gcs.fleet.ports import check_ports
 from gcs.fleet.remarks import WARNING, WarningRemark, exposures, remarks_of
 from gcs.results.choices import Record
@@ -75,7 +75,7 @@ class How:
             if getattr(self, name):
                 text = f"{named(name)} is of processes; a flight in process has none"
                 raise BadInput(text, "leave it out, or fly over UDP")
-        check_foreign(scenario, over_udp=self.over_udp)
+        check_foreign(scenario, over_udp=self.over_udp, attended=True)
         if speed is not None and not 0.0 < speed < math.inf:
             raise BadInput(
                 f"{named('speed')} is {speed:g}, expected a factor above 0", "1 is real time"
@@ -102,6 +102,7 @@ class How:
         if self.over_udp:
             links = scenario.links
             yield from exposures(links, with_key=links.signing_key is not None)
+            yield from map(WarningRemark, to_start(scenario))
 
 
 IN_PROCESS = How(over_udp=False)

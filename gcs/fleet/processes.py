@@ -264,12 +264,18 @@ class FleetProcesses:
         plant = self._scenario.plant_config(self._speed, endless=self._endless)
         if self._restart:
             plant = plant.model_copy(update={"wait_for_restart": True})
+        foreign = self._scenario.foreign.values()
+        patience_s = max((own.answers_within_s + _STOP_S for own in foreign), default=None)
+        if patience_s is not None:  # a bridge says it first
+            plant = plant.model_copy(update={"silence_timeout_s": patience_s})
         dump(plant, self._folder / f"{_PLANT}.yaml")
         for uav in self._scenario.uavs:
             config = through(self._scenario.autopilot_config(uav.id), self.relay.via)
             changes: dict[str, object] = {"gcs": (*config.gcs, *self._ground_stations)}
             if self._restart:  # the supervisor sees the plant end; a slow one is waited for
                 changes["silence_timeout_s"] = _SUPERVISED_SILENCE_S
+            elif patience_s is not None:
+                changes["silence_timeout_s"] = patience_s
             dump(config.model_copy(update=changes), self._folder / f"uav{uav.id}.yaml")
 
     def _start(self, parts: Sequence[str], ports: Sequence[int], *options: str) -> None:

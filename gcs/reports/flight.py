@@ -1,6 +1,7 @@
 """The results of a flight as tables for the terminal."""
 
 from collections.abc import Iterator
+from dataclasses import astuple
 
 from rich.table import Table
 from rich.text import Text
@@ -35,6 +36,8 @@ def flight_tables(summary: FlightSummary, scenario: Scenario) -> list[Table | Te
     if any(uav.path is not None for uav in summary.uavs):
         tables.append(_path(summary, names))
     tables += _beside(summary, names)
+    if any(uav.motion is not None for uav in summary.uavs):
+        tables.append(_motion(summary, names))
     return [*tables, *remarks, *least_separation(summary), *lowest_altitude(summary), total]
 
 
@@ -218,6 +221,17 @@ def _path(summary: FlightSummary, names: dict[int, str]) -> Table:
         shown = ("-" if value is None else f"{value:.2f}" for value in errors)
         share = path.counted_steps / path.flown_steps if path.flown_steps else None
         table.add_row(names[uav.id], *shown, percent(share))
+    return table
+
+
+def _motion(summary: FlightSummary, names: dict[int, str]) -> Table:
+    columns = ("roll\n[deg]", "pitch\n[deg]", "altitude\n[m]", "airspeed\n[m/s]")
+    title = "Motion, least and greatest, of UAVs whose references are not known"
+    table = table_of(texts("UAV"), *map(numbers, columns), title=title)
+    for uav in summary.uavs:
+        if uav.motion is not None:
+            bands = (f"{least:.1f} to {most:.1f}" for least, most in astuple(uav.motion))
+            table.add_row(names[uav.id], *bands)
     return table
 
 

@@ -88,6 +88,23 @@ class BesideSummary:
 
 
 @dataclass(frozen=True)
+class MotionBands:
+    """Between what values the true motion of one UAV was: whether it flew, or tumbled.
+
+    Attributes:
+        roll_deg: Least and greatest [deg].
+        pitch_deg: [deg].
+        altitude_m: Above the origin [m].
+        airspeed_m_s: [m/s].
+    """
+
+    roll_deg: tuple[float, float]
+    pitch_deg: tuple[float, float]
+    altitude_m: tuple[float, float]
+    airspeed_m_s: tuple[float, float]
+
+
+@dataclass(frozen=True)
 class UavSummary:
     """One UAV's part of a flight; errors are by quantity, None where no step has one.
 
@@ -119,6 +136,7 @@ class UavSummary:
         commands: Commands of its mission that it passed, and announced or would have, in order.
         ground: What became of it on the ground; None of an aircraft without gear.
         beside: Our trigger beside a foreign autopilot; None of an autopilot of ours.
+        motion: Of one that a foreign autopilot flies, whose references are not known; else None.
     """
 
     id: int
@@ -145,6 +163,7 @@ class UavSummary:
     commands: tuple[PassedCommand, ...] = ()
     ground: GroundSummary | None = None
     beside: BesideSummary | None = None
+    motion: MotionBands | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return its part of `summary.json`."""

@@ -34,13 +34,13 @@ class FlightMark:
     """What a folder was flown for.
 
     Attributes:
-        command: Of `gcs`: fly, up or ardupilot.
+        command: Of `gcs`: fly or up; ardupilot of an earlier version.
         scenario: File or bundled scenario, as the user named it.
         additions: Files merged into it, in order (``--with``).
         settings: Keys and their values (``--set``).
         title: Name of the scenario, with what was changed.
-        law: Kind of the control law.
-        trigger: Mode of the trigger.
+        law: Kind of the control law, and of foreign autopilots.
+        trigger: Mode of the trigger; "" if all have foreign autopilots.
         uavs: Number of UAVs.
         faults: The scenario's faults, each as a text.
         version: Version of the package.
@@ -84,14 +84,16 @@ class FlightMark:
             additions: As of ``--with``.
             settings: Values by key, as of ``--set KEY=VALUE``.
         """
+        kinds = sorted({own.kind for own in scenario.foreign.values()})
+        ours = len(scenario.foreign) < len(scenario.uavs)
         return cls(
             command=command,
             scenario=name,
             additions=list(additions or ()),
             settings=dict(settings or {}),
             title=scenario.name,
-            law=scenario.controller.kind,
-            trigger=scenario.trigger.mode,
+            law=", ".join([*[scenario.controller.kind] * ours, *kinds]),
+            trigger=scenario.trigger.mode if ours else "",
             uavs=len(scenario.uavs),
             faults=[f"UAV {uav}: {fault.describe()}" for uav, fault in scenario.fault_commands()],
         )

@@ -12,6 +12,7 @@ from gcs.results.figures import (
     ControlFailure,
     DiagnosisSummary,
     FlightSummary,
+    MotionBands,
     UavSummary,
 )
 from gcs.results.ground import GroundSummary, TouchdownSummary
@@ -134,6 +135,7 @@ def _summarise_uav(
         control_failure=_failure(own, step_us),
         ground=_on_ground(ending.contacts[i] if ending.contacts else None),
         beside=None if beside is None else _beside(beside.counts, scenario.trigger.mode),
+        motion=_motion(tally.motion.get(i)),
     )
 
 
@@ -159,6 +161,13 @@ def _on_ground(facts: dict[str, Any] | None) -> GroundSummary | None:
         return None
     worst = facts["worst"]
     return GroundSummary(**{**facts, "worst": worst and TouchdownSummary(**worst)})
+
+
+def _motion(bands: np.ndarray | None) -> MotionBands | None:
+    """Return the bands of a UAV's motion; None without any."""
+    if bands is None or not np.isfinite(bands).all():
+        return None
+    return MotionBands(*zip(*bands.tolist(), strict=True))
 
 
 def _failure(own: np.void, step_us: int) -> ControlFailure | None:

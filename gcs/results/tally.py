@@ -78,6 +78,8 @@ class Tally:
         separation: Least distance between two UAVs.
         following: How the UAVs follow their path; None for a scenario without a mission.
         beside: Triggers beside foreign autopilots, by index of the UAV.
+        motion: Of UAVs of foreign autopilots, by index, shape (2, 4): least and greatest roll,
+            pitch [deg], altitude [m] and airspeed [m/s].
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -86,6 +88,7 @@ class Tally:
         self._foreign = silent_in(scenario)
         found = ((i, beside_of(scenario, uav.id)) for i, uav in enumerate(scenario.uavs))
         self.beside: dict[int, Beside] = {i: one for i, one in found if one is not None}
+        self.motion = {i: np.array([[np.inf] * 4, [-np.inf] * 4]) for i in self._foreign}
         self.steps = 0
         self.traffic = Traffic(scenario)
         self.synchronisation = Synchronisation(scenario)
@@ -177,7 +180,7 @@ class Tally:
             errors=errors,
         )
         if i in self._foreign:
-            _count_foreign(steps, column, self.uavs[i])
+            _count_foreign(steps, column, self.uavs[i], self.motion[i])
         if (beside := self.beside.get(i)) is not None:
             beside.add(steps, column)
         if self.uavs[i]["changes"] > before["changes"]:
@@ -195,13 +198,18 @@ class Tally:
             self._decisions[i].append(decision)
 
 
-def _count_foreign(steps: Steps, column: int, tally: np.void) -> None:
+def _count_foreign(steps: Steps, column: int, tally: np.void, motion: np.ndarray) -> None:
     """Count what a foreign autopilot did, whose references are not known.
 
     It controls in every step; its attitude is lost when it is more than 90° from the horizon.
     """
-    tally["active"] += np.isfinite(steps.signals["V"][:, column]).sum()
+    airspeed = steps.signals["V"][:, column]
+    tally["active"] += np.isfinite(airspeed).sum()
     roll, pitch = np.moveaxis(steps.states[:, column, 6:8], 1, 0)
+    within = np.rad2deg((roll + np.pi) % (2.0 * np.pi) - np.pi)
+    values = np.stack((within, np.rad2deg(pitch), -steps.states[:, column, 2], airspeed))
+    motion[0] = np.fmin.reduce(np.column_stack((motion[0], values)), axis=1)
+    motion[1] = np.fmax.reduce(np.column_stack((motion[1], values)), axis=1)
     tilted = np.flatnonzero((np.cos(roll) < 0.0) | (np.abs(pitch) > _MAX_ANGLE))
     if tally["attitude_lost"] < 0 and len(tilted):
         tally["attitude_lost"] = steps.first + tilted[0]

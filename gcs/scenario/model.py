@@ -62,6 +62,7 @@ from gcs.scenario.sections import (
     ScenarioFault,
     ScenarioUav,
 )
+from mavlink_defs.config import renamed
 from mavlink_defs.config.files import validate
 from mavlink_defs.config.inherit import read_inherited
 from mavlink_defs.config.models import (
@@ -85,11 +86,13 @@ from sitl_plant.actuators.config import ActuatorServos, Servos
 from sitl_plant.air.config import Disturbance, Wind
 from sitl_plant.airframe.config import Aircraft, Uncertainty, true_aircraft
 from sitl_plant.airframe.gear import Ground, Runway
-from sitl_plant.ardupilot.config import ArduPilot
 from sitl_plant.config import PlantConfig, PlantUav, Seed, start_problems
 from sitl_plant.sensing.config import Navigation, Sensors
 from sitl_plant.sensing.units import FAULT_NAMES, units_of
 from sitl_plant.simulators.config import OwnPlant, PlantSection
+
+BEFORE = "ardupilot"
+"""A section of earlier versions; it has gone when `mavlink_defs.config.renamed.GONE` comes."""
 
 
 class Scenario(Model):
@@ -127,7 +130,6 @@ class Scenario(Model):
         links: Addresses, ports, signing, impairments.
         origin: Geographic coordinates of north = east = down = 0.
         identity: Autopilot whose MAVLink conventions the UAVs follow.
-        ardupilot: Outputs of an ArduPilot that flies it by gcs ardupilot.
     """
 
     name: Title = Field(min_length=1)
@@ -164,7 +166,6 @@ class Scenario(Model):
     links: Links = Links()
     origin: Origin = Origin()
     identity: Identity = "ardupilot"
-    ardupilot: ArduPilot = ArduPilot()
 
     def plant_config(self, speed: float | None = None, *, endless: bool = False) -> PlantConfig:
         """Return the configuration of the plant process.
@@ -323,6 +324,19 @@ class Scenario(Model):
     def _formation_address(self, uav_id: int) -> str:
         return self.links.address(self.links.formation_base_port + uav_id)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _of_before(cls, data: Any) -> Any:
+        """Take the section `ardupilot` of earlier versions as the outputs of the autopilot."""
+        if not isinstance(data, dict) or BEFORE not in data:
+            return data
+        rest = {key: value for key, value in data.items() if key != BEFORE}
+        own = rest.get("autopilot")
+        if isinstance(own, dict) and own.get("kind") == "ardupilot":
+            renamed.warn(BEFORE, "autopilot.outputs")
+            rest["autopilot"] = {"outputs": data[BEFORE], **own}
+        return rest
+
     @model_validator(mode="after")
     def _sections_fit_together(self) -> "Scenario":
         checks = (
@@ -475,7 +489,7 @@ def scenario_tree(name: Path | str, *, is_base: bool = False) -> dict[Any, Any]:
     path = find_scenario(name)
     if is_mission_file(path):
         raise ConfigError(path, [Problem((), "a mission, not a scenario; see gcs mission")])
-    known = Scenario.model_fields.keys()
+    known = {*Scenario.model_fields, BEFORE}
     tree = read_inherited(path, known, base_of, with_named_files, is_base=is_base)
     return without_nulls(tree)
 

@@ -5,7 +5,7 @@ ArduPlane's without mixers: aileron, elevator, throttle, rudder on 1 to 4; 1000 
 own model of a plane (SIM_Plane.cpp) takes them.
 """
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
@@ -15,6 +15,12 @@ from mavlink_defs.faults.sensors import SensorName
 
 CHANNELS = (16, 32)
 """Outputs in a packet of ArduPilot, without and with SERVO_32_ENABLE."""
+PORT = 9002
+"""UDP port of the physics for the first instance of ArduPilot."""
+PORTS_APART = 10
+"""Instance k of ArduPilot (its option -I k) sends to the port so many times k higher."""
+_BEFORE = {"hold", "launch_throttle"}
+"""Keys of earlier versions, which run folders have."""
 
 JSON_INSTRUMENTS: tuple[SensorName, ...] = ("gyro", "accelerometer", "gps", "airspeed")
 """What the JSON interface shows: all else ArduPilot makes of position and attitude."""
@@ -75,20 +81,22 @@ class ArduPilot(Model):
         elevator: Output of the elevator.
         rudder: Output of the rudder.
         throttle: Output of the throttle.
-        hold: Hold the aircraft on a launcher until ArduPilot commands thrust.
     """
 
     aileron: SurfaceOutput = SurfaceOutput(channel=1)
     elevator: SurfaceOutput = SurfaceOutput(channel=2)
     rudder: SurfaceOutput = SurfaceOutput(channel=4)
     throttle: ThrottleOutput = ThrottleOutput()
-    hold: bool = Field(default=True, strict=True)
-    launch_throttle: float = quantity(
-        "", "Share of the thrust above which it is launched.", 0.05, ge=0.0, lt=1.0
-    )
     launch_acceleration_m_s2: float = quantity(
         "m/s^2", "Acceleration of the launch.", 15.0, gt=0.0, le=1000.0
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_before(cls, data: Any) -> Any:
+        if not isinstance(data, dict):
+            return data
+        return {key: value for key, value in data.items() if key not in _BEFORE}
 
     @property
     def surfaces(self) -> tuple[SurfaceOutput, SurfaceOutput, SurfaceOutput]:

@@ -34,21 +34,14 @@ class Outputs:
         self._signs = [-1.0 if C[c][c] < 0.0 else 1.0 for c in _SURFACES]
         self.shares = np.zeros(N_CHANNELS, np.float32)
 
-    def receive(self, pulses_us: tuple[int, ...]) -> int:
-        """Take the pulses of a frame, of 16 or 32 outputs [µs].
-
-        Returns:
-            Bit mask of the actuators whose command has changed, bit numbers as FTC_ACTUATOR.
-        """
-        before = self.shares.copy()
+    def receive(self, pulses_us: tuple[int, ...]) -> None:
+        """Take the pulses of a frame, of 16 or 32 outputs [µs]."""
         for c, surface in zip(_SURFACES, self._config.surfaces, strict=True):
             pulse = _pulse(pulses_us, surface)
             if pulse > 0:
                 self.shares[c] = self._signs[c] * surface_share(pulse, surface)
         throttle = self._config.throttle
         self.shares[THROTTLE] = throttle_share(_pulse(pulses_us, throttle), throttle)
-        changed = np.flatnonzero(self.shares != before)
-        return sum(1 << int(c) for c in changed)
 
 
 def surface_share(pulse_us: float, surface: SurfaceOutput) -> float:

@@ -85,6 +85,16 @@ class Peer:
         self.restarts += 1
         return Frame.RESTARTED
 
+    def describe(self) -> str:
+        """Say in a line what has come."""
+        text = "no frame has come"
+        if (last := self.packet) is not None:
+            text = f"{self.frames} frames of {len(last.pulses_us)} channels at {last.rate_hz} Hz, "
+            text += f"{self.repeated} repeated, {self.missing} missing"
+        for reason, count in self.dropped.items():
+            text += f"; dropped {count} datagrams: {reason}"
+        return text
+
     def _drop(self, reason: str) -> Frame:
         self.dropped[reason] += 1
         return Frame.DROPPED

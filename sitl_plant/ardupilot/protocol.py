@@ -10,10 +10,6 @@ from typing import NamedTuple
 
 from sitl_plant.vec3 import Vec3
 
-PORT = 9002
-"""UDP port of the physics for the first instance of ArduPilot."""
-PORTS_APART = 10
-"""Instance k of ArduPilot (its option -I k) sends to the port so many times k higher."""
 MAX_STEP_US = 100_000
 """ArduPilot does not advance its clock by answers that are so far apart in time, or further."""
 

@@ -5,7 +5,10 @@ law of `json_peer`. Its clock is that of the answers, so its MAVLink has the sam
 
 Options of its own, in the environment: PEER_READY_S, its time until it can be armed; PEER_REFUSES,
 the reason for which it refuses to be armed; PEER_DIES_S, its time at which it ends; PEER_HEARD, a
-file to which it writes what it is told, a line each: one that finds such a file does not end.
+file to which it writes what it is told, a line each: one that finds such a file does not end;
+PEER_RATE_HZ and PEER_CHANNELS of its frames; PEER_TWICE 1: once it is armed, each tenth frame is
+sent twice; PEER_GARBAGE 1: something else comes before the first one; PEER_ANSWERS, the file for
+the answers.
 """
 
 import argparse
@@ -14,10 +17,9 @@ import socket
 import sys
 from typing import Any
 
-from json_peer import Autopilot
+from json_peer import Autopilot, servo_packet
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-RATE_HZ = 500
 ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 HEALTHY = mavlink.MAV_SYS_STATUS_PREARM_CHECK
 
@@ -119,16 +121,9 @@ class Vehicle:
 
 def main() -> None:
     parser = argparse.ArgumentParser()
-    for name in (
-        "model",
-        "rc-in-port",
-        "base-port",
-        "serial1",
-        "serial2",
-        "speedup",
-        "home",
-        "start-time",
-    ):
+    parser.add_argument("-I")
+    names = ("model", "rc-in-port", "base-port", "serial1", "serial2", "speedup", "home")
+    for name in (*names, "start-time"):
         parser.add_argument(f"--{name}")
     parser.add_argument("--sim-port-out", type=int, required=True)
     parser.add_argument("--sysid", type=int, required=True)
@@ -144,12 +139,22 @@ def main() -> None:
     dies_s = float(os.environ.get("PEER_DIES_S", "inf"))
     if os.path.exists(os.environ.get("PEER_HEARD", "")):
         dies_s = float("inf")
+    rate_hz = int(os.environ.get("PEER_RATE_HZ", "500"))
+    twice, garbage = "PEER_TWICE" in os.environ, "PEER_GARBAGE" in os.environ
     vehicle = Vehicle(options.serial0, options.sysid)
-    with Autopilot(options.sim_port_out, rate_hz=RATE_HZ) as peer:
-        frame, began_s = 0, 0.0
+    channels = int(os.environ.get("PEER_CHANNELS", "16"))
+    peer = Autopilot(options.sim_port_out, rate_hz=rate_hz, channels=channels)
+    for strange in (b"GET / HTTP/1.0\r\n\r\n", servo_packet(0, [1500] * 16, magic=18457)):
+        if garbage:
+            peer.send(strange)
+    frame, began_s = 0, 0.0
+    with open(os.environ.get("PEER_ANSWERS", os.devnull), "ab", buffering=0) as answers:
         while True:
             pwm = peer.outputs(0.4)
-            answer = peer.exchange(pwm if vehicle.armed else [1500, 1500, 1000, *pwm[3:]])
+            held = [1500, 1500, 1000, *pwm[3:]]
+            copies = 2 if twice and vehicle.armed and frame % 10 == 9 else 1
+            answer = peer.exchange(pwm if vehicle.armed else held, copies)
+            answers.write(peer.lines[-1][1:])
             began_s = answer["timestamp"] if frame == 0 else began_s
             time_s = answer["timestamp"] - began_s
             vehicle.ready = time_s >= ready_s
@@ -157,7 +162,7 @@ def main() -> None:
                 print("panic: the peer was to end here", flush=True)
                 sys.exit(3)
             vehicle.serve()
-            if frame % (RATE_HZ // 5) == 0:
+            if frame % (rate_hz // 5) == 0:
                 vehicle.beat(time_s, answer)
             frame += 1
 

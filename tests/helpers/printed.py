@@ -72,7 +72,6 @@ NO_TABLE = {
     "diagnose": "ends with 1 if it finds something; its own tests look at the table",
     "estimate": "wants a log with sensors; its own tests look at the table",
     "replay-fault": "wants a flight that failed; its own tests look at the tables",
-    "ardupilot": "waits for an ArduPilot; its tables are as of fly",
     "reproduce": "one sentence; its tables are in report.html",
     "up": "addresses, a line for each",
     "web": "an address",

@@ -62,11 +62,12 @@ def children_of(binary: str) -> list[int]:
 
 
 def test_it_flies_beside_ours_in_lockstep_twice_the_same(tmp_path: Path) -> None:
+    """Also if packets are lost: what it asks for again is answered again, and flown once."""
     recorded = []
-    for name in ("first", "second"):
+    for name, settings in (("first", {}), ("second", {"PEER_TWICE": "1"})):
         folder = tmp_path / name
         folder.mkdir()
-        done = flown(folder, mixed(folder, peer(folder)), "--record", "full")
+        done = flown(folder, mixed(folder, peer(folder, **settings)), "--record", "full")
         assert done.returncode == 0, done.stderr
         summary = summary_of(folder / "run")
         assert (summary["completed"], summary["steps"]) == (True, 1000)

@@ -25,6 +25,12 @@ GYRO = ("fault", "sensor", "set", "gyro", *NOWHERE)
 RUDDER = ("fault", "set", "rudder", "--effectiveness", "0.5", *NOWHERE)
 
 
+def test_a_command_that_has_gone_says_what_does_it_now() -> None:
+    problem = CliRunner().invoke(app, ["ardupilot", "paper/scenario1", "--uav", "1"]).exception
+    assert isinstance(problem, BadInput)
+    assert problem.hint == "use gcs fly SCENARIO --set autopilot.kind=ardupilot"
+
+
 def complaint(*arguments: str) -> str:
     """Return the message about bad input, ours or typer's, with exit status 2."""
     result = CliRunner(env={"COLUMNS": "200", "NO_COLOR": "1"}).invoke(app, arguments)

@@ -30,7 +30,6 @@ READ = {
     ("campaign", "file"): ["campaign", "@", "--out", "none"],
     ("trim", "scenario"): ["trim", "@"],
     ("runs note", "run"): ["runs", "note", "@", "text"],
-    ("ardupilot", "scenario"): ["ardupilot", "@", "--out", "none"],
     ("identify", "source"): ["identify", "--from", "@", "--aircraft", "aerosonde"],
     ("identify", "columns"): ["identify", TABLE, "--aircraft", "aerosonde", "--columns", "@"],
     ("up", "scenario"): ["up", "@", "--free-ports"],

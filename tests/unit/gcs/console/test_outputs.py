@@ -31,7 +31,6 @@ FILES = {
 """Commands whose --out is a file."""
 FOLDERS = {
     "aircraft": "aircraft aerosonde",
-    "ardupilot": "ardupilot paper/scenario1 --patience 0.1 --port 47002",
     "baseline": f"baseline paper/scenario1 {SHORT}",
     "campaign": "campaign campaigns/uncertainty --draws 2",
     "config": f"config paper/scenario1 {SHORT}",

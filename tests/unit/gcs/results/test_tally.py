@@ -1,6 +1,7 @@
 """Figures taken while a flight is flown equal the whole recording's, to the last bit."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
@@ -9,8 +10,10 @@ from ftc_autopilot.control.diagnosis import LOST
 from ftc_autopilot.control.signals import SIGNALS, no_signals
 from gcs.results.quantities import integrated_error
 from gcs.results.recording import Ending, Recording, Steps
+from gcs.results.summary import summary_of
 from gcs.results.tally import Tally
 from gcs.scenario.bundled import SCENARIOS
+from gcs.scenario.changes import with_changes
 from gcs.scenario.model import load_scenario
 
 STEP_US, STEPS, N = 10_000, 300, 3
@@ -103,10 +106,31 @@ def test_steps_without_the_law_bring_no_lost_actuator_back() -> None:
     assert [decision[:3] for decision in tally.decisions(0)] == [(100, 3, True)]
 
 
-def test_an_empty_flight_has_no_figures() -> None:
-    tally = Tally(SCENARIO)
+def test_the_motion_of_a_foreign_autopilot_has_bands() -> None:
+    """Of every step, however they arrive; angles within half a turn."""
+    flown = with_changes(SCENARIO, [], {"uavs[1].autopilot.kind": "ardupilot"}, "--set")
+    steps = random_flight(0, [], (0, 0))
+    steps.signals["V"][40:50, 1] = np.nan
+    tally = Tally(flown)
+    for cut in (slice(0, 0), slice(0, 45), slice(45, STEPS)):
+        tally.add(steps.part(cut.start, cut.stop))
+    tally.finish()
+    x = steps.states[:, 1]
+    roll = np.degrees(np.arctan2(np.sin(x[:, 6]), np.cos(x[:, 6])))
+    values = (roll, np.degrees(x[:, 7]), -x[:, 2], steps.signals["V"][:, 1])
+    assert [*tally.motion] == [1]
+    for k, value in enumerate(values):
+        assert tally.motion[1][:, k] == pytest.approx([np.nanmin(value), np.nanmax(value)])
+
+
+@pytest.mark.parametrize("changes", [{}, {"autopilot.kind": "ardupilot"}])
+def test_an_empty_flight_has_no_figures(changes: dict[str, str]) -> None:
+    flown = with_changes(SCENARIO, [], changes, "--set")
+    tally = Tally(flown)
     tally.add(Steps.room(0, N))
     tally.finish()
+    ending = Ending("lockstep", 0, np.zeros((N, 4), np.int64), 0.0, None)
+    assert {uav.motion for uav in summary_of(tally, ending, flown).uavs} == {None}
     assert not tally.uavs["counted"].any()
     assert np.isnan(tally.largest_final_error(0, -1.0)).all()
     assert SIGNALS["V"].kind == "f"

@@ -192,6 +192,23 @@ def test_flights_of_before_are_compared_by_present_names(tmp_path: Path) -> None
     }
 
 
+def test_the_section_ardupilot_of_before_is_the_autopilots_outputs(tmp_path: Path) -> None:
+    base = tmp_path / "base.yaml"
+    old = {"hold": False, "launch_throttle": 0.05, "throttle": {"min_us": 1100}}
+    base.write_text(yaml.safe_dump({"ardupilot": old}))
+    values = {"autopilot.kind": "ardupilot", "autopilot.outputs": {"rudder": {"channel": 5}}}
+    flown, texts = noticed(lambda: with_changes("paper/scenario1", [base], {}, "--set"))
+    assert (flown.autopilot.kind, texts) == ("ftc", [])
+    flown, texts = noticed(
+        lambda: with_changes("paper/scenario1", [base], {"autopilot.kind": "ardupilot"}, "--set")
+    )
+    assert flown.autopilot.outputs.throttle.min_us == 1100.0
+    assert texts == [text_of("ardupilot", "autopilot.outputs")]
+    flown, _ = noticed(lambda: with_changes("paper/scenario1", [base], values, "--set"))
+    outputs = flown.autopilot.outputs
+    assert (outputs.rudder.channel, outputs.throttle.min_us) == (5, 1000.0), "the present name"
+
+
 def test_a_law_that_extends_ours_reads_fields_by_names_of_before() -> None:
     class Own(Tube):
         """Another tube."""

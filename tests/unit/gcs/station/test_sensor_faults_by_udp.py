@@ -6,36 +6,37 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
-from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from gcs.api.station import connect
 from gcs.commands.cli import app
 from gcs.console.errors import BadInput, CommandRefused
-from gcs.fleet.ardupilot.faults import FaultStation
 from gcs.scenario.model import load_scenario
+from mavlink_defs import dialect
+from mavlink_defs.framing.frames import FramePacker, parse
+from mavlink_defs.services.command import CommandMessage, command_params
+from sitl_plant.loop.fault_commands import faults_of
 from sitl_plant.loop.fleet import new_plant_state
+from sitl_plant.loop.service import AircraftService
 
 SCENARIO = load_scenario("sensor_faults/pitot_off")
+UAV, NOW_S = 3, 12.0
 
 
 class Plant:
-    """The plant's services on a UDP port of their own, each as a vehicle."""
+    """The plant's service of one aircraft on a UDP port of its own, as a vehicle."""
 
     def __init__(self, has_sensors: bool) -> None:
         navigation = "estimated" if has_sensors else "true_state"
         config = SCENARIO.plant_config().model_copy(update={"navigation": navigation})
         fleet = new_plant_state(config)
         self.failures = fleet.sensing.faults
-        counts = np.zeros((3, 4), int)
-        flight: Any = SimpleNamespace(
-            fleet=fleet, step=12_000, events=counts, messages=counts[:, 0], is_flying=True
-        )
-        self._station = FaultStation(SCENARIO, flight)
+        limits = SCENARIO.aircraft_of(UAV).fault_limits
+        self._service = AircraftService(UAV, 1, faults_of(fleet, UAV - 1, limits))
+        self._packer = FramePacker(UAV, 1)
         self._sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._sock.bind(("127.0.0.1", 0))
         self._sock.settimeout(0.05)
@@ -46,16 +47,30 @@ class Plant:
 
     def _serve(self) -> None:
         while not self._stop.is_set():
-            now = time.monotonic()
             try:
                 datagram, address = self._sock.recvfrom(2048)
             except TimeoutError:
-                pass
-            else:
-                for frame in self._station.receive(datagram, address, now):
-                    self._sock.sendto(frame, address)
-            for frame, address in self._station.due(now):
-                self._sock.sendto(frame, address)
+                continue
+            for message in self._answers(datagram):
+                self._sock.sendto(self._packer.pack(message), address)
+
+    def _answers(self, datagram: bytes) -> list[dialect.MAVLink_message]:
+        message = parse(datagram)
+        assert message is not None
+        self._service.receive(message, NOW_S, time.monotonic())
+        answers = [
+            dialect.MAVLink_heartbeat_message(1, 0, 128, 0, 4, 3),
+            *self._service.messages_to_send(),
+        ]
+        asked = command_params(message)[0] if isinstance(message, CommandMessage) else 0.0
+        if asked == dialect.MAVLINK_MSG_ID_FTC_EVENTS:  # which have the simulated time
+            counts = [0] * 4
+            answers.append(
+                dialect.MAVLink_ftc_events_message(
+                    round(NOW_S * 1e3), 12_000, counts, counts, 0, counts, 0
+                )
+            )
+        return answers
 
     def close(self) -> None:
         self._stop.set()

@@ -95,5 +95,6 @@ def test_garbage_is_counted_and_changes_nothing(garbage):
     for datagram in garbage:
         assert peer.receive(datagram, OTHER, 0.0) is Frame.DROPPED
     assert sum(peer.dropped.values()) == len(garbage)
+    assert peer.describe().count("dropped") == len(peer.dropped)
     assert heard(peer, 5) == [Frame.NEW]
     assert peer.address == ONE

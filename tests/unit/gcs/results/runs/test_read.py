@@ -26,6 +26,7 @@ from gcs.results.run_folder import read_summary, save_summary
 from gcs.results.runs.index import list_runs
 from gcs.results.runs.run import Run
 from gcs.results.store import EVENTS, TRAJECTORY, EventStream, read_table
+from gcs.scenario.changes import with_changes
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.config.yaml_text import yaml_of
 from mavlink_defs.constants import ACTUATORS
@@ -220,6 +221,14 @@ def test_flights_of_others_are_told_apart(cache: Path, tmp_path: Path) -> None:
     (folder / "summary.json").write_text(json.dumps({**tree, "ardupilot": []}))
     (folder / FLIGHT).unlink()
     assert only(tmp_path).kind == "ardupilot"
+
+
+def test_the_mark_of_a_foreign_autopilot_has_no_law_of_ours(scenario1: Scenario) -> None:
+    both = with_changes(scenario1, [], {"uavs[2].autopilot.kind": "ardupilot"}, "--set")
+    alone = with_changes(scenario1, [], {"autopilot.kind": "ardupilot"}, "--set")
+    marks = [FlightMark.of("fly", "x", flown) for flown in (scenario1, both, alone)]
+    assert [mark.law for mark in marks] == ["proposed", "proposed, ardupilot", "ardupilot"]
+    assert [mark.trigger for mark in marks] == ["per_channel", "per_channel", ""]
 
 
 def test_a_sweep_is_a_run_with_medians(short: Path, tmp_path: Path) -> None:

@@ -1,1 +1,0 @@
-"""Flights by ArduPilot SITLs in place of our autopilots."""
