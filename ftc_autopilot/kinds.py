@@ -1,6 +1,7 @@
 """Which autopilot flies a UAV: ours, or the program of another project beside its bridge."""
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
@@ -9,7 +10,8 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from mavlink_defs import dialect
 from mavlink_defs.config.models import AtMost, Model, Problems, Title
 from mavlink_defs.config.quantity import quantity, whole
-from sitl_plant.ardupilot.config import PORT, ArduPilot
+from mavlink_defs.faults.fault import Fault
+from sitl_plant.ardupilot.config import JSON_INSTRUMENTS, PORT, ArduPilot
 from sitl_plant.px4.config import Px4Outputs
 
 _MODES = {"TAKEOFF": 13, "LOITER": 12, "CRUISE": 7, "FBWB": 6, "GUIDED": 15}
@@ -61,6 +63,23 @@ class ArduPlaneAutopilot(Model):
         "s", "Longest time until it sends a frame, by the wall clock.", 60.0, gt=0.0
     )
     outputs: ArduPilot = ArduPilot()
+
+    def fallible(self, sensors: Mapping[str, int]) -> dict[str, int]:
+        """Return how many sensors can fail, by name, of those that an aircraft carries."""
+        return {name: 1 for name in JSON_INSTRUMENTS if name in sensors}
+
+    def refuses(self, fault: Fault) -> str | None:
+        """Return why a fault of a sensor cannot reach it; None if it can."""
+        name, kind = fault.target.name, fault.kind.name
+        if name not in JSON_INSTRUMENTS:
+            known = " and ".join(JSON_INSTRUMENTS)
+            return f"ArduPlane makes its {name} itself; by JSON it gets {known}"
+        if kind in {"off", "intermittent"}:
+            return f"ArduPlane gets a value of the {name} in each frame: it is never {kind}"
+        if name == "gps" and (kind not in {"bias", "drift"} or fault.axis not in {1, 2}):
+            why = "ArduPlane's GPS and barometer share a position"
+            return f"{why}: expected bias or drift with axis x or y"
+        return None
 
     def commands(self, has_mission: bool) -> list[tuple[int, tuple[float, ...]]]:
         """Return the commands that a station gives before it arms: MAV_CMD and parameters.
@@ -116,6 +135,14 @@ class Px4Autopilot(Model):
         "m/s^2", "Acceleration of the launch.", 15.0, gt=0.0, le=1000.0
     )
     outputs: Px4Outputs = Px4Outputs()
+
+    def fallible(self, sensors: Mapping[str, int]) -> dict[str, int]:
+        """Return how many sensors can fail, by name, of those that an aircraft carries."""
+        return dict(sensors)
+
+    def refuses(self, _: Fault) -> str | None:
+        """Return why a fault of a sensor cannot reach it: any can, as all of them are ours."""
+        return None
 
     @model_validator(mode="after")
     def _names_are_px4s(self) -> "Px4Autopilot":

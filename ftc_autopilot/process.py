@@ -169,7 +169,7 @@ def _fly_foreign(config: AutopilotConfig, options: Namespace) -> int:
     with ExitStack() as sockets:
         try:
             (record,) = options.record
-            bridge = Bridge(config, record, options.record_optional, sockets)
+            bridge = Bridge(config, record, options.record_optional, sockets, options.checkpoint)
 
             def stop() -> None:
                 bridge.stopping = True

@@ -18,6 +18,8 @@ from ftc_autopilot.warm_up import call_messages
 from gcs.commands.cli import main as command_line
 from gcs.fleet.in_process import fly_in_process
 from gcs.fleet.precompile import PARTS
+from gcs.results.beside import Beside
+from gcs.results.recording import Steps
 from gcs.scenario.changes import with_changes
 from gcs.scenario.model import load_scenario
 from mavlink_defs import dialect
@@ -151,6 +153,7 @@ def call_what_is_rare() -> None:
     tap.report()
     tap_counts.with_room(tap_counts.new_counts(window_s=1.0), len(FRAME))
     delayed.with_room(delayed.new_delayed(), len(FRAME), 1)
+    Beside(scenario, scenario.uavs[0].id).add(Steps.room(1, 1), 0)
     fly_in_process(scenario.model_copy(update={"duration_s": 0.002})).error("command")
 
 

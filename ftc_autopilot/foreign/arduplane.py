@@ -11,21 +11,27 @@ import time
 import numpy as np
 
 from ftc_autopilot.config import AutopilotConfig
-from ftc_autopilot.foreign.base import ForeignError, ForeignInputError, PlantStep
+from ftc_autopilot.foreign.base import Conversation, ForeignError, ForeignInputError, PlantStep
 from ftc_autopilot.foreign.by_hand import arguments, instruction, waiting
 from ftc_autopilot.foreign.child import Child
 from ftc_autopilot.kinds import ArduPlaneAutopilot
 from mavlink_defs.endpoint import UdpAddress, bind_udp, free_ports
 from sitl_plant.airframe.aircraft import aircraft_record
+from sitl_plant.ardupilot.instruments import JsonInstruments
 from sitl_plant.ardupilot.launch import AircraftLaunch, new_launch, out_of_body
 from sitl_plant.ardupilot.outputs import Outputs
 from sitl_plant.ardupilot.peer import Frame, Peer
 from sitl_plant.ardupilot.protocol import Measured, answer, steps_of
 from sitl_plant.vec3 import Vec3
 
+_NO_LOGS = "LOG_BACKEND_TYPE 0\n"
+"""They would go with its folder, and a thread that writes them knows no clock but the wall's."""
 _TURN_S = 0.02
 _WAIT_S = 0.5  # between two looks whether it runs
+_AGAIN_S = 1.0  # it repeats a frame after 1.1 s: earlier, the answer has crossed the repetition
 _UNSUPPRESSED_S = 2.5  # after arming: its motor stands still for 2 s
+_BEGAN_S = 1_767_225_600  # 2026-01-01, from which its GPS counts: the same in each flight
+_STARTS_S = 10.0  # its clock, which runs by the wall until its first frame, jumps there with it
 _AHEAD = 1000  # times real time: its clock is the plant's, which sets the pace
 _SETTLED_S = 2.0  # its first frames come before it has read its parameters [s of its time]
 _NEAR = 0.01  # relative difference of a frame from what it asks for that is not worth a word
@@ -49,6 +55,14 @@ class ArduPlane:
         self._config, self._own = config, config.autopilot
         self._link = vehicle_link
         self._peer = Peer()
+        self._instruments = JsonInstruments(
+            config.sensors,
+            config.aircraft.air_density_kg_m3,
+            config.id,
+            config.sensor_seed,
+            config.step_us,
+        )
+        self.failures = self._instruments.failures
         self._outputs = Outputs(self._own.outputs, aircraft_record(config.aircraft))
         self.notices: list[str] = []
         at = waiting(config)
@@ -66,9 +80,11 @@ class ArduPlane:
         self._waits = False  # it has sent a frame that is not answered
         self._due = 0  # step at which that is to be answered
         self._frame_steps = 1
-        self._answer = b""
+        self._answer, self._again_s = b"", 0.0
         self._time_s: float | None = None  # of the flight, for messages
         self._paced: tuple[float, int] | None = None  # wall time and `_held` since it is ready
+        self._until = 0  # of these, as long as which it may answer a station
+        self._first = 0  # step at which the flight begins
 
     def begin(self, first: PlantStep) -> None:
         """Start it, and hold the aircraft on its launcher."""
@@ -76,6 +92,7 @@ class ArduPlane:
         if state is None:
             text = "ArduPlane makes its own sensors of the true state: set navigation: true_state"
             raise ForeignInputError(f"UAV {config.id}: {text}")
+        self._first = self._due = first.step
         self._asked_s = time.monotonic()
         self._start()
         x = np.concatenate([state[name] for name in ("position", "velocity", "attitude", "rates")])
@@ -94,7 +111,10 @@ class ArduPlane:
         self._child.start(
             self._own.binary,
             [
-                *arguments(self._config, physics, self._link, self._child.folder / "derived.parm"),
+                *arguments(
+                    self._config, physics, self._link, self._child.folder / "derived.parm", _NO_LOGS
+                ),
+                "--start-time", str(_BEGAN_S),
                 "--rc-in-port", str(rc_port),
                 "--base-port", str(base_port),
                 "--serial1", "none:", "--serial2", "none:",
@@ -102,28 +122,50 @@ class ArduPlane:
             ],
         )  # fmt: skip
 
-    def hold(self, ready: bool, armed: bool) -> bool:
+    def hold(self, talk: Conversation) -> bool:
         """Let its clock run on; return whether its launch is over."""
         end = time.monotonic() + _TURN_S
-        self._check_ready(ready)
-        if not armed:
-            self._armed = None
-        elif self._armed is None:
-            self._armed = self._held
+        self._check_ready(talk.is_ready)
         while (left := end - time.monotonic()) > 0.0:
-            if self._waits and not (ready and self._is_ahead()):
-                if self._is_launched():
-                    return True
-                self._reply(self._on_launcher())
-                self._held += self._frame_steps
+            if self._waits:
+                talk.exchange(self._own_time_s)
+                if not talk.is_armed:
+                    self._armed = None
+                elif self._armed is None:
+                    self._armed = self._held
+                if self._may_run(talk):
+                    if self._is_launched():
+                        return True
+                    self._reply(self._on_launcher())
+                    self._held += self._frame_steps
             self._receive(left)
         return False
 
+    @property
+    def _own_time_s(self) -> float:
+        return self._held * self._config.step_us / 1e6
+
+    def _may_run(self, talk: Conversation) -> bool:
+        """Return whether its clock may run on.
+
+        Stations talk to it once it is ready. It runs for their messages alone, as long for each as
+        its answer takes: so it has the same time at each in every flight. One that is started by
+        hand keeps to the wall clock.
+        """
+        if self._armed is not None or not talk.is_ready:
+            return True
+        if self._own.binary is None:  # somebody flies it, who may have a link of his own to it
+            while talk.release():
+                pass
+            return not self._is_ahead()
+        if self._held >= self._until:
+            takes_s = talk.release()
+            self._until = self._held + math.ceil(takes_s * 1e6 / self._config.step_us)
+            talk.exchange(self._own_time_s)
+        return self._held < self._until
+
     def _is_ahead(self) -> bool:
-        """Return whether it waits for the wall clock: stations talk to it, and it times them."""
-        if self._armed is not None:
-            self._paced = None
-            return False
+        """Return whether it is ahead of the wall clock, by which an operator times it."""
         now = time.monotonic()
         if self._paced is None:
             self._paced = now, self._held
@@ -176,7 +218,7 @@ class ArduPlane:
         assert self._launch is not None
         period_s = self._config.step_us / 1e6
         since = -1 if self._launched is None else self._held - self._launched
-        return self._launch.at(since * period_s, self._held * period_s)
+        return self._launch.at(since * period_s, _STARTS_S + self._own_time_s)
 
     def exchange(self, sent: PlantStep) -> np.ndarray:
         """Answer its frame with the state of a step, and return what it commands then."""
@@ -187,18 +229,17 @@ class ArduPlane:
         period_s = self._config.step_us / 1e6
         self._time_s = sent.time_us / 1e6
         attitude, velocity, wind = (_floats(state[n]) for n in ("attitude", "velocity", "wind"))
-        self._reply(
-            Measured(
-                time_s=(self._held + sent.step) * period_s,
-                rates=_floats(state["rates"]),
-                specific_force=_floats(state["specific_force"]),
-                position=_floats(state["position"]),
-                attitude=attitude,
-                velocity=out_of_body(velocity, attitude),
-                airspeed=math.dist(velocity, wind),
-                wind=out_of_body(wind, attitude),
-            )
+        motion = Measured(
+            time_s=_STARTS_S + (self._held + sent.step - self._first) * period_s,
+            rates=_floats(state["rates"]),
+            specific_force=_floats(state["specific_force"]),
+            position=_floats(state["position"]),
+            attitude=attitude,
+            velocity=out_of_body(velocity, attitude),
+            airspeed=math.dist(velocity, wind),
+            wind=out_of_body(wind, attitude),
         )
+        self._reply(self._instruments.shown(sent.step, self._time_s, motion))
         while not self._waits:
             self._receive(_WAIT_S)
             if not self._waits:
@@ -212,6 +253,7 @@ class ArduPlane:
         self._answer, self._waits = answer(measured), False
         self._asked_s = time.monotonic()
         self._send()
+        self._again_s = time.monotonic() + _AGAIN_S
 
     def _send(self) -> None:
         if self._peer.address is not None:
@@ -237,7 +279,7 @@ class ArduPlane:
                 self._outputs.receive(packet.pulses_us)
                 self._frame_steps = steps_of(packet.rate_hz, self._config.step_us)
                 self._waits = True
-            case Frame.REPEATED if not self._waits:
+            case Frame.REPEATED if not self._waits and time.monotonic() > self._again_s:
                 self._send()  # its answer was lost
 
     def close(self) -> None:

@@ -9,6 +9,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from sitl_plant.sensing.failures import Failures
+
 
 class ForeignError(Exception):
     """A foreign autopilot cannot fly, or cannot fly on; the text says why, in one line."""
@@ -28,6 +30,32 @@ class PlantStep(NamedTuple):
     gps: np.void | None = None  # codec.HIL_GPS, if there is a sample
 
 
+class Conversation(Protocol):
+    """The MAVLink of a foreign autopilot, as its bridge passes it on."""
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether it can be armed, and stations see it; after a restart they need not."""
+
+    @property
+    def is_armed(self) -> bool:
+        """Whether it is armed."""
+
+    def exchange(self, time_s: float) -> None:
+        """Take in what it has sent, and send what waits for it.
+
+        Args:
+            time_s: By its own clock.
+        """
+
+    def release(self) -> float:
+        """Let what a station has sent wait for it, one message at a time.
+
+        Returns:
+            How long it takes to answer, by its own clock [s]; 0 if no station has sent anything.
+        """
+
+
 class ForeignAutopilot(Protocol):
     """The autopilot of another project, and the child process that it is.
 
@@ -36,34 +64,35 @@ class ForeignAutopilot(Protocol):
     ground stations send comes to it from there.
 
     Attributes:
+        failures: Faults of the sensors that it is shown, which the bridge sets.
         notices: Lines for the operator, which the bridge takes away.
     """
 
+    failures: Failures
     notices: list[str]
 
     def begin(self, first: PlantStep) -> None:
         """Start the program, and hold the aircraft where the plant has it.
 
         Args:
-            first: Step 0, of which the plant's time stands still.
+            first: The step at which the plant's time stands still: 0, or where one before it
+                ended.
 
         Raises:
             ForeignInputError: It cannot be started.
         """
 
-    def hold(self, ready: bool, armed: bool) -> bool:
+    def hold(self, talk: Conversation) -> bool:
         """Let its own clock run on a little (20 ms of the wall clock at most).
 
-        It is called again and again until the plant's time begins, with the MAVLink passed on in
-        between.
+        It is called again and again until the plant's time begins.
 
         Args:
-            ready: Whether it has said that its checks before arming pass; stations see it then.
-            armed: Whether it is armed.
+            talk: Its MAVLink, to be exchanged as its clock runs.
 
         Returns:
             Whether it is armed and in the air, or stands where its flight begins: the bridge then
-            reports it to the plant as armed, and `exchange` follows with step 0.
+            reports it to the plant as armed, and `exchange` follows with the same step.
 
         Raises:
             ForeignError: It has ended, or does not become ready.

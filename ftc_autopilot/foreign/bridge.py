@@ -11,6 +11,7 @@ import socket
 import time
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from ftc_autopilot.config import AutopilotConfig
@@ -20,7 +21,9 @@ from ftc_autopilot.foreign.by_hand import waiting
 from ftc_autopilot.foreign.plant_link import PlantSide
 from ftc_autopilot.foreign.px4_plane import Px4Plane
 from ftc_autopilot.foreign.recorder import ForeignRecorder
+from ftc_autopilot.foreign.sensor_faults import SensorFaults
 from ftc_autopilot.foreign.vehicle import ForeignVehicle
+from ftc_autopilot.kinds import FtcAutopilot
 from ftc_autopilot.vehicle.gcs_signing import GcsSigning
 from mavlink_defs import dialect, endpoint
 from mavlink_defs.constants import MAX_DATAGRAM
@@ -42,6 +45,7 @@ _HEARTBEAT_S, _REGISTER_S = 1.0, 0.2
 _COUNT_S = 0.5
 _TAKEOVER_S = 3.0  # of silence, before one that is started by hand may be another one
 _LOOPBACK = "127.0.0.1"
+_IN_LOCKSTEP = "a foreign autopilot is started again in lockstep only"
 
 
 class Bridge:
@@ -59,8 +63,16 @@ class Bridge:
         record: Path | None,
         record_optional: bool,
         sockets: contextlib.ExitStack,
+        checkpoint: Path | None = None,
     ) -> None:
         """Open the links; what is opened is closed with `sockets`.
+
+        Args:
+            config: Its configuration.
+            record: Where it records; None: it does not.
+            record_optional: Fly on if that cannot be written.
+            sockets: Closes them.
+            checkpoint: Where it keeps what one that is started again needs; None: it is not.
 
         Raises:
             EndpointError, SigningError: A link cannot be used.
@@ -90,17 +102,34 @@ class Bridge:
         for sock in (self._gcs, self._side):
             sock.setblocking(False)
         self._plant.settimeout(_TICK_S)
-        self._recorder = ForeignRecorder(config, record, record_optional, self._log)
-        self._vehicle = ForeignVehicle(config.id, config.origin, self._link.counts)
+        self._recorder = ForeignRecorder(
+            config,
+            record,
+            record_optional,
+            self._log,
+            resumes=checkpoint is not None and checkpoint.exists(),
+        )
         self._peer: tuple[str, int] | None = None  # where the autopilot's MAVLink comes from
         self._peer_s = 0.0  # when it came last
         link = UdpAddress(own.host, self._side.getsockname()[1])
+        assert not isinstance(config.autopilot, FtcAutopilot)
         self._autopilot = FOREIGN[config.autopilot.kind](config, link)
         sockets.callback(self._autopilot.close)
+        faults = SensorFaults(self._autopilot.failures, config.autopilot.refuses, self._time_s)
+        self._new_vehicle = partial(
+            ForeignVehicle, config.id, config.origin, self._link.counts, faults, checkpoint
+        )
+        self._vehicle = self._new_vehicle()
+        self._is_kept = checkpoint is not None
         self._armed = self._over = False
         self._heard_s = time.monotonic()
         self._due_s = self._count_due_s = self._turn_due_s = 0.0
         self._steps = 0
+        self._flown: int | None = None  # the last step that it has flown
+
+    def _time_s(self) -> float:
+        """Return the simulation time [s]."""
+        return 0.0 if self._link.step is None else self._link.step.time_us / 1e6
 
     def fly(self) -> None:
         """Serve all links until the simulation is over, or `stopping` is set.
@@ -110,7 +139,7 @@ class Bridge:
         """
         try:
             while not (self.stopping or self._over):
-                if not self._link.is_running and self._link.step is not None:
+                if not self._armed and self._link.step is not None:
                     self._hold()
                 self._wait_for_plant()
                 self._serve(time.monotonic())
@@ -126,18 +155,23 @@ class Bridge:
         """End the flight, as the autopilot cannot fly on; before it, as the bridge cannot."""
         self._vehicle.say(dialect.MAV_SEVERITY_CRITICAL, why)
         self._send_to_stations()
-        if self._link.is_running:
-            self.failure = why
+        goes_on = self._is_kept and self._link.is_lockstep
+        if self._link.is_running and not goes_on:
+            self.failure = f"{why}; {_IN_LOCKSTEP}" if self._is_kept else why
         else:
             self.loss = why
 
     def finish(self) -> int:
         """Write the end of the record; return the exit status, as of `ftc_autopilot.process`.
 
-        There is no record of a flight that did not begin.
+        There is no record of a flight that did not begin, and no end of one that goes on with the
+        next bridge.
         """
         self._take_notices()
-        if self._steps or self.loss is None:
+        goes_on = self.loss is not None and self._is_kept and not self._link.is_over
+        if goes_on:
+            self._recorder.flush()
+        elif self._steps or self.loss is None:
             unwritable = self._recorder.finish(
                 self.loss, self._link.repeats.tolist(), self._link.is_over, self.failure
             )
@@ -153,19 +187,51 @@ class Bridge:
 
     def _hold(self) -> None:
         """Let the autopilot's own clock run, before the plant's does."""
-        assert self._link.step is not None
+        step = self._link.step
+        assert step is not None
         if not self._began:
+            if self._link.is_running and not self._link.is_lockstep:
+                raise ForeignError(f"the flight is under way: {_IN_LOCKSTEP}")
             self._began = True
-            self._autopilot.begin(self._link.step)
-        if self._armed:
-            return
-        self._armed = self._autopilot.hold(self._vehicle.is_ready, self._vehicle.is_armed)
+            self._autopilot.begin(step)
+        self._armed = self._autopilot.hold(self)
         if self._armed:
             self._due_s = 0.0  # the plant is to know it now
+            if self._link.is_running:
+                self._fly_step()
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether it can be armed; one that is started again is when it has been told all."""
+        return self._vehicle.is_shown and not self._vehicle.told.resumes
+
+    @property
+    def is_armed(self) -> bool:
+        """Whether it is armed."""
+        return self._vehicle.is_armed
+
+    def release(self) -> float:
+        """Let one message of a station through; return how long its answer takes [s]."""
+        return self._vehicle.release()
+
+    def exchange(self, time_s: float) -> None:
+        """Take in what the autopilot has sent, and send what waits, at a time of its clock [s]."""
+        for datagram, sender in _waiting(self._side):
+            now = time.monotonic()
+            if sender != self._peer and not self._follow(now):
+                self._link.drops[DropReason.STRANGER] += 1
+                continue
+            self._peer, self._peer_s = sender, now
+            self._vehicle.receive(datagram, time_s)
+        if (refusal := self._vehicle.told.refusal) is not None:
+            raise ForeignError(refusal)
+        if self._peer is not None:
+            for frame in self._vehicle.to_autopilot(time_s):
+                self._post(self._side, frame, self._peer)
 
     def _wait_for_plant(self) -> None:
         """Take in what the plant sends; while its time stands still, only what has come."""
-        waits = self._link.is_running or self._armed or self._link.step is None
+        waits = self._armed or self._link.step is None
         self._plant.settimeout(_TICK_S if waits else 1e-4)
         while not self._over:
             try:
@@ -179,7 +245,7 @@ class Bridge:
             elif self._link.took_step and not self._is_overtaken():
                 self._answer()
                 self._heard_s = time.monotonic()  # what came meanwhile waits in the socket
-            if not self._link.is_running or self._heard_s >= self._turn_due_s:
+            if not (self._link.is_running and self._armed) or self._heard_s >= self._turn_due_s:
                 return
 
     def _is_overtaken(self) -> bool:
@@ -195,19 +261,18 @@ class Bridge:
         if link.is_over:
             self._over = True
             self._send(link.done())
-        elif link.is_running and link.is_repeated:
+        elif not (link.is_running and self._armed):
+            return  # the plant waits for it
+        elif link.is_repeated and link.step is not None and link.step.step == self._flown:
             for frame in link.again() if link.is_lockstep else ():
                 self._send(frame)
-        elif link.is_running:
+        else:
             self._fly_step()
 
     def _fly_step(self) -> None:
         link, step = self._link, self._link.step
         assert step is not None
-        if not self._armed:
-            raise ForeignError(
-                "the flight is under way already: a foreign autopilot begins with it"
-            )
+        self._flown = step.step
         shares = self._autopilot.exchange(step)
         mask, frame = link.command(shares)
         self._steps += 1
@@ -222,8 +287,11 @@ class Bridge:
         if self._link.is_running and now < self._turn_due_s:
             return
         self._turn_due_s = now + _TURN_S
-        self._receive_from_autopilot(now)
         self._receive_from_stations(now)
+        if self._armed:  # before, its clock runs in `hold`
+            while self._vehicle.release():
+                pass
+            self.exchange(now)
         self._vehicle.handle_timer(now)
         self._take_notices()
         running = self._link.is_running
@@ -235,9 +303,6 @@ class Bridge:
             self._vehicle.count()
         for message in self._vehicle.to_plant():
             self._send(self._link.pack(message))
-        if self._peer is not None:
-            for frame in self._vehicle.to_autopilot():
-                self._post(self._side, frame, self._peer)
         self._send_to_stations()
 
     def _registration(self) -> dialect.MAVLink_message:
@@ -253,14 +318,6 @@ class Bridge:
             self._log(text)
             self._vehicle.say(dialect.MAV_SEVERITY_NOTICE, text)
 
-    def _receive_from_autopilot(self, now: float) -> None:
-        for datagram, sender in _waiting(self._side):
-            if sender != self._peer and not self._follow(now):
-                self._link.drops[DropReason.STRANGER] += 1
-                continue
-            self._peer, self._peer_s = sender, now
-            self._vehicle.receive(datagram)
-
     def _follow(self, now: float) -> bool:
         """Return whether another sender may be the autopilot, which has one socket: once.
 
@@ -270,8 +327,7 @@ class Bridge:
             return True
         if self._by_hand is None or self._armed or now - self._peer_s < _TAKEOVER_S:
             return False
-        config = self._config
-        self._vehicle = ForeignVehicle(config.id, config.origin, self._link.counts)
+        self._vehicle = self._new_vehicle()
         return True
 
     def _receive_from_stations(self, now: float) -> None:

@@ -44,7 +44,11 @@ def instruction(config: AutopilotConfig) -> str:
 
 
 def arguments(
-    config: AutopilotConfig, physics: UdpAddress, mavlink: UdpAddress, derived: Path
+    config: AutopilotConfig,
+    physics: UdpAddress,
+    mavlink: UdpAddress,
+    derived: Path,
+    beside: str = "",
 ) -> list[str]:
     """Return what an ArduPlane needs to find its bridge, and to fly the aircraft.
 
@@ -53,6 +57,7 @@ def arguments(
         physics: Where its frames go to.
         mavlink: Where its MAVLink goes to.
         derived: File for the parameters that follow from the aircraft; the user's come after it.
+        beside: Others, as lines, that go into that file.
 
     Raises:
         OSError: The file cannot be written; it is named.
@@ -60,7 +65,7 @@ def arguments(
     own, home = config.autopilot, config.origin
     assert isinstance(own, ArduPlaneAutopilot)
     found = parameters_of(config.aircraft, own.outputs, config.step_us)
-    derived.write_text(parameter_text(found))
+    derived.write_text(parameter_text(found) + beside)
     users = [] if own.defaults is None else [Path(own.defaults).expanduser().resolve()]
     return [
         "--model", f"JSON:{physics.host}",

@@ -11,7 +11,7 @@ import time
 import numpy as np
 
 from ftc_autopilot.config import AutopilotConfig
-from ftc_autopilot.foreign.base import ForeignError, ForeignInputError, PlantStep
+from ftc_autopilot.foreign.base import Conversation, ForeignError, ForeignInputError, PlantStep
 from ftc_autopilot.foreign.child import Child
 from ftc_autopilot.foreign.px4_connection import Px4Connection
 from ftc_autopilot.kinds import Px4Autopilot
@@ -63,6 +63,7 @@ class Px4Plane:
             config.sensor_seed,
             step_us,
         )
+        self.failures = self._instruments.failures
         self._actuators = Px4Actuators(self._own.outputs, aircraft)
         self._connection = Px4Connection(
             self._own.simulator_host, PORT + self._instance, f"PX4 of UAV {config.id}"
@@ -97,6 +98,7 @@ class Px4Plane:
         speed, acceleration = np.linalg.norm(state["velocity"]), self._own.launch_acceleration_m_s2
         frames = math.ceil(float(speed) / acceleration / per_frame_s)
         self._launch = new_launch(x, state["wind"], self._gravity, frames * per_frame_s)
+        self._step = first.step - 1
         self._frame_due_s = self._heard_s = time.monotonic()
 
     def _parameters(self) -> dict[str, float]:
@@ -116,13 +118,16 @@ class Px4Plane:
         (folder / _MAVLINK).write_text(line)
         return os.pathsep.join((str(folder), os.environ.get("PATH", os.defpath)))
 
-    def hold(self, ready: bool, armed: bool) -> bool:
+    def hold(self, talk: Conversation) -> bool:
         """Let its clock run on; return whether its launch is over."""
         end = time.monotonic() + _TURN_S
-        self._check(ready)
+        self._check(talk.is_ready)
+        while talk.release():  # its MAVLink has a thread of its own: it is not in lockstep
+            pass
+        talk.exchange(self._lockstep.time_us / 1e6)
         while (now := time.monotonic()) < end:
             if self._is_frame_due(now):
-                self._begin_launch(armed)
+                self._begin_launch(talk.is_armed)
                 if self._is_launched():
                     return True
                 self._send_frame()

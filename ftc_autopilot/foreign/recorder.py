@@ -3,6 +3,7 @@
 What it tracks is its own: references and errors are NaN.
 """
 
+import contextlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -31,6 +32,7 @@ class ForeignRecorder:
         folder: Path | None,
         optional: bool,
         notify: Callable[[str], None],
+        resumes: bool,
     ) -> None:
         """Make the folder.
 
@@ -39,11 +41,12 @@ class ForeignRecorder:
             folder: Where it records; None: it does not.
             optional: Fly on if the folder cannot be written.
             notify: Called with a line for the log.
+            resumes: Go on with what a bridge before this one has written.
 
         Raises:
             OSError: It cannot be made; it is named.
         """
-        self._spool = None if folder is None else Spool(folder)
+        self._spool = None if folder is None else Spool(folder, resumes)
         self._optional, self._notify = optional, notify
         aircraft = aircraft_record(config.aircraft)
         self._ranges = [_range_of(aircraft, c) for c in range(N_CHANNELS)]
@@ -86,6 +89,11 @@ class ForeignRecorder:
             self._spool = None
             self._notify(f"{unwritten(problem)}; flying on without recording")
         self._count = 0
+
+    def flush(self) -> None:
+        """Write the rest of a flight that goes on with another bridge."""
+        with contextlib.suppress(OSError):  # its rows are missing then
+            self._write()
 
     def finish(
         self, loss: str | None, repeats: list[int], heard_end: bool, failure: str | None

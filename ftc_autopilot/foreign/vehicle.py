@@ -1,27 +1,53 @@
 """The MAVLink of a foreign autopilot, as its bridge passes it on; no socket and no clock.
 
-What the autopilot sends goes to the ground stations, and theirs to it. Commands on faults go to
-the plant, which alone can execute them: the autopilot does not hear of them, as ours does not.
+What the autopilot sends goes to the ground stations, and theirs to it. Commands on faults of
+actuators go to the plant, those on faults of sensors are executed by the bridge, which makes these:
+the autopilot does not hear of them, as ours does not.
 """
 
+from collections import deque
 from collections.abc import Callable
+from functools import partial
+from pathlib import Path
 
+from ftc_autopilot.foreign.datagrams import frames_in
+from ftc_autopilot.foreign.resumption import Told
+from ftc_autopilot.foreign.sensor_faults import SensorFaults
 from ftc_autopilot.vehicle.commands import Commands, Handler
 from ftc_autopilot.vehicle.telemetry import DEFAULT_INTERVALS_US
 from mavlink_defs import dialect
 from mavlink_defs.constants import SIMULATOR_COMPONENT
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.faults import COMMANDS as FAULT_COMMANDS
-from mavlink_defs.framing.frames import FramePacker, frame_size, parse, text_chunks
-from mavlink_defs.framing.header import HEADER_SIZE, MESSAGE_ID, V2_MAGIC, whole_size
+from mavlink_defs.faults.command import InvalidParam
+from mavlink_defs.framing.frames import FramePacker, parse, text_chunks
+from mavlink_defs.framing.header import HEADER_SIZE, MESSAGE_ID
 from mavlink_defs.origin import Origin
 from mavlink_defs.services.command import CommandMessage, command_params
-from mavlink_defs.services.machine import SystemId, is_for
+from mavlink_defs.services.machine import SystemId, is_for, sender_of
 
 _FIRST_PRIVATE = 53_000
-_SHOWN = {dialect.MAVLINK_MSG_ID_STATUSTEXT, dialect.MAVLINK_MSG_ID_FTC_FAULT}
 _OWN_REQUESTS = {dialect.MAVLINK_MSG_ID_FTC_FAULT, dialect.MAVLINK_MSG_ID_FTC_EVENTS}
 _ASKED_OF_IT = [n for n in DEFAULT_INTERVALS_US if n < _FIRST_PRIVATE]
+_READ = {
+    dialect.MAVLINK_MSG_ID_HEARTBEAT,
+    dialect.MAVLINK_MSG_ID_SYS_STATUS,
+    dialect.MAVLINK_MSG_ID_COMMAND_ACK,
+    dialect.MAVLINK_MSG_ID_MISSION_ACK,
+    dialect.MAVLINK_MSG_ID_MISSION_CURRENT,
+    dialect.MAVLINK_MSG_ID_MISSION_REQUEST,
+    dialect.MAVLINK_MSG_ID_MISSION_REQUEST_INT,
+}
+"""What the bridge itself reads of what it sends."""
+_ANSWER_S = 0.1
+"""How long it takes to answer a message, by its clock: its loop has 50 Hz, its link 100 Hz."""
+_SHOWS_S = 1.2
+"""The same of a command whose effect is in its next HEARTBEAT."""
+_LISTS_S = 20.0
+"""The same of the list of its parameters."""
+_SILENT_S = 1.0
+_REPETITIONS = range(1, 6)
+"""COMMAND_LONG.confirmation of what is taken for repeated; a later one may have been lost."""
 _BESIDE = (dialect.MAVLINK_MSG_ID_SYS_STATUS, dialect.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT)
 
 
@@ -29,25 +55,41 @@ class ForeignVehicle:
     """One foreign autopilot's MAVLink.
 
     Attributes:
-        is_ready: Whether its checks before arming have passed; stations see its HEARTBEAT then.
         is_armed: Whether it is armed, by its last HEARTBEAT.
+        told: What it has been told, for one that is started again.
     """
 
-    def __init__(self, system: int, origin: Origin, counts: Callable[[], MAVLink_message]) -> None:
+    def __init__(
+        self,
+        system: int,
+        origin: Origin,
+        counts: Callable[[], MAVLink_message],
+        faults: SensorFaults,
+        checkpoint: Path | None = None,
+    ) -> None:
         """Begin before it is heard.
 
         Args:
             system: System id of the UAV.
             origin: Its home: it would be where it is held.
             counts: Returns FTC_EVENTS.
+            faults: Of the sensors that its bridge makes.
+            checkpoint: Where it is kept what it has been told; None: nowhere.
         """
         self._counts = counts
         self._system, self._origin = system, origin
         self._has_home = False
         self._own = SystemId(system, dialect.MAV_COMP_ID_AUTOPILOT1)
         self._bridge = SystemId(system, SIMULATOR_COMPONENT)  # its own commands come from there
-        self.is_ready = self.is_armed = self._is_heard = False
-        self._commands = Commands(self._own, self._handlers(), {})
+        self.is_armed = self._is_checked = self._is_heard = False
+        self.told = Told(self._own, self._bridge, checkpoint)
+        self._from_stations: deque[tuple[bytes, float]] = deque()  # each with how long it takes
+        self._asked: dict[tuple[SystemId, int], tuple[tuple[float, ...], bytes | None]] = {}
+        self._beat: MAVLink_message | None = None  # its last HEARTBEAT
+        self._is_fresh, self._beat_due_s = False, 0.0
+        self._faults = faults
+        fault_handlers = {n: partial(self._execute, n) for n in FAULT_COMMANDS}
+        self._commands = Commands(self._own, self._handlers(), {}, fault_handlers)
         self._packers: dict[tuple[int, int], FramePacker] = {}
         self._to_autopilot: list[bytes] = []
         self._to_stations: list[bytes] = []
@@ -55,29 +97,35 @@ class ForeignVehicle:
 
     # from the autopilot
 
-    def receive(self, datagram: bytes) -> None:
-        """Take in a datagram of the autopilot, of one frame or several."""
+    @property
+    def is_shown(self) -> bool:
+        """Whether its checks before arming have passed, and it has its home: stations see it."""
+        return self._is_checked and self._has_home
+
+    def receive(self, datagram: bytes, time_s: float = 0.0) -> None:
+        """Take in a datagram of the autopilot, of one frame or several, at a time of its clock."""
         for frame in frames_in(datagram):
             number = int.from_bytes(frame[MESSAGE_ID:HEADER_SIZE], "little")
-            if number in {dialect.MAVLINK_MSG_ID_HEARTBEAT, dialect.MAVLINK_MSG_ID_SYS_STATUS}:
-                message = parse(frame)
-                if message is not None and message.get_srcSystem() == self._system:
-                    self._note(message)
-                is_shown = self.is_ready and self._has_home
-                if number == dialect.MAVLINK_MSG_ID_HEARTBEAT and not is_shown:
+            message = parse(frame) if number in _READ else None
+            if message is not None and message.get_srcSystem() == self._system:
+                if self._is_mine(message, time_s):
                     continue
-            elif number == dialect.MAVLINK_MSG_ID_COMMAND_ACK and self._is_mine(parse(frame)):
-                continue
+                self._note_answer(message, frame)
+                self._note(message)
+                if number == dialect.MAVLINK_MSG_ID_HEARTBEAT and not self.is_shown:
+                    continue
             self._to_stations.append(frame)
 
     def _note(self, message: MAVLink_message) -> None:
+        self.told.note(message)
         if isinstance(message, dialect.MAVLink_sys_status_message):
             checks = message.onboard_control_sensors_health
-            self.is_ready |= bool(checks & dialect.MAV_SYS_STATUS_PREARM_CHECK)
+            self._is_checked |= bool(checks & dialect.MAV_SYS_STATUS_PREARM_CHECK)
         if not isinstance(message, dialect.MAVLink_heartbeat_message):
             return
+        self._beat, self._is_fresh = message, True
         self.is_armed = bool(message.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED)
-        if self.is_ready and not self._has_home:
+        if self._is_checked and not self._has_home:
             self._set_home()
         if not self._is_heard:  # it streams what ours do, so that displays have it
             for number in (*_ASKED_OF_IT, *_BESIDE):
@@ -106,14 +154,16 @@ class ForeignVehicle:
         )
         self._to_autopilot.append(self._packed(message, self._bridge))
 
-    def _is_mine(self, message: MAVLink_message | None) -> bool:
-        """Return whether an acknowledgement is of a command of the bridge itself."""
-        if not isinstance(message, dialect.MAVLink_command_ack_message):
+    def _is_mine(self, message: MAVLink_message, time_s: float) -> bool:
+        """Return whether a message answers the bridge itself."""
+        target = getattr(message, "target_system", 0), getattr(message, "target_component", 0)
+        if target != self._bridge:
             return False
-        if (message.target_system, message.target_component) != self._bridge:
-            return False
-        if message.command == dialect.MAV_CMD_DO_SET_HOME:
-            self._has_home |= message.result == dialect.MAV_RESULT_ACCEPTED
+        if isinstance(message, dialect.MAVLink_command_ack_message):
+            is_accepted = message.result == dialect.MAV_RESULT_ACCEPTED
+            self._has_home |= is_accepted and message.command == dialect.MAV_CMD_DO_SET_HOME
+        if self.told.resumes:
+            self.told.receive(message, time_s)
         return True
 
     # from ground stations
@@ -123,9 +173,49 @@ class ForeignVehicle:
         if self._is_of_plant(message):
             self._commands.receive(message, now, station)
             return
-        if getattr(message, "target_system", 0) in {0, self._system}:
-            sender = SystemId(message.get_srcSystem(), message.get_srcComponent())
-            self._to_autopilot.append(self._packed(message, sender))
+        if getattr(message, "target_system", 0) not in {0, self._system}:
+            return
+        frame = self._packed(message, sender_of(message))
+        if isinstance(message, dialect.MAVLink_heartbeat_message):  # which nobody answers
+            self._to_autopilot.append(frame)
+            return
+        if isinstance(message, dialect.MAVLink_command_long_message) and self._is_again(message):
+            return
+        self.told.note_station(message)
+        self._from_stations.append((frame, _answered_in_s(message)))
+
+    def _is_again(self, message: dialect.MAVLink_command_long_message) -> bool:
+        """Return whether a command has been given already; show its answer again if there is one.
+
+        A station that waits repeats it by the wall clock, which is not to move the autopilot's.
+        """
+        key, params = (sender_of(message), message.command), command_params(message)
+        asked = self._asked.get(key)
+        if asked is None or asked[0] != params or message.confirmation not in _REPETITIONS:
+            self._asked[key] = params, None
+            return False
+        if asked[1] is not None:
+            self._to_stations.append(asked[1])
+        return True
+
+    def _note_answer(self, message: MAVLink_message, frame: bytes) -> None:
+        """Keep the answer to a command of a station."""
+        if isinstance(message, dialect.MAVLink_command_ack_message):
+            key = SystemId(message.target_system, message.target_component), message.command
+            if (asked := self._asked.get(key)) is not None:
+                self._asked[key] = asked[0], frame
+
+    def release(self) -> float:
+        """Let one message of a station through to the autopilot.
+
+        Returns:
+            How long it takes to answer, by its clock [s]; 0 if none waits.
+        """
+        if not self._from_stations:
+            return 0.0
+        frame, takes_s = self._from_stations.popleft()
+        self._to_autopilot.append(frame)
+        return takes_s
 
     def _is_of_plant(self, message: MAVLink_message) -> bool:
         """Return whether a message is a command that the bridge executes, or hands to the plant."""
@@ -150,19 +240,38 @@ class ForeignVehicle:
             dialect.MAV_CMD_SET_MESSAGE_INTERVAL: stream,
         }
 
+    def _execute(self, number: int, params: tuple[float, ...]) -> int | None:
+        """Execute a command on faults of sensors; return its result, None: it is the plant's."""
+        try:
+            return self._faults.execute(number, params)
+        except (InvalidParam, OverflowError) as problem:
+            self.say(dialect.MAV_SEVERITY_WARNING, str(problem))
+            return dialect.MAV_RESULT_DENIED
+
     # from the plant
 
     def receive_from_plant(self, message: MAVLink_message, now: float) -> None:
         """Take in a message of the aircraft's simulator component."""
-        if message.get_msgId() in _SHOWN:
+        if isinstance(message, dialect.MAVLink_ftc_fault_message):
+            for one in self._faults.beside(message):
+                self._show(one)
+        elif isinstance(message, dialect.MAVLink_statustext_message):
             self._show(message)
         self._commands.receive_from_simulator(message, now)
 
     # out
 
     def handle_timer(self, now: float) -> None:
-        """Do what is due; call it often."""
+        """Do what is due; call it often.
+
+        One that waits to be armed lives, though its clock may stand still.
+        """
         self._commands.handle_timer(now)
+        is_silent = self.is_shown and not self.is_armed and now >= self._beat_due_s
+        if self._beat is not None and is_silent and not self._is_fresh:
+            self._show(self._beat)
+        if is_silent or self._is_fresh:
+            self._is_fresh, self._beat_due_s = False, now + _SILENT_S
 
     def count(self) -> None:
         """Show stations the events so far."""
@@ -178,8 +287,11 @@ class ForeignVehicle:
         """Hand over what the plant is to be sent."""
         return self._commands.simulator_messages()
 
-    def to_autopilot(self) -> list[bytes]:
-        """Hand over what the autopilot is to be sent."""
+    def to_autopilot(self, time_s: float = 0.0) -> list[bytes]:
+        """Hand over what the autopilot is to be sent, at a time of its clock."""
+        if self.told.resumes and self.is_shown:
+            again = self.told.turn(time_s)
+            self._to_autopilot += [self._packed(message, self._bridge) for message in again]
         frames, self._to_autopilot = self._to_autopilot, []
         return frames
 
@@ -200,15 +312,10 @@ class ForeignVehicle:
         return self._packers[sender].pack(message)
 
 
-def frames_in(datagram: bytes) -> list[bytes]:
-    """Return the frames of the dialect in a datagram; what is something else is passed over."""
-    found, rest = [], datagram
-    while rest:
-        size = whole_size(rest, len(rest)) if rest[0] == V2_MAGIC else 0
-        if size <= 0:
-            rest = rest[max(rest.find(bytes([V2_MAGIC]), 1), 0) or len(rest) :]
-            continue
-        frame, rest = rest[:size], rest[size:]
-        if frame_size(frame)[0] == size:
-            found.append(frame)
-    return found
+def _answered_in_s(message: MAVLink_message) -> float:
+    """Return how long an autopilot takes to answer a message of a station, by its clock [s]."""
+    if isinstance(message, dialect.MAVLink_param_request_list_message):
+        return _LISTS_S
+    asks = {dialect.MAV_CMD_SET_MESSAGE_INTERVAL, dialect.MAV_CMD_REQUEST_MESSAGE}
+    acts = isinstance(message, CommandMessage) and message.command not in asks
+    return _SHOWS_S if acts else _ANSWER_S

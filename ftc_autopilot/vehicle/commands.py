@@ -7,6 +7,7 @@ answered UNSUPPORTED.
 
 from collections import deque
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import TypeAlias
 
 from mavlink_defs import dialect
@@ -25,6 +26,9 @@ from mavlink_defs.services.machine import SystemId
 Handler: TypeAlias = Callable[[tuple[float, ...]], int]
 """Executes a command at once: its seven parameters in, MAV_RESULT out."""
 
+FaultHandler: TypeAlias = Callable[[tuple[float, ...]], int | None]
+"""The same of a command on faults; None: it is (also) for the simulator."""
+
 PlaceHandler: TypeAlias = Callable[[CommandMessage], int]
 """The same for a command with a place, which its two forms give in different units."""
 
@@ -37,6 +41,7 @@ class Commands:
         own: SystemId,
         handlers: Mapping[int, Handler],
         place_handlers: Mapping[int, PlaceHandler],
+        fault_handlers: Mapping[int, FaultHandler] = MappingProxyType({}),
     ) -> None:
         """Start without pending commands.
 
@@ -44,8 +49,10 @@ class Commands:
             own: SystemId of the vehicle.
             handlers: What carries out each MAV_CMD.
             place_handlers: What carries out those that have a place.
+            fault_handlers: What carries out those of faults, if not the simulator.
         """
         self._own, self._handlers, self._place_handlers = own, handlers, place_handlers
+        self._fault_handlers = fault_handlers
         self._server = CommandServer(own)
         self._simulator = CommandClient(own)
         # for the simulator, each with the station that gave it; the first one is there
@@ -103,10 +110,12 @@ class Commands:
             number == dialect.MAV_CMD_REQUEST_MESSAGE
             and params[0] == dialect.MAVLINK_MSG_ID_FTC_FAULT
         )
-        if number in FAULT_COMMANDS or is_fault_list:
+        fault_handler = self._fault_handlers.get(number)
+        done = None if fault_handler is None else fault_handler(params)
+        if done is None and (number in FAULT_COMMANDS or is_fault_list):
             self._waiting.append((command, station))
             return
-        result = dialect.MAV_RESULT_UNSUPPORTED
+        result = dialect.MAV_RESULT_UNSUPPORTED if done is None else done
         if (handler := self._handlers.get(number)) is not None:
             result = handler(params)
         elif (place_handler := self._place_handlers.get(number)) is not None:

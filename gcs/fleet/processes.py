@@ -136,11 +136,21 @@ class FleetProcesses:
 
     def _options(self, uav: int) -> list[str]:
         """Return the options that only an autopilot has."""
-        if not self._restart or uav in self._scenario.foreign:
+        if not self._restart:
             return []
-        checkpoint = self._folder / f"uav{uav}.checkpoint"
+        checkpoint = self._checkpoint_of(f"uav{uav}")
         checkpoint.unlink(missing_ok=True)
         return ["--checkpoint", str(checkpoint)]
+
+    def _checkpoint_of(self, name: str) -> Path:
+        return self._folder / f"{name}.checkpoint"
+
+    def _is_restartable(self, process: _Process) -> bool:
+        """Return whether a dead process is started again; a foreign autopilot once it flies."""
+        if process.name == _PLANT or not self._restart:
+            return False
+        foreign = {f"uav{uav}" for uav in self._scenario.foreign}
+        return process.name not in foreign or self._checkpoint_of(process.name).exists()
 
     def __exit__(self, *_: object) -> None:
         """Stop all processes that still run."""
@@ -194,7 +204,7 @@ class FleetProcesses:
                     raise PortInUse(process.last_line()) from None
                 raise BadInput(process.last_line())
             if status and self._is_torn(process):
-                if process.name == _PLANT or not self._restart:
+                if not self._is_restartable(process):
                     raise FlightLost(f"{process.name}: {self._reason_of(process)}")
                 self._start_again(process)
 

@@ -28,13 +28,14 @@ def flight_tables(summary: FlightSummary, scenario: Scenario) -> list[Table | Te
         f"sending every channel every {milliseconds(scenario.step_us / 1e6)}"
     )
     remarks = [line for uav in summary.uavs for line in _remarks(uav, summary.steps)]
-    tables = [
+    tables: list[Table | Text] = [
         transmissions_table(summary, names),
         _links(summary, names),
         _tracking(summary, names),
     ]
     if any(uav.path is not None for uav in summary.uavs):
         tables.append(_path(summary, names))
+    tables += _beside(summary, names)
     if any(uav.motion is not None for uav in summary.uavs):
         tables.append(_motion(summary, names))
     return [*tables, *remarks, *least_separation(summary), *lowest_altitude(summary), total]
@@ -130,6 +131,34 @@ def transmissions_table(summary: FlightSummary, names: dict[int, str]) -> Table:
         table.add_row("", "all", str(uav.events), percent(uav.saving), "", "", style="bold")
         table.add_section()
     return table
+
+
+def _beside(summary: FlightSummary, names: dict[int, str]) -> Iterator[Table | Text]:
+    """Yield what our trigger would have sent of foreign autopilots' commands, if there are any."""
+    columns = (texts("UAV"), texts("channel"))
+    figures = map(numbers, ("changes", "events", "saved", "largest difference"))
+    shown = [(uav, uav.beside) for uav in summary.uavs if uav.beside is not None]
+    if not shown:
+        return
+    table = table_of(*columns, *figures, title=f"Trigger {shown[0][1].trigger} on their commands")
+    for uav, own in shown:
+        for k, (name, channel) in enumerate(uav.channels.items()):
+            unit = "N" if name == "throttle" else "°"
+            saved = saving(own.events[name], channel.events, channels=1)
+            apart = f"{own.apart[name]:.2f} {unit}"
+            label = names[uav.id] if k == 0 else ""
+            table.add_row(
+                label, name, str(channel.events), str(own.events[name]), percent(saved), apart
+            )
+        saved = saving(own.messages, uav.actuator_messages, channels=1)
+        counts = (str(uav.actuator_messages), str(own.messages), percent(saved), "")
+        table.add_row("", "messages", *counts, style="bold")
+        table.add_section()
+    yield table
+    yield Text(
+        "Asked about the commands that were flown: the largest difference is what it would have "
+        "held back, and how a flight with it tracks is not known."
+    )
 
 
 def _links(summary: FlightSummary, names: dict[int, str]) -> Table:

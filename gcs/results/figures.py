@@ -69,6 +69,25 @@ class ControlFailure:
 
 
 @dataclass(frozen=True)
+class BesideSummary:
+    """What the scenario's trigger would have sent of the commands of a foreign autopilot.
+
+    It was asked about them, and did not fly.
+
+    Attributes:
+        trigger: Its name.
+        messages: Messages.
+        events: Events, by channel.
+        apart: Largest difference of a command to what would have been held, by channel [deg, N].
+    """
+
+    trigger: str
+    messages: int
+    events: Mapping[str, int]
+    apart: Mapping[str, float]
+
+
+@dataclass(frozen=True)
 class MotionBands:
     """Between what values the true motion of one UAV was: whether it flew, or tumbled.
 
@@ -116,6 +135,7 @@ class UavSummary:
         control_failure: Commands of its law that were not finite; None if all were.
         commands: Commands of its mission that it passed, and announced or would have, in order.
         ground: What became of it on the ground; None of an aircraft without gear.
+        beside: Our trigger beside a foreign autopilot; None of an autopilot of ours.
         motion: Of one that a foreign autopilot flies, whose references are not known; else None.
     """
 
@@ -142,6 +162,7 @@ class UavSummary:
     control_failure: ControlFailure | None = None
     commands: tuple[PassedCommand, ...] = ()
     ground: GroundSummary | None = None
+    beside: BesideSummary | None = None
     motion: MotionBands | None = None
 
     def to_json(self) -> dict[str, Any]:
@@ -351,6 +372,14 @@ def _landed(uav: UavSummary) -> int | None:
     return None if uav.ground is None else int(uav.ground.outcome == "landed")
 
 
+def _beside_events(uav: UavSummary) -> int | None:
+    return None if uav.beside is None else sum(uav.beside.events.values())
+
+
+def _beside_messages(uav: UavSummary) -> int | None:
+    return None if uav.beside is None else uav.beside.messages
+
+
 def _on_path(name: str) -> Callable[[UavSummary], float | None]:
     return lambda uav: None if uav.path is None else getattr(uav.path, name)
 
@@ -383,6 +412,8 @@ UAV_FIGURES: list[Figure[UavSummary]] = [
     _time("return_s", lambda uav: uav.first_delay_s("back"), better="lower", derived=True),
     _count("false_alarms", lambda uav: uav.false_alarms, derived=True),
     *(Figure(name, "m", _on_path(name)) for name in quantities.PATH_FIGURES),
+    Figure("beside_events", "", _beside_events, "{:g}".format),
+    Figure("beside_messages", "", _beside_messages, "{:g}".format),
 ]
 """Every figure of a UAV. `summary.json`, the results of campaigns, CSV files of sweeps and of
 `gcs reproduce` and the results in tests have these, and one more with a further row."""

@@ -7,6 +7,7 @@ import numpy as np
 
 from ftc_autopilot.guidance.mission_commands import command_name
 from gcs.results.figures import (
+    BesideSummary,
     ChannelSummary,
     ControlFailure,
     DiagnosisSummary,
@@ -21,7 +22,7 @@ from gcs.results.tally import FINAL_S, Decision, Tally
 from gcs.results.traffic import KINDS
 from gcs.scenario.model import Scenario
 from mavlink_defs.capture.saving import saving
-from mavlink_defs.constants import ACTUATORS
+from mavlink_defs.constants import ACTUATORS, THROTTLE
 
 
 def summarise(recording: Recording, scenario: Scenario) -> FlightSummary:
@@ -98,6 +99,7 @@ def _summarise_uav(
         name: _summarise_channel(own, ending.repeats[i], ACTUATORS.index(name), step_us)
         for name in PAPER_ORDER
     }
+    beside = tally.beside.get(i)
     integrals = np.where(own["counted"][:, None] > 0, own["sum"] * step_us / 1e6, np.nan)
     largest = own["largest"] if own["settled"] else np.full(len(QUANTITIES), np.nan)
     return UavSummary(
@@ -132,7 +134,19 @@ def _summarise_uav(
         lowest_altitude_m=_finite(-own["highest_down"]),
         control_failure=_failure(own, step_us),
         ground=_on_ground(ending.contacts[i] if ending.contacts else None),
+        beside=None if beside is None else _beside(beside.counts, scenario.trigger.mode),
         motion=_motion(tally.motion.get(i)),
+    )
+
+
+def _beside(counts: np.void, trigger: str) -> BesideSummary:
+    """Return what a trigger of ours would have sent of a foreign autopilot's commands."""
+    apart = [*np.degrees(counts["apart"][:THROTTLE]), counts["apart"][THROTTLE]]
+    return BesideSummary(
+        trigger=trigger,
+        messages=int(counts["messages"]),
+        events={name: int(counts["events"][ACTUATORS.index(name)]) for name in PAPER_ORDER},
+        apart={name: float(apart[ACTUATORS.index(name)]) for name in PAPER_ORDER},
     )
 
 

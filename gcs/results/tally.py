@@ -11,6 +11,7 @@ import numpy as np
 
 from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.control.diagnosis import LOST
+from gcs.results.beside import Beside, beside_of
 from gcs.results.mission_paths import leaders_of, paths_of, silent_in
 from gcs.results.path_following import PathFigures
 from gcs.results.recording import Steps
@@ -76,6 +77,7 @@ class Tally:
         synchronisation: Sums of the synchronisation errors.
         separation: Least distance between two UAVs.
         following: How the UAVs follow their path; None for a scenario without a mission.
+        beside: Triggers beside foreign autopilots, by index of the UAV.
         motion: Of UAVs of foreign autopilots, by index, shape (2, 4): least and greatest roll,
             pitch [deg], altitude [m] and airspeed [m/s].
     """
@@ -84,6 +86,8 @@ class Tally:
         n, step_us = len(scenario.uavs), scenario.step_us
         self._step_us, self._normal = step_us, scenario.ground.normal
         self._foreign = silent_in(scenario)
+        found = ((i, beside_of(scenario, uav.id)) for i, uav in enumerate(scenario.uavs))
+        self.beside: dict[int, Beside] = {i: one for i, one in found if one is not None}
         self.motion = {i: np.array([[np.inf] * 4, [-np.inf] * 4]) for i in self._foreign}
         self.steps = 0
         self.traffic = Traffic(scenario)
@@ -177,6 +181,8 @@ class Tally:
         )
         if i in self._foreign:
             _count_foreign(steps, column, self.uavs[i], self.motion[i])
+        if (beside := self.beside.get(i)) is not None:
+            beside.add(steps, column)
         if self.uavs[i]["changes"] > before["changes"]:
             self._note_decisions(i, steps.first, steps.signals[:, column], int(before["lost"]))
 

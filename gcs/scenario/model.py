@@ -371,7 +371,9 @@ class Scenario(Model):
                 self.origin,
             ),
             lambda: fence_problems(self.fence, self.rally, self.uavs, self.planner, self.origin),
-            lambda: fault_problems(self.faults, self._fault_limits, self._fallible_sensors),
+            lambda: fault_problems(
+                self.faults, self._fault_limits, self._fallible_sensors, self.foreign
+            ),
             lambda: self.links.port_problems(self._ids),
         )
         Problems.check(problem for check in checks for problem in check())
@@ -415,12 +417,13 @@ class Scenario(Model):
         return AirspeedLimits(lowest, highest)
 
     @property
-    def _fallible_sensors(self) -> Mapping[str, int] | None:
-        """How many sensors of each name a UAV navigates by; None by its true state."""
-        if self.navigation == "true_state":
-            return None
+    def _fallible_sensors(self) -> dict[int, Mapping[str, int]]:
+        """How many sensors of each name can fail, by UAV; none of ours by its true state."""
         units = units_of(self.sensors.navigation, self.step_us)
-        return Counter(FAULT_NAMES[unit.kind] for unit in units)
+        carried = Counter(FAULT_NAMES[unit.kind] for unit in units)
+        ours = carried if self.navigation == "estimated" else {}
+        foreign = {uav: own.fallible(carried) for uav, own in self.foreign.items()}
+        return {uav: foreign.get(uav, ours) for uav in self._ids}
 
     @property
     def _fault_limits(self) -> dict[int, FaultLimits]:

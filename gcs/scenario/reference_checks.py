@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
+from ftc_autopilot.kinds import ForeignSection
 from gcs.scenario.sections import FaultOfUav, Found, ProfileSegment, ScenarioSensorFault
 from mavlink_defs.config.models import Loc
 from mavlink_defs.faults.kinds import FaultLimits
@@ -52,19 +53,23 @@ def profile_problems(
 def fault_problems(
     faults: Sequence[FaultOfUav],
     limits_of: Mapping[int, FaultLimits],
-    sensors: Mapping[str, int] | None,
+    sensors: Mapping[int, Mapping[str, int]],
+    foreign: Mapping[int, ForeignSection],
 ) -> Found:
     """Yield what is wrong with faults.
 
     Args:
         faults: The faults.
         limits_of: Limits of the actuators, by UAV.
-        sensors: How many sensors each UAV navigates by, by name; None: it flies by its true state.
+        sensors: How many sensors of each name can fail, by UAV; none of one of ours that flies by
+            its true state.
+        foreign: Foreign autopilots, by UAV.
     """
     rows: Counter[tuple[int, str]] = Counter()
     for i, fault in enumerate(faults):
         family, name = fault.FAMILY, fault.target.name
-        named = 1 if fault.command().instance else (sensors or {}).get(name, 1)
+        there = sensors.get(fault.uav, {})
+        named = 1 if fault.command().instance else there.get(name, 1)
         rows[fault.uav, family.key] += named
         if rows[fault.uav, family.key] > family.most:
             text = f"UAV {fault.uav} has more than {family.most} faults, as many as fit"
@@ -74,7 +79,7 @@ def fault_problems(
             ids = ", ".join(map(str, limits_of))
             yield ("faults", i, "uav"), f"expected one of the UAVs {ids}, got {fault.uav}"
         elif isinstance(fault, ScenarioSensorFault):
-            yield from _sensor_problems(i, fault, sensors)
+            yield from _sensor_problems(i, fault, there, foreign.get(fault.uav))
         else:
             yield from _limit_problems(i, fault, limits)
         for j in range(i):
@@ -100,9 +105,14 @@ def _limit_problems(i: int, fault: FaultOfUav, limits: FaultLimits) -> Found:
 
 
 def _sensor_problems(
-    i: int, fault: ScenarioSensorFault, sensors: Mapping[str, int] | None
+    i: int,
+    fault: ScenarioSensorFault,
+    sensors: Mapping[str, int],
+    foreign: ForeignSection | None,
 ) -> Found:
-    if sensors is None:
+    if foreign is not None and (why := foreign.refuses(fault.command())) is not None:
+        yield ("faults", i, "sensor"), why
+    elif not sensors:
         text = (
             f"with 'navigation: true_state' the aircraft has no {fault.sensor} that could fail; "
             "set 'navigation: estimated'"

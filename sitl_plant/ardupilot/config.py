@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 
 from mavlink_defs.config.models import Model, Problems, repeated
 from mavlink_defs.config.quantity import quantity, whole
+from mavlink_defs.faults.sensors import SensorName
 
 CHANNELS = (16, 32)
 """Outputs in a packet of ArduPilot, without and with SERVO_32_ENABLE."""
@@ -20,6 +21,9 @@ PORTS_APART = 10
 """Instance k of ArduPilot (its option -I k) sends to the port so many times k higher."""
 _BEFORE = {"hold", "launch_throttle"}
 """Keys of earlier versions, which run folders have."""
+
+JSON_INSTRUMENTS: tuple[SensorName, ...] = ("gyro", "accelerometer", "gps", "airspeed")
+"""What the JSON interface shows: all else ArduPilot makes of position and attitude."""
 
 Channel = Annotated[int, whole("", "Output channel.", ge=1, le=CHANNELS[-1])]
 Pulse = Annotated[float, quantity("us", "Length of a pulse.", ge=500.0, le=2500.0)]

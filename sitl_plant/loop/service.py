@@ -11,7 +11,7 @@ from mavlink_defs.framing.frames import text_chunks
 from mavlink_defs.services.command import CommandMessage, command_params
 from mavlink_defs.services.command_server import CommandServer
 from mavlink_defs.services.machine import SystemId
-from sitl_plant.loop.fault_commands import AircraftFaults
+from sitl_plant.fault_commands import AircraftFaults
 
 
 class AircraftService:

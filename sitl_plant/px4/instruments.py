@@ -24,6 +24,7 @@ from sitl_plant import vec3 as vectors
 from sitl_plant.airframe import rigid_body
 from sitl_plant.airframe.quaternion import quaternion
 from sitl_plant.sensing.config import NavigationSensors
+from sitl_plant.sensing.failures import Failures
 from sitl_plant.sensing.sense import Sensing, sense, sensing_of
 from sitl_plant.vec3 import Vec3
 
@@ -68,6 +69,7 @@ class Instruments:
         self._new = partial(sensing_of, sensors, origin, {system: density_kg_m3}, seed, step_us)
         self._truth = np.zeros(1, HIL_STATE)[0]
         self._origin, self._gravity = origin, gravity_m_s2
+        self._sensing = self._new()
         self.restart(0)
         self._packer = FramePacker(_SYSTEM, _COMPONENT)
         self._heartbeat_us = 0
@@ -77,9 +79,17 @@ class Instruments:
 
         What is sent from here on does not depend on how long it has been running.
         """
-        self._sensing, self._since_us = self._new(), time_us
+        faults = self._sensing.faults.faults  # which somebody sets
+        new = self._new()
+        self._sensing = new._replace(faults=new.faults._replace(faults=faults))
+        self._since_us = time_us
         self._updated = np.zeros(self._sensing.imus.shape[1], np.uint32)
         self._has_fix = False
+
+    @property
+    def failures(self) -> Failures:
+        """The faults of its sensors."""
+        return self._sensing.faults
 
     def note(self, step: int, motion: np.void) -> None:
         """Sample what is due in a control period.

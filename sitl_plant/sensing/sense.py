@@ -103,7 +103,7 @@ def sensing_of(
         sensors,
         np.zeros((n, len(units), AXES)),
         np.zeros((n, depth, _MOTION)),
-        new_failures([_range(unit) for unit in units], systems, seed, step_us),
+        new_failures([range_of(unit) for unit in units], systems, seed, step_us),
     )
 
 
@@ -125,7 +125,8 @@ def _set(sensor: np.void, unit: Unit, seed: int, system: int, step_us: int) -> N
     turn_on(sensor, unit.errors, unit.every * step_us / 1e6)
 
 
-def _range(unit: Unit) -> SensorRange:
+def range_of(unit: Unit) -> SensorRange:
+    """Return a sensor as its faults know it."""
     errors = unit.errors
     return SensorRange(FAULT_NAMES[unit.kind], unit.imu + 1, errors.noise, errors.low, errors.high)
 
@@ -153,7 +154,7 @@ def sense(sensing: Sensing, i: int, step: int, message: np.void) -> bool:
     for imu in range(sensing.imus.shape[1]):
         sensing.imus[i, imu]["time_usec"] = message["time_usec"]
         sensing.imus[i, imu]["fields_updated"] = 0
-    t = step * site["step_us"] / 1e6
+    t = message["time_usec"] / 1e6
     for k in range(sensing.sensors.shape[1]):
         sensor, values = sensing.sensors[i, k], sensing.samples[i, k]
         measured = max(step - sensor["late"], 0)

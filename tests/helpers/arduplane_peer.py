@@ -4,9 +4,11 @@ Written from the published protocols; nothing is shared with the code under test
 law of `json_peer`. Its clock is that of the answers, so its MAVLink has the same times in each run.
 
 Options of its own, in the environment: PEER_READY_S, its time until it can be armed; PEER_REFUSES,
-the reason for which it refuses to be armed; PEER_DIES_S, its time at which it ends; PEER_RATE_HZ
-and PEER_CHANNELS of its frames; PEER_TWICE 1: once it is armed, each tenth frame is sent twice;
-PEER_GARBAGE 1: something else comes before the first one; PEER_ANSWERS, the file for the answers.
+the reason for which it refuses to be armed; PEER_DIES_S, its time at which it ends; PEER_HEARD, a
+file to which it writes what it is told, a line each: one that finds such a file does not end;
+PEER_RATE_HZ and PEER_CHANNELS of its frames; PEER_TWICE 1: once it is armed, each tenth frame is
+sent twice; PEER_GARBAGE 1: something else comes before the first one; PEER_ANSWERS, the file for
+the answers.
 """
 
 import argparse
@@ -33,10 +35,15 @@ class Vehicle:
         self._sock.setblocking(False)
         self._link = mavlink.MAVLink(None, system, mavlink.MAV_COMP_ID_AUTOPILOT1)
         self._link.robust_parsing = True
-        self.armed, self.mode, self.items, self.home = False, 0, 0, False
+        self.armed, self.mode, self.items, self.home, self.item = False, 0, 0, False, 0
         self._expected = 0
         self._refuses = os.environ.get("PEER_REFUSES", "")
         self.ready = False
+
+    def note(self, text: str) -> None:
+        if "PEER_HEARD" in os.environ:
+            with open(os.environ["PEER_HEARD"], "a") as file:
+                file.write(text + "\n")
 
     def send(self, *messages: Any) -> None:
         """Send messages in one datagram, as ArduPilot does what has gathered."""
@@ -51,6 +58,7 @@ class Vehicle:
             mavlink.MAVLink_heartbeat_message(1, 3, base, self.mode, status, 3),
             mavlink.MAVLink_sys_status_message(0, 0, health, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
             mavlink.MAVLink_attitude_message(int(time_s * 1e3), roll, pitch, yaw, 0, 0, 0),
+            mavlink.MAVLink_mission_current_message(self.item),
             mavlink.MAVLink_meminfo_message(0, 0),  # of its dialect, not of ours
         )
 
@@ -81,6 +89,7 @@ class Vehicle:
         if self.items < self._expected:
             self.send(mavlink.MAVLink_mission_request_int_message(*back, self.items, kind))
         else:
+            self.note(f"{self.items} items")
             self.send(mavlink.MAVLink_mission_ack_message(*back, 0, kind))
 
     def _execute(self, message: Any) -> int:
@@ -91,12 +100,18 @@ class Vehicle:
                     self.send(mavlink.MAVLink_statustext_message(2, text))
                     return int(mavlink.MAV_RESULT_FAILED)
                 self.armed = message.param1 == 1.0
+                self.note("armed")
             case mavlink.MAV_CMD_DO_SET_HOME:
                 self.home = True
             case mavlink.MAV_CMD_MISSION_START:
-                self.mode = 10
+                self.mode, self.item = 10, 2
+                self.note("mission")
             case mavlink.MAV_CMD_DO_SET_MODE:
                 self.mode = int(message.param2)
+                self.note(f"mode {self.mode}")
+            case mavlink.MAV_CMD_DO_SET_MISSION_CURRENT:
+                self.item = int(message.param1)
+                self.note(f"item {self.item}")
             case mavlink.MAV_CMD_SET_MESSAGE_INTERVAL if message.param1 < 50_000:
                 pass
             case _:
@@ -107,7 +122,8 @@ class Vehicle:
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("-I")
-    for name in ("model", "rc-in-port", "base-port", "serial1", "serial2", "speedup", "home"):
+    names = ("model", "rc-in-port", "base-port", "serial1", "serial2", "speedup", "home")
+    for name in (*names, "start-time"):
         parser.add_argument(f"--{name}")
     parser.add_argument("--sim-port-out", type=int, required=True)
     parser.add_argument("--sysid", type=int, required=True)
@@ -121,6 +137,8 @@ def main() -> None:
         assert os.path.getsize(file)
     ready_s = float(os.environ.get("PEER_READY_S", "1"))
     dies_s = float(os.environ.get("PEER_DIES_S", "inf"))
+    if os.path.exists(os.environ.get("PEER_HEARD", "")):
+        dies_s = float("inf")
     rate_hz = int(os.environ.get("PEER_RATE_HZ", "500"))
     twice, garbage = "PEER_TWICE" in os.environ, "PEER_GARBAGE" in os.environ
     vehicle = Vehicle(options.serial0, options.sysid)
@@ -129,7 +147,7 @@ def main() -> None:
     for strange in (b"GET / HTTP/1.0\r\n\r\n", servo_packet(0, [1500] * 16, magic=18457)):
         if garbage:
             peer.send(strange)
-    frame = 0
+    frame, began_s = 0, 0.0
     with open(os.environ.get("PEER_ANSWERS", os.devnull), "ab", buffering=0) as answers:
         while True:
             pwm = peer.outputs(0.4)
@@ -137,7 +155,8 @@ def main() -> None:
             copies = 2 if twice and vehicle.armed and frame % 10 == 9 else 1
             answer = peer.exchange(pwm if vehicle.armed else held, copies)
             answers.write(peer.lines[-1][1:])
-            time_s = answer["timestamp"]
+            began_s = answer["timestamp"] if frame == 0 else began_s
+            time_s = answer["timestamp"] - began_s
             vehicle.ready = time_s >= ready_s
             if time_s >= dies_s:
                 print("panic: the peer was to end here", flush=True)

@@ -40,6 +40,8 @@ def peer(folder: Path, **environment: str) -> str:
 def mixed(folder: Path, binary: str, duration_s: float = 1.0, **changes: Any) -> Path:
     """Return a scenario of two UAVs of ours and one of an ArduPlane."""
     tree = scenario_tree(faults=[], duration_s=duration_s) | changes
+    if "mission" in tree:
+        del tree["profile"]
     tree["uavs"][2]["autopilot"] = {"kind": "ardupilot", "binary": binary, "ready_within_s": 60.0}
     return written(folder, tree)
 
@@ -93,6 +95,20 @@ def test_a_fault_of_the_scenario_acts_on_it(tmp_path: Path) -> None:
     assert not stands[601:].any()
 
 
+def test_a_sensor_fault_acts_on_what_it_is_shown(tmp_path: Path) -> None:
+    biased = {"uav": 3, "sensor": "gyro", "bias_deg_s": 20.0, "axis": "x"}
+    held = []
+    for name, faults in (("with", [biased | {"start_s": 0.3}]), ("without", [])):
+        folder = tmp_path / name
+        folder.mkdir()
+        done = flown(folder, mixed(folder, peer(folder), faults=faults), "--record", "full")
+        assert done.returncode == 0, done.stderr
+        table = table_of(folder / "run" / "trajectory.arrows")
+        held.append(table["held_aileron"][table["uav"] == 3])
+    differs = np.flatnonzero(held[0] != held[1])
+    assert 300 < differs[0] <= 304, "a frame of the peer has two control periods"
+
+
 def test_stations_set_faults_that_it_does_not_hear_of(tmp_path: Path) -> None:
     (port,) = free_ports(1)
     to = ("--connect", f"udpout:127.0.0.1:{port}", "--uav", "3")
@@ -107,6 +123,15 @@ def test_stations_set_faults_that_it_does_not_hear_of(tmp_path: Path) -> None:
         listed = run("gcs", "fault", "list", "--json", *to)
         (fault,) = json.loads(listed.stdout)[0]["faults"]
         assert fault["actuator"] == "rudder"
+        sensor = ("gcs", "fault", "sensor", "set")
+        set_one = run(*sensor, "gyro", "--failure", "stuck", "--for-s", "60", *to)
+        assert set_one.returncode == 0, set_one.stderr
+        refused = run(*sensor, "barometer", "--failure", "stuck", *to)
+        assert refused.returncode == 3
+        assert "ArduPlane makes its barometer itself" in refused.stderr
+        listed = run("gcs", "fault", "list", "--json", *to)
+        _, fault = json.loads(listed.stdout)[0]["faults"]
+        assert fault["sensor"] == "gyro"
         assert run("gcs", "fault", "clear", *to).returncode == 0
         listed = run("gcs", "fault", "list", "--json", *to)
         assert json.loads(listed.stdout)[0]["faults"] == []
@@ -169,13 +194,77 @@ def test_bad_input_is_one_message(tmp_path: Path) -> None:
         assert_one_message(done.stderr)
 
 
-@pytest.mark.skipif(not REAL, reason="FTC_ARDUPLANE names no ArduPlane")
-def test_a_real_one_flies(tmp_path: Path) -> None:
-    done = flown(tmp_path, mixed(tmp_path, REAL, duration_s=10.0))
+MISSION = {
+    "items": [
+        {"waypoint": {"north_m": 700.0 * n, "east_m": 300.0 * e, "height_m": 300.0}}
+        for n, e in ((1, 0), (2, 0), (2, 1))
+    ]
+}
+
+
+def restarted(folder: Path, scenario: Path) -> dict[str, Any]:
+    """Fly with one that ends in flight; return the summary."""
+    done = flown(folder, scenario, "--restart", "on-failure", "--record", "full")
     assert done.returncode == 0, done.stderr
-    own = summary_of(tmp_path / "run")["uavs"][2]
-    assert own["attitude_lost_at_s"] is None
-    assert own["actuator_messages"] > 100
+    summary = summary_of(folder / "run")
+    own: dict[str, Any] = summary["uavs"][2]
+    assert (summary["completed"], own["restarts"], own["missing_steps"]) == (True, 1, 0)
+    assert own["active_steps"] == summary["steps"]
+    return own
+
+
+def test_one_that_ends_in_flight_is_told_all_again(tmp_path: Path) -> None:
+    heard = tmp_path / "heard"
+    binary = peer(tmp_path, PEER_DIES_S="8", PEER_HEARD=str(heard))
+    restarted(tmp_path, mixed(tmp_path, binary, duration_s=6.0, mission=MISSION))
+    lines = heard.read_text().splitlines()
+    assert lines == ["4 items", "mission", "armed", "4 items", "mode 10", "item 2", "armed"]
+    assert not children_of(binary)
+
+
+def test_in_real_time_it_is_not_started_again(tmp_path: Path) -> None:
+    binary = peer(tmp_path, PEER_DIES_S="9", PEER_HEARD=str(tmp_path / "heard"))
+    scenario = mixed(tmp_path, binary, duration_s=30.0)
+    done = flown(tmp_path, scenario, "--restart", "on-failure", "--speed", "1")
+    assert (done.returncode, "ArduPlane ended with status 3 at" in done.stderr) == (1, True)
+    assert "is started again in lockstep only" in done.stderr
+    assert_one_message(done.stderr)
+    assert not children_of(binary)
+
+
+@pytest.mark.skipif(not REAL, reason="FTC_ARDUPLANE names no ArduPlane")
+def test_a_real_one_flies_twice_the_same(tmp_path: Path) -> None:
+    recorded = []
+    for name in ("first", "second"):
+        folder = tmp_path / name
+        folder.mkdir()
+        done = flown(folder, mixed(folder, REAL, duration_s=10.0), "--record", "full")
+        assert done.returncode == 0, done.stderr
+        own = summary_of(folder / "run")["uavs"][2]
+        assert own["attitude_lost_at_s"] is None
+        assert own["actuator_messages"] > 100
+        recorded.append((folder / "run" / "trajectory.arrows").read_bytes())
+    assert recorded[0] == recorded[1]
+
+
+@pytest.mark.skipif(not REAL, reason="FTC_ARDUPLANE names no ArduPlane")
+def test_a_real_one_that_is_killed_is_started_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PEER_OF", str(tmp_path))
+    scenario = mixed(tmp_path, REAL, duration_s=20.0, mission=MISSION)
+    options = ("--out", str(tmp_path / "run"), "--free-ports", "--restart", "on-failure")
+    flight = start("gcs", "fly", str(scenario), *options, "--quiet")
+    log = tmp_path / "run" / "processes" / "plant.log"
+    wait_until(lambda: log.exists() and "all armed" in log.read_text(), "it flies")
+    name = Path(REAL).expanduser().resolve().name
+    for one in children_of(str(tmp_path)):
+        if Path(f"/proc/{one}/comm").read_text().strip() == name[:15]:
+            os.kill(one, signal.SIGKILL)
+    _, error = flight.communicate(timeout=300)
+    assert flight.returncode == 0, error
+    summary = summary_of(tmp_path / "run")
+    assert (summary["completed"], summary["uavs"][2]["restarts"]) == (True, 1)
 
 
 def test_a_campaign_flies_it_beside_our_laws(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ import itertools
 import json
 import os
 import random
+import signal
 import socket
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from flying import assert_one_message, run, scenario_tree, start, summary_of, table_of, wait_until
@@ -254,3 +256,37 @@ def test_faults_act_on_it_and_outputs_are_its_own(tmp_path: Path) -> None:
     applied = table["applied_rudder"][table["uav"] == 3]
     assert abs(applied[301:600] - 0.2617993877991494).max() < 1e-6
     assert abs(applied[:300] - 0.2617993877991494).min() > 1e-3
+
+
+def test_one_that_is_killed_in_flight_is_started_again(tmp_path: Path) -> None:
+    binary = build(tmp_path)
+    scenario = fleet(tmp_path, {3: autopilot(binary)}, duration_s=15.0)
+    flight = start("gcs", "fly", str(scenario), *fly_options(tmp_path), "--restart", "on-failure")
+    log = tmp_path / "run" / "processes" / "plant.log"
+    wait_until(lambda: log.exists() and "all armed" in log.read_text(), "it flies")
+    for child in children_of(binary):
+        os.kill(child, signal.SIGKILL)
+    _, error = flight.communicate(timeout=300)
+    assert flight.returncode == 0, error
+    summary = summary_of(tmp_path / "run")
+    own = summary["uavs"][2]
+    assert (summary["completed"], own["restarts"], own["missing_steps"]) == (True, 1, 0)
+    found = report_of(tmp_path, 3)
+    assert found["wrong"] == []
+    assert found["mode"] == 4 << 16 | 2 << 24, "AUTO.TAKEOFF, as it was told before"
+    assert not children_of(binary)
+
+
+def test_a_sensor_fault_acts_on_what_it_is_sent(tmp_path: Path) -> None:
+    biased = {"uav": 3, "sensor": "gyro", "instance": 1, "bias_deg_s": 20.0, "start_s": 0.3}
+    held = []
+    for name, faults in (("with", [biased]), ("without", [])):
+        folder = tmp_path / name
+        folder.mkdir()
+        scenario = fleet(folder, {3: autopilot(build(folder))}, faults=faults)
+        done = flown(folder, scenario)
+        assert done.returncode == 0, done.stderr
+        table = table_of(folder / "run" / "trajectory.arrows")
+        held.append(table["held_aileron"][table["uav"] == 3])
+    differs = np.flatnonzero(held[0] != held[1])
+    assert 300 < differs[0] <= 308, "a frame of PX4 has four control periods"

@@ -6,18 +6,31 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as theirs
 
+from ftc_autopilot.foreign.datagrams import frames_in
 from ftc_autopilot.foreign.plant_link import PlantSide
-from ftc_autopilot.foreign.vehicle import ForeignVehicle, frames_in
+from ftc_autopilot.foreign.sensor_faults import SensorFaults
+from ftc_autopilot.foreign.vehicle import ForeignVehicle
+from ftc_autopilot.kinds import ArduPlaneAutopilot
 from mavlink_defs import dialect
 from mavlink_defs.framing.frames import FramePacker, parse
 from mavlink_defs.origin import Origin
+from sitl_plant.ardupilot.instruments import JsonInstruments
+from sitl_plant.sensing.config import NavigationSensors
 
 UAV = 7
 
 
+PLANE = ArduPlaneAutopilot(kind="ardupilot", binary="arduplane")
+
+
+def faults(time_s: float = 5.0) -> SensorFaults:
+    shown = JsonInstruments(NavigationSensors(), 1.2, UAV, 1, 1000)
+    return SensorFaults(shown.failures, PLANE.refuses, lambda: time_s)
+
+
 @pytest.fixture
 def vehicle() -> ForeignVehicle:
-    return ForeignVehicle(UAV, Origin(), PlantSide(UAV, None).counts)
+    return ForeignVehicle(UAV, Origin(), PlantSide(UAV, None).counts, faults())
 
 
 @pytest.fixture
@@ -51,12 +64,11 @@ def test_its_heartbeat_shows_when_it_is_ready_and_has_its_home(
 ) -> None:
     vehicle.receive(heartbeat(link))
     assert vehicle.to_stations() == []
-    assert not vehicle.is_ready
+    assert not vehicle.is_shown
     vehicle.to_autopilot()
     checked = dialect.MAV_SYS_STATUS_PREARM_CHECK
     status = bytes(theirs.MAVLink_sys_status_message(0, 0, checked, *[0] * 10).pack(link))
     vehicle.receive(status + heartbeat(link))
-    assert vehicle.is_ready
     assert vehicle.to_stations() == [status]
     (frame,) = vehicle.to_autopilot()
     asked = parse(frame)
@@ -66,6 +78,7 @@ def test_its_heartbeat_shows_when_it_is_ready_and_has_its_home(
     beat = heartbeat(link)
     vehicle.receive(bytes(ack) + beat)
     assert vehicle.to_stations() == [beat], "not the acknowledgement"
+    assert vehicle.is_shown
 
 
 def test_faults_go_to_the_plant_and_all_else_to_it(vehicle: ForeignVehicle) -> None:
@@ -77,6 +90,8 @@ def test_faults_go_to_the_plant_and_all_else_to_it(vehicle: ForeignVehicle) -> N
     assert vehicle.to_autopilot() == []
     arm = station_command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
     vehicle.receive_from_station(arm, 0.0, 0)
+    assert vehicle.to_autopilot() == []
+    assert vehicle.release() > 1.0, "its next HEARTBEAT shows what it has done"
     (frame,) = vehicle.to_autopilot()
     passed = parse(frame)
     assert passed is not None
@@ -133,3 +148,76 @@ def test_only_changes_are_sent_and_what_was_lost_again() -> None:
     link.receive(state(4, 3)[:-1])
     assert not link.took_step
     assert link.drops.total() == 1
+
+
+def answers(vehicle: ForeignVehicle) -> list[Any]:
+    found = [parse(frame) for frame in vehicle.to_stations()]
+    return [one for one in found if one is not None]
+
+
+def injected(vehicle: ForeignVehicle, *params: float) -> tuple[int, str]:
+    """Inject a failure; return the result and what is said of it."""
+    command = station_command(dialect.MAV_CMD_INJECT_FAILURE, *params)
+    vehicle.receive_from_station(command, 0.0, 0)
+    heard = answers(vehicle)
+    (ack,) = (one for one in heard if isinstance(one, dialect.MAVLink_command_ack_message))
+    said = [one for one in heard if isinstance(one, dialect.MAVLink_statustext_message)]
+    return ack.result, "".join(one.text for one in said)
+
+
+def test_faults_of_sensors_are_the_bridges(vehicle: ForeignVehicle) -> None:
+    gyro, mag = dialect.FAILURE_UNIT_SENSOR_GYRO, dialect.FAILURE_UNIT_SENSOR_MAG
+    stuck, off = dialect.FAILURE_TYPE_STUCK, dialect.FAILURE_TYPE_OFF
+    assert injected(vehicle, gyro, stuck) == (dialect.MAV_RESULT_ACCEPTED, "")
+    result, said = injected(vehicle, mag, stuck)
+    assert (result, "makes its magnetometer itself" in said) == (dialect.MAV_RESULT_DENIED, True)
+    result, said = injected(vehicle, gyro, off)
+    assert (result, "never off" in said) == (dialect.MAV_RESULT_DENIED, True)
+    assert vehicle.to_plant() == []
+    bias = station_command(dialect.MAV_CMD_FTC_SET_SENSOR_FAULT, 5.0, 3.0, 20.0, 0.0, 6.0, 9.0, 1.0)
+    vehicle.receive_from_station(bias, 0.0, 0)
+    answers(vehicle)
+    for count in (0, 2):  # of the plant's own
+        listed = []
+        for index in range(max(count, 1)):
+            of_plant = dialect.MAVLink_ftc_fault_message(0.5, 0, 0, 1, 2, index, count, 2, 1)
+            theirs = parse(FramePacker(UAV, 25).pack(of_plant))
+            assert theirs is not None
+            vehicle.receive_from_plant(theirs, 0.1)
+            listed += answers(vehicle)
+        assert [(one.index, one.count) for one in listed] == [
+            (i, count + 2) for i in range(count + 2)
+        ]
+        assert [one.sensor for one in listed[count:]] == [1, 5]
+    vehicle.receive_from_station(station_command(dialect.MAV_CMD_FTC_CLEAR_FAULTS, -1.0), 0.0, 0)
+    assert len(vehicle.to_plant()) == 1, "all are cleared, the plant's as well"
+    none = parse(FramePacker(UAV, 25).pack(dialect.MAVLink_ftc_fault_message(*[0] * 9)))
+    assert none is not None
+    answers(vehicle)
+    vehicle.receive_from_plant(none, 0.1)
+    (empty,) = answers(vehicle)
+    assert empty.count == 0
+
+
+def test_a_command_that_is_repeated_does_not_move_its_clock(
+    vehicle: ForeignVehicle, link: Any
+) -> None:
+    arm = station_command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
+    assert isinstance(arm, dialect.MAVLink_command_long_message)
+
+    def given(confirmation: int) -> float:
+        arm.confirmation = confirmation
+        vehicle.receive_from_station(arm, 0.0, 0)
+        return vehicle.release()
+
+    assert given(0) > 0.0
+    assert given(1) == 0.0, "it is under way"
+    ack = bytes(theirs.MAVLink_command_ack_message(arm.command, 0, 0, 0, 255, 190).pack(link))
+    vehicle.receive(ack)
+    assert vehicle.to_stations() == [ack]
+    assert given(2) == 0.0
+    assert vehicle.to_stations() == [ack], "its answer was late, or lost"
+    assert given(6) > 0.0, "it was lost itself, perhaps"
+    assert given(0) > 0.0, "another one"
+    arm.param1 = 0.0
+    assert given(1) > 0.0, "of which the first was lost"

@@ -117,3 +117,48 @@ def test_actuators_are_not_handed_the_faults_of_sensors() -> None:
     fleet = new_plant_state(with_fault.plant_config())
     add_faults(with_fault, fleet)
     assert [int(row["target"]) for row in fleet.uavs[2]["faults"] if row["target"] >= 0] == [2]
+
+
+@pytest.mark.parametrize(
+    ("fault", "problem"),
+    [
+        ({"sensor": "gyro", "failure": "stuck"}, None),
+        ({"sensor": "gps", "bias_m": 50.0, "axis": "x"}, None),
+        (
+            {"sensor": "gps", "bias_m": 50.0},
+            "faults[0].sensor: ArduPlane's GPS and barometer share a position: expected bias or "
+            "drift with axis x or y",
+        ),
+        (
+            {"sensor": "magnetometer", "failure": "stuck"},
+            "faults[0].sensor: ArduPlane makes its magnetometer itself; by JSON it gets gyro and "
+            "accelerometer and gps and airspeed",
+        ),
+        (
+            {"sensor": "airspeed", "failure": "off"},
+            "faults[0].sensor: ArduPlane gets a value of the airspeed in each frame: it is never "
+            "off",
+        ),
+        (
+            {"sensor": "gyro", "failure": "stuck", "instance": 2},
+            "faults[0].instance: expected 0 to 1, as many as there are, got 2",
+        ),
+    ],
+)
+def test_what_an_arduplane_is_shown_can_fail(fault: dict[str, Any], problem: str | None) -> None:
+    uavs = scenario_tree("paper/scenario1")["uavs"]
+    uavs[2]["autopilot"] = {"kind": "ardupilot", "binary": "arduplane"}
+    keys = {"uavs": uavs, "navigation": "true_state"}
+    one = {"uav": 3, "start_s": 1.0} | fault
+    if problem is None:
+        scenario(one, **keys)
+        assert "true_state" in problems(one | {"uav": 1}, **keys)[0], "ours has no such sensor"
+    else:
+        assert problems(one, **keys) == [problem]
+
+
+def test_all_sensors_of_a_px4_can_fail() -> None:
+    uavs = scenario_tree("paper/scenario1")["uavs"]
+    uavs[2]["autopilot"] = {"kind": "px4", "binary": "px4"}
+    for sensor in ("gyro", "accelerometer", "magnetometer", "barometer", "gps", "airspeed"):
+        scenario(OFF | {"sensor": sensor}, uavs=uavs, navigation="true_state")

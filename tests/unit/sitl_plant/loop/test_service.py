@@ -14,7 +14,7 @@ from mavlink_defs.faults.sensors import MAX_SENSOR_FAULTS, SENSOR_FAULTS
 from mavlink_defs.faults.table import FaultTable, no_faults
 from mavlink_defs.framing.frames import FramePacker, parse
 from mavlink_defs.services.fault_list import FaultList
-from sitl_plant.loop.fault_commands import AircraftFaults
+from sitl_plant.fault_commands import AircraftFaults
 from sitl_plant.loop.service import AircraftService
 from sitl_plant.sensing.failures import SensorRange, fault_table, new_failures
 
