@@ -133,10 +133,11 @@ def test_without_a_landing_in_the_mission_the_runway_is_landed_on(
     assert flying.command(command, *params) == ACCEPTED
     assert flying.modes.mode == AUTOLAND
     north, east, course = landing_of(flying)
-    runway = SCENARIO.runway
+    runway, figures = SCENARIO.runway, flying.path.planner.limits.runway
     assert runway is not None
+    assert figures is not None
     before, behind = north - runway.north_m, runway.length_m + runway.north_m - north
-    assert before == pytest.approx(behind - flying.path.planner.limits.runway.landing_roll)
+    assert before == pytest.approx(behind - figures.landing_roll)
     assert (round(east, 6), round(course, 6)) == (0.0, 0.0)
     assert flying.landed_state() == dialect.MAV_LANDED_STATE_IN_AIR
 
