@@ -34,6 +34,7 @@ _MEAN_S, _MEMORY_S, _LEARN_S = 3.0, 10.0, 2.0
 _LONGEST_GAP_S = 2.0  # between two fixes: receivers report once a second, at the least
 _CLEAR = 60.0  # variances of the receiver's velocity, by which a delay must be better
 _SHARE = 0.25  # of what noise does not explain of the scatter in use, that a better one has at most
+_FITS = 3.0  # times the scatter by the receiver's noise alone, that the right delay has at most
 
 
 @compiled
@@ -96,7 +97,7 @@ def _choose(latency: np.void, elapsed: float, assumed: np.void) -> bool:
     noise = assumed["gnss_velocity"][0]
     expected = 3.0 * noise * min(latency["age"], _MEMORY_S) / max(elapsed, 1e-3)
     gain = scatter[own] - scatter[best]
-    most = expected + _SHARE * (scatter[own] - expected)
+    most = min(_FITS * expected, expected + _SHARE * (scatter[own] - expected))
     if not gain > _CLEAR * noise or scatter[best] > most:
         return False
     latency["delay"] = _EARLIEST_S + best * _STEP_S

@@ -62,11 +62,6 @@ def test_noise_that_is_known_hides_no_delay(late_s: float) -> None:
     assert found == pytest.approx(late_s, abs=0.11)
 
 
-def test_a_tilt_that_is_wrong_hides_no_delay() -> None:
-    """It adds to the scatter of all delays."""
-    assert learned(0.3, turns=True, drift_m_s2=0.3) == pytest.approx(0.3, abs=0.051)
-
-
 @pytest.mark.parametrize("drift_m_s2", [0.0, 0.1])
 @pytest.mark.parametrize("turns", [True, False])
 def test_no_delay_is_made_up(turns: bool, drift_m_s2: float) -> None:
