@@ -58,7 +58,9 @@ class Flight:
         self._started: list[subprocess.Popen[bytes]] = []
 
     def start(self, *program: str, **settings: str) -> "subprocess.Popen[bytes]":
-        started = subprocess.Popen([*program, *self.arguments], env=os.environ | settings)
+        own = self.folder.parent  # where a real one leaves its files
+        command = [*program, *self.arguments]
+        started = subprocess.Popen(command, env=os.environ | settings, cwd=own)
         self._started.append(started)
         return started
 
@@ -184,7 +186,7 @@ def test_a_port_that_is_taken_is_named(tmp_path: Path) -> None:
 @pytest.mark.skipif(not REAL, reason="FTC_ARDUPLANE names no ArduPlane")
 def test_a_real_one_flies(tmp_path: Path) -> None:
     with waiting(tmp_path, duration_s=10.0) as flight:
-        flight.start(REAL, "--speedup", "100")
+        flight.start(str(Path(REAL).resolve()), "--speedup", "100")
         status, _, error = flight.end()
     assert status == 0, error
     own = summary_of(flight.folder)["uavs"][2]
