@@ -120,7 +120,7 @@ class Bridge:
             ForeignVehicle, config.id, config.origin, self._link.counts, faults, checkpoint
         )
         self._vehicle = self._new_vehicle()
-        self._is_kept = checkpoint is not None
+        self._saves = checkpoint is not None
         self._armed = self._over = False
         self._heard_s = time.monotonic()
         self._due_s = self._count_due_s = self._turn_due_s = 0.0
@@ -155,9 +155,9 @@ class Bridge:
         """End the flight, as the autopilot cannot fly on; before it, as the bridge cannot."""
         self._vehicle.say(dialect.MAV_SEVERITY_CRITICAL, why)
         self._send_to_stations()
-        goes_on = self._is_kept and self._link.is_lockstep
+        goes_on = self._saves and self._link.is_lockstep
         if self._link.is_running and not goes_on:
-            self.failure = f"{why}; {_IN_LOCKSTEP}" if self._is_kept else why
+            self.failure = f"{why}; {_IN_LOCKSTEP}" if self._saves else why
         else:
             self.loss = why
 
@@ -168,7 +168,7 @@ class Bridge:
         next bridge.
         """
         self._take_notices()
-        goes_on = self.loss is not None and self._is_kept and not self._link.is_over
+        goes_on = self.loss is not None and self._saves and not self._link.is_over
         if goes_on:
             self._recorder.flush()
         elif self._steps or self.loss is None:
@@ -202,8 +202,8 @@ class Bridge:
 
     @property
     def is_ready(self) -> bool:
-        """Whether it can be armed; one that is started again is when it has been told all."""
-        return self._vehicle.is_shown and not self._vehicle.told.resumes
+        """Whether it can be armed; one that is started again is when it has been given all."""
+        return self._vehicle.is_shown and not self._vehicle.resumption.resumes
 
     @property
     def is_armed(self) -> bool:
@@ -223,7 +223,7 @@ class Bridge:
                 continue
             self._peer, self._peer_s = sender, now
             self._vehicle.receive(datagram, time_s)
-        if (refusal := self._vehicle.told.refusal) is not None:
+        if (refusal := self._vehicle.resumption.refusal) is not None:
             raise ForeignError(refusal)
         if self._peer is not None:
             for frame in self._vehicle.to_autopilot(time_s):

@@ -1,4 +1,4 @@
-"""A foreign autopilot that is started again in flight: what it had been told, told again.
+"""A foreign autopilot that is started again in flight: what it had been given, given again.
 
 It has no checkpoint of its own. Its bridge keeps what stations have given it, and where it was, in
 a file of MAVLink frames: plans, parameters, and commands for its mode and the item of its mission.
@@ -21,11 +21,11 @@ from mavlink_defs.services.mission import MissionFinished, MissionItem, MissionU
 _PX4_MAIN, _PX4_SUB = 16, 24  # bits of custom_mode below its main mode, and below its sub-mode
 
 
-class Told:
-    """What a foreign autopilot has been told, and what it is told once more.
+class Resumption:
+    """What a foreign autopilot has been given, and what it is given once more.
 
     Attributes:
-        resumes: Whether it is still to be told.
+        resumes: Whether it is still to be given.
         refusal: What it has refused, and how; None: nothing.
     """
 
@@ -149,7 +149,7 @@ class Told:
             self.refusal = f"started again, it refuses {what} ({result})"
 
     def turn(self, time_s: float) -> list[MAVLink_message]:
-        """Return what it is to be told now."""
+        """Return what it is to be given now."""
         sent: list[MAVLink_message] = []
         if not self._began:
             self._began = True

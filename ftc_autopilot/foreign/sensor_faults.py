@@ -1,6 +1,6 @@
 """Faults of the sensors that a foreign autopilot is shown, which its bridge makes.
 
-Those of actuators are the plant's. A command is executed as a whole, or refused with a reason.
+Faults of actuators are the plant's. A command is executed as a whole, or refused with a reason.
 """
 
 from collections.abc import Callable

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 
 from ftc_autopilot.foreign.datagrams import frames_in
-from ftc_autopilot.foreign.resumption import Told
+from ftc_autopilot.foreign.resumption import Resumption
 from ftc_autopilot.foreign.sensor_faults import SensorFaults
 from ftc_autopilot.vehicle.commands import Commands, Handler
 from ftc_autopilot.vehicle.telemetry import DEFAULT_INTERVALS_US
@@ -56,7 +56,7 @@ class ForeignVehicle:
 
     Attributes:
         is_armed: Whether it is armed, by its last HEARTBEAT.
-        told: What it has been told, for one that is started again.
+        resumption: What it has been given, for one that is started again.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class ForeignVehicle:
             origin: Its home: it would be where it is held.
             counts: Returns FTC_EVENTS.
             faults: Of the sensors that its bridge makes.
-            checkpoint: Where it is kept what it has been told; None: nowhere.
+            checkpoint: Where what it has been given is kept; None: nowhere.
         """
         self._counts = counts
         self._system, self._origin = system, origin
@@ -82,7 +82,7 @@ class ForeignVehicle:
         self._own = SystemId(system, dialect.MAV_COMP_ID_AUTOPILOT1)
         self._bridge = SystemId(system, SIMULATOR_COMPONENT)  # its own commands come from there
         self.is_armed = self._is_checked = self._is_heard = False
-        self.told = Told(self._own, self._bridge, checkpoint)
+        self.resumption = Resumption(self._own, self._bridge, checkpoint)
         self._from_stations: deque[tuple[bytes, float]] = deque()  # each with how long it takes
         self._asked: dict[tuple[SystemId, int], tuple[tuple[float, ...], bytes | None]] = {}
         self._beat: MAVLink_message | None = None  # its last HEARTBEAT
@@ -117,7 +117,7 @@ class ForeignVehicle:
             self._to_stations.append(frame)
 
     def _note(self, message: MAVLink_message) -> None:
-        self.told.note(message)
+        self.resumption.note(message)
         if isinstance(message, dialect.MAVLink_sys_status_message):
             checks = message.onboard_control_sensors_health
             self._is_checked |= bool(checks & dialect.MAV_SYS_STATUS_PREARM_CHECK)
@@ -162,8 +162,8 @@ class ForeignVehicle:
         if isinstance(message, dialect.MAVLink_command_ack_message):
             is_accepted = message.result == dialect.MAV_RESULT_ACCEPTED
             self._has_home |= is_accepted and message.command == dialect.MAV_CMD_DO_SET_HOME
-        if self.told.resumes:
-            self.told.receive(message, time_s)
+        if self.resumption.resumes:
+            self.resumption.receive(message, time_s)
         return True
 
     # from ground stations
@@ -181,7 +181,7 @@ class ForeignVehicle:
             return
         if isinstance(message, dialect.MAVLink_command_long_message) and self._is_again(message):
             return
-        self.told.note_station(message)
+        self.resumption.note_station(message)
         self._from_stations.append((frame, _answered_in_s(message)))
 
     def _is_again(self, message: dialect.MAVLink_command_long_message) -> bool:
@@ -289,8 +289,8 @@ class ForeignVehicle:
 
     def to_autopilot(self, time_s: float = 0.0) -> list[bytes]:
         """Hand over what the autopilot is to be sent, at a time of its clock."""
-        if self.told.resumes and self.is_shown:
-            again = self.told.turn(time_s)
+        if self.resumption.resumes and self.is_shown:
+            again = self.resumption.turn(time_s)
             self._to_autopilot += [self._packed(message, self._bridge) for message in again]
         frames, self._to_autopilot = self._to_autopilot, []
         return frames

@@ -18,8 +18,8 @@ with much side force, than the wing has room for. Bank is limited by the height 
 
 What is left of a faulty aircraft shows on the final, whatever law flies it. One that needs a bank
 to fly straight drifts away as soon as it has to level its wings: it flies lower by so much that its
-flare ends in a firm touchdown, a few seconds earlier. One that is slower than it is told to be is
-told to be faster.
+flare ends in a firm touchdown, a few seconds earlier. One that is slower than its command
+is commanded to be faster.
 """
 
 import math

@@ -49,7 +49,7 @@ class Commands:
             own: SystemId of the vehicle.
             handlers: What carries out each MAV_CMD.
             place_handlers: What carries out those that have a place.
-            fault_handlers: What carries out those of faults, if not the simulator.
+            fault_handlers: What carries out commands of faults, if not the simulator.
         """
         self._own, self._handlers, self._place_handlers = own, handlers, place_handlers
         self._fault_handlers = fault_handlers

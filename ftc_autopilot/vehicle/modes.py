@@ -406,7 +406,8 @@ class Modes:
         try:
             way = self._way(mode, item, started=start_step != NOT_STARTED, armed=armed)
         except ItemError as error:
-            self._refuse(f"Mode {MODE_NAMES[mode]}: {error.text}")
+            why = error.text if mode == AUTO else error.reason
+            self._refuse(f"Mode {MODE_NAMES[mode]}: {why}")
             return False
         self._item, self._guidance["start_step"] = item, start_step
         if armed and not self.armed:

@@ -1,4 +1,4 @@
-"""The failsafes of a flight in one process: those of the vehicles, which look at the same steps."""
+"""The failsafes of a flight in one process: the vehicles' own, which look at the same steps."""
 
 import numpy as np
 

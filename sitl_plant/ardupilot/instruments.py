@@ -1,6 +1,6 @@
 """What an ArduPilot is shown of the motion: the JSON interface's instruments, and their faults.
 
-They have no errors of their own: ArduPilot adds those of its own sensors. An instrument that is
+They have no errors of their own: ArduPilot adds its own sensors' errors. An instrument that is
 slow or late shows its last value in between, as each frame has one.
 """
 

@@ -97,7 +97,7 @@ def triggered(
     """Return whether the surviving law's command of channel j is sent, which is in force then.
 
     The clock decides that if the trigger has one; else (25) or (29), with thresholds that grow with
-    the noise and the gusts in the commands, as those of the trigger `scaled`.
+    the noise and the gusts in the commands, as in the trigger `scaled`.
 
     Args:
         now: The present step.

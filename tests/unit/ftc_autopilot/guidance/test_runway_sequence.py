@@ -71,7 +71,7 @@ def test_it_lands_one_after_the_other() -> None:
     ("changes", "text"),
     [
         ({"formation.changes": []}, "UAVs 1 and 2 fly 30 m apart along the path at the end"),
-        ({"runway.length_m": 165.0}, "the runway is 165 m long, 3 landings take 304 m"),
+        ({"runway.length_m": 165.0}, "the runway is 165 m long, 3 landings take 303 m"),
         ({"mission.items.1.waypoint.north_m": 0.0}, "straight to the first place"),
     ],
 )

@@ -102,7 +102,7 @@ def test_a_plan_gives_areas(tmp_path: Path) -> None:
             "fence: {items: [{circle: {north_m: 0, east_m: 0, radius_m: 15}}]}",
             "uavs[0].initial: outside the fence: outside the inclusion circle of item 0",
         ),
-        ("fence: {action: land}", "fence.action: expected 'report', 'rtl', 'loiter' or 'guided'"),
+        ("fence: {action: hover}", "fence.action: expected 'report', 'rtl', 'loiter', 'guided'"),
         (
             "fence: {items: [{circle: {north_m: 0, east_m: 0, radius_m: 9}, item: {command: 1}}]}",
             "fence.items[0]: expected one of the keys polygon, circle, return_point, item, got",
