@@ -95,7 +95,6 @@ def _begin_at_zero(kalman: np.void, rates: Vec3, force: Vec3) -> None:
     """Set what a filter estimates and sums up to zero, its last samples to the present ones."""
     kalman["x"][:] = 0.0
     kalman["owed"][:] = 0.0
-    kalman["corrected"][:] = 0.0
     kalman["travel"][:] = 0.0
     kalman["sum_force"][:] = 0.0
     kalman["sum_R"][:] = 0.0

@@ -56,8 +56,6 @@ def correct(kalman: np.void, innovation: float, S: float) -> None:
     gain = innovation / S
     turn = gain * Ph[PHI], gain * Ph[PHI + 1], gain * Ph[PHI + 2]
     turn_world(kalman["quaternion"], turn)
-    for k in range(3):
-        kalman["corrected"][k] += turn[k]
     for k in range(N):
         owed[k] += gain * Ph[k]
         if k > PHI + 2:

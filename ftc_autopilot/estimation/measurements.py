@@ -32,7 +32,7 @@ from ftc_autopilot.estimation.state import (
 )
 from mavlink_defs.constants import GNSS
 from mavlink_defs.runtime.jit import compiled, inlined
-from sitl_plant.vec3 import Mat3, Vec3, cross, dot, norm, scale, square, sub, vec3
+from sitl_plant.vec3 import Mat3, Vec3, cross, dot, norm, square, sub, vec3
 
 TREND_OF_FIELD, TREND_OF_VELOCITY = 0.05, 0.5
 """Gains of running means of innovations, over 0.2 s each at their usual rates."""
@@ -156,8 +156,7 @@ def fuse_pitot(kalman: np.void, pressure: float, assumed: np.void, use: bool, al
     PX4's EKF2 fuses a true airspeed instead, with the same dependence on velocity and wind.
 
     How u depends on the attitude changes with each correction of the velocity across, and the
-    covariance does not follow: so at first nothing is fused (`is_settled`), and later what recent
-    corrections add counts as noise.
+    covariance does not follow: so at first nothing is fused (`is_settled`).
 
     Args:
         kalman: Record of dtype `FILTER`.
@@ -166,44 +165,22 @@ def fuse_pitot(kalman: np.void, pressure: float, assumed: np.void, use: bool, al
         use: Whether it is fused if it passes its test.
         alone: Whether there is no receiver.
     """
-    x, density = kalman["x"], assumed["density"]
+    h, x, density = clear(kalman), kalman["x"], assumed["density"]
     c, a = column(rotation(kalman["quaternion"]), 0), through_air(x)
     u = dot(c, a)
     if u < _MIN_AIRSPEED or not is_settled(kalman):
         return 0.0
     slope = density * u * (1.0 + x[PITOT_SCALE])
-    corrections = _LASTS * square(slope) * _by_corrections(kalman, u)
-    h, lever = clear(kalman), cross(c, a)
+    lever = cross(c, a)
     for k in range(3):
         h[PHI + k] = slope * lever[k]
         h[VEL + k] = slope * c[k]
         h[WIND + k] = -slope * c[k]
     h[PITOT_SCALE] = 0.5 * density * u * u
     expected = 0.5 * density * u * u * (1.0 + x[PITOT_SCALE])
-    off = pressure - expected
-    usual = normalised(off, innovation_variance(kalman, assumed["pitot"]))
-    kalman["gusts"] += _GUST_GAIN * (min(usual, assumed["gate"]) - kalman["gusts"])
-    return _fuse_air(kalman, off, assumed["pitot"] + corrections, assumed, use, alone)
-
-
-@compiled
-def _by_corrections(kalman: np.void, u: float) -> float:
-    """Return the variance of what corrections of the attitude add to the airspeed ahead [m²/s²].
-
-    Where the x axis was turned by D to a side, and the velocity along that side is off by η, what
-    it measures changes by D η + u D²/2. Else a heading that swings would seem to show the wind
-    across.
-    """
-    R, h, D, total = rotation(kalman["quaternion"]), kalman["h"], vec3(kalman["corrected"]), 0.0
-    for k in range(1, 3):
-        side, turn = column(R, k), column(R, 3 - k)
-        turn = turn if k == 1 else scale(-1.0, turn)
-        clear(kalman)
-        for i in range(3):
-            h[PHI + i], h[VEL + i], h[WIND + i] = -u * turn[i], side[i], -side[i]
-        turned = square(dot(turn, D))
-        total += turned * (innovation_variance(kalman, 0.0) + 0.25 * u * u * turned)
-    return total
+    ratio = _fuse_air(kalman, pressure - expected, assumed["pitot"], assumed, use, alone)
+    kalman["gusts"] += _GUST_GAIN * (min(ratio, assumed["gate"]) - kalman["gusts"])
+    return ratio
 
 
 @compiled

@@ -16,7 +16,6 @@ from ftc_autopilot.estimation.state import (
     GNSS_ERROR,
     GYRO_BIAS,
     HISTORY_S,
-    LASTS_S,
     MAG_BIAS,
     PHI,
     PITOT_SCALE,
@@ -35,6 +34,7 @@ _UNKNOWN_RATES = 2.0 * math.radians(20.0) ** 2 * 0.3
 _UNKNOWN_FORCES = 2.0 * 4.0**2 * 0.5
 """Densities of rates of 20°/s over 0.3 s [rad²/s], of 4 m/s² over 0.5 s [m²/s³]: of an aircraft
 without a gyro, or accelerometer, that works."""
+_LASTS_S = 2.0  # for which what the attitude's error adds in second order stays
 _STRAIGHT = math.radians(1.0)  # rad/s: what is less is noise, or to and fro
 
 
@@ -128,8 +128,7 @@ def _add_noise(P: np.ndarray, kalman: np.void, assumed: np.void) -> None:
     pushed = scale(1.0 / dt, pushed)
     for i in range(3):
         axis = (1.0 if i == 0 else 0.0), (1.0 if i == 1 else 0.0), (1.0 if i == 2 else 0.0)
-        P[VEL + i, VEL + i] += 2.0 * LASTS_S * dt * of_second_order(P, axis, pushed)
-        kalman["corrected"][i] *= 1.0 - dt / LASTS_S
+        P[VEL + i, VEL + i] += 2.0 * _LASTS_S * dt * of_second_order(P, axis, pushed)
     fade(kalman, GNSS_ERROR, dt / assumed["gnss_correlation"], assumed["gnss_error"][0])
     fade(kalman, GNSS_ERROR + 1, dt / assumed["gnss_correlation"], assumed["gnss_error"][1])
     fade(kalman, GNSS_ERROR + 2, dt / assumed["gnss_correlation"], assumed["gnss_error"][2])

@@ -48,7 +48,6 @@ FILTER = np.dtype(
         ("travel", "f8", (7,)),  # of acceleration [m/s], of that [m], time [s]
         # corrections that the output has not shown yet: attitude, velocity, position, wind
         ("owed", "f8", (N,)),
-        ("corrected", "f8", (3,)),  # what corrections turned the attitude by, over `LASTS_S` [rad]
         ("rates", "f8", (3,)),  # unbiased and filtered, body [rad/s]
         ("force", "f8", (3,)),  # the same of the specific force [m/s²]
         ("ratios", "f8", (SIDESLIP + 1,)),  # squared innovation over its variance, the last of each
@@ -70,10 +69,6 @@ TRAVEL = 7
 
 HISTORY_S = 0.01
 """Time between two propagations of the covariance, and between two entries of the memory [s]."""
-
-
-LASTS_S = 2.0
-"""For which what the attitude's error, or a correction of it, adds in second order stays [s]."""
 
 
 @inlined

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from ftc_autopilot.estimation.config import EstimatorConfig, parameters_of
 from ftc_autopilot.estimation.fuse import LARGE_TURN, correct, innovation_variance
-from ftc_autopilot.estimation.measurements import fuse_pitot, past_travel
+from ftc_autopilot.estimation.measurements import past_travel
 from ftc_autopilot.estimation.predict import predict
 from ftc_autopilot.estimation.receiver import FIX
 from ftc_autopilot.estimation.resets import (
@@ -168,23 +168,6 @@ def test_before_its_memory_an_aircraft_went_straight_on() -> None:
     assert past[6] == pytest.approx(-0.15)
     assert past[0] == history[0, 0]
     assert past_travel(history, now, 0.1, past) == 0.0
-
-
-def test_a_heading_that_swings_does_not_show_the_wind_across(scenario1: Scenario) -> None:
-    """A tube shows the wind ahead; where ahead is, each sample has by another error of heading."""
-    assumed, random, speed = parameters(scenario1), np.random.default_rng(1), 49.0
-    record: np.void = np.zeros(1, FILTER)[0]
-    sizes = np.full(N, 0.01)
-    sizes[PHI + 2], sizes[WIND : WIND + 2] = math.radians(2.5), 4.0
-    record["P"], record["x"][VEL] = np.diag(sizes**2), speed
-    pressure = 0.5 * assumed["density"] * speed**2
-    for _ in range(100):
-        record["corrected"][2] = random.normal(0.0, sizes[PHI + 2])
-        set_euler(record["quaternion"], 0.0, 0.0, record["corrected"][2])
-        fuse_pitot(record, pressure, assumed, True, False)
-    ahead, across = np.sqrt(np.diag(record["P"])[WIND : WIND + 2])
-    assert ahead < 1.0
-    assert across > 3.0
 
 
 RESETS: dict[str, Callable[[np.void, np.void, np.ndarray, np.void], None]] = {
