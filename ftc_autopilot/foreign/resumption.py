@@ -18,6 +18,8 @@ from mavlink_defs.services.command import CommandClient, CommandFinished, Comman
 from mavlink_defs.services.machine import SystemId
 from mavlink_defs.services.mission import MissionFinished, MissionItem, MissionUploader
 
+_MOST_PENDING = 100
+"""Parameters that it has not confirmed; with more, the first one is forgotten."""
 _PX4_MAIN, _PX4_SUB = 16, 24  # bits of custom_mode below its main mode, and below its sub-mode
 
 
@@ -41,6 +43,7 @@ class Resumption:
         self._plans: dict[int, list[MissionItem]] = {}
         self._coming: dict[int, dict[int, MissionItem]] = {}
         self._params: dict[str, MAVLink_message] = {}
+        self._pending: dict[str, MAVLink_message] = {}
         self._mode: CommandMessage | None = None
         self._item: CommandMessage | None = None
         self.refusal: str | None = None
@@ -77,8 +80,9 @@ class Resumption:
         elif isinstance(message, dialect.MAVLink_mission_item_int_message):
             self._coming.setdefault(message.mission_type, {})[message.seq] = message
         elif isinstance(message, dialect.MAVLink_param_set_message):
-            self._params[message.param_id] = message
-            self._keep()
+            self._pending[message.param_id] = message
+            if len(self._pending) > _MOST_PENDING:
+                self._pending.pop(next(iter(self._pending)))
 
     def note(self, message: MAVLink_message) -> None:
         """Note what it says itself."""
@@ -86,6 +90,10 @@ class Resumption:
             items = self._coming.pop(message.mission_type, None)
             if items is not None and message.type == dialect.MAV_MISSION_ACCEPTED:
                 self._plans[message.mission_type] = [one for _, one in sorted(items.items())]
+                self._keep()
+        elif isinstance(message, dialect.MAVLink_param_value_message):
+            if (confirmed := self._pending.pop(message.param_id, None)) is not None:
+                self._params[message.param_id] = confirmed
                 self._keep()
         elif isinstance(message, dialect.MAVLink_mission_current_message):
             command = self._command(dialect.MAV_CMD_DO_SET_MISSION_CURRENT, message.seq)

@@ -37,6 +37,7 @@ _READ = {
     dialect.MAVLINK_MSG_ID_MISSION_CURRENT,
     dialect.MAVLINK_MSG_ID_MISSION_REQUEST,
     dialect.MAVLINK_MSG_ID_MISSION_REQUEST_INT,
+    dialect.MAVLINK_MSG_ID_PARAM_VALUE,
 }
 """What the bridge itself reads of what it sends."""
 _ANSWER_S = 0.1
@@ -45,6 +46,9 @@ _SHOWS_S = 1.2
 """The same of a command whose effect is in its next HEARTBEAT."""
 _LISTS_S = 20.0
 """The same of the list of its parameters."""
+_MOST_WAITING = 2000
+"""Messages of stations that wait for it, and commands whose answers are kept. What comes beyond is
+lost, as in the buffer of a socket: nobody fills the memory, or holds it before it is armed."""
 _SILENT_S = 1.0
 _REPETITIONS = range(1, 6)
 """COMMAND_LONG.confirmation of what is taken for repeated; a later one may have been lost."""
@@ -179,6 +183,8 @@ class ForeignVehicle:
         if isinstance(message, dialect.MAVLink_heartbeat_message):  # which nobody answers
             self._to_autopilot.append(frame)
             return
+        if len(self._from_stations) >= _MOST_WAITING:
+            return
         if isinstance(message, dialect.MAVLink_command_long_message) and self._is_again(message):
             return
         self.resumption.note_station(message)
@@ -193,6 +199,8 @@ class ForeignVehicle:
         asked = self._asked.get(key)
         if asked is None or asked[0] != params or message.confirmation not in _REPETITIONS:
             self._asked[key] = params, None
+            if len(self._asked) > _MOST_WAITING:
+                self._asked.pop(next(iter(self._asked)))
             return False
         if asked[1] is not None:
             self._to_stations.append(asked[1])

@@ -1,5 +1,6 @@
 """The MAVLink of a foreign autopilot, as its bridge passes it on."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,12 +9,14 @@ from pymavlink.dialects.v20 import ardupilotmega as theirs
 
 from ftc_autopilot.foreign.datagrams import frames_in
 from ftc_autopilot.foreign.plant_link import PlantSide
+from ftc_autopilot.foreign.resumption import Resumption
 from ftc_autopilot.foreign.sensor_faults import SensorFaults
 from ftc_autopilot.foreign.vehicle import ForeignVehicle
 from ftc_autopilot.kinds import ArduPlaneAutopilot
 from mavlink_defs import dialect
 from mavlink_defs.framing.frames import FramePacker, parse
 from mavlink_defs.origin import Origin
+from mavlink_defs.services.machine import SystemId
 from sitl_plant.ardupilot.instruments import JsonInstruments
 from sitl_plant.sensing.config import NavigationSensors
 
@@ -111,6 +114,33 @@ def test_the_plants_answer_is_the_stations(vehicle: ForeignVehicle) -> None:
     assert isinstance(heard, dialect.MAVLink_command_ack_message)
     told = heard.command, heard.result, heard.get_srcComponent(), heard.target_system
     assert told == (dialect.MAV_CMD_FTC_SET_FAULT, 0, 1, 255)
+
+
+def test_a_flood_of_a_station_ends_in_the_buffer(vehicle: ForeignVehicle) -> None:
+    for number in range(5000):
+        vehicle.receive_from_station(station_command(number % 60_000), 0.0, 0)
+    waiting = 0
+    while vehicle.release():
+        waiting += 1
+    assert 1000 < waiting < 3000
+    vehicle.to_autopilot()
+    vehicle.receive_from_station(station_command(dialect.MAV_CMD_DO_SET_MODE, 1.0), 0.0, 0)
+    assert vehicle.release()
+
+
+def test_a_parameter_is_given_again_if_there_is_one_of_its_name(tmp_path: Path) -> None:
+    own, bridge = SystemId(UAV, 1), SystemId(UAV, 191)
+    kept = tmp_path / "kept"
+    before = Resumption(own, bridge, kept)
+    for k in range(500):
+        before.note_station(dialect.MAVLink_param_set_message(UAV, 1, f"NOBODY_{k}".encode(), 1, 9))
+    before.note_station(dialect.MAVLink_param_set_message(UAV, 1, b"TRIM", 2.5, 9))
+    armed = dialect.MAV_MODE_FLAG_SAFETY_ARMED
+    before.note(dialect.MAVLink_heartbeat_message(1, 3, armed, 10, 4, 3))
+    before.note(dialect.MAVLink_param_value_message(b"TRIM", 2.5, 9, 1, 0))
+    sent = Resumption(own, bridge, kept).turn(0.0)
+    params = [one for one in sent if isinstance(one, dialect.MAVLink_param_set_message)]
+    assert [(one.param_id, one.param_value) for one in params] == [("TRIM", 2.5)]
 
 
 def test_only_changes_are_sent_and_what_was_lost_again() -> None:
