@@ -23,7 +23,7 @@ _MOST_PENDING = 100
 _PX4_MAIN, _PX4_SUB = 16, 24  # bits of custom_mode below its main mode, and below its sub-mode
 
 
-class Resumption:
+class GivenAgain:
     """What a foreign autopilot has been given, and what it is given once more.
 
     Attributes:

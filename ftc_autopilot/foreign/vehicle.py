@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 
 from ftc_autopilot.foreign.datagrams import frames_in
-from ftc_autopilot.foreign.resumption import Resumption
+from ftc_autopilot.foreign.resumption import GivenAgain
 from ftc_autopilot.foreign.sensor_faults import SensorFaults
 from ftc_autopilot.vehicle.commands import Commands, Handler
 from ftc_autopilot.vehicle.telemetry import DEFAULT_INTERVALS_US
@@ -86,7 +86,7 @@ class ForeignVehicle:
         self._own = SystemId(system, dialect.MAV_COMP_ID_AUTOPILOT1)
         self._bridge = SystemId(system, SIMULATOR_COMPONENT)  # its own commands come from there
         self.is_armed = self._is_checked = self._is_heard = False
-        self.resumption = Resumption(self._own, self._bridge, checkpoint)
+        self.resumption = GivenAgain(self._own, self._bridge, checkpoint)
         self._from_stations: deque[tuple[bytes, float]] = deque()  # each with how long it takes
         self._asked: dict[tuple[SystemId, int], tuple[tuple[float, ...], bytes | None]] = {}
         self._beat: MAVLink_message | None = None  # its last HEARTBEAT

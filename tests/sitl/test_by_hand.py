@@ -26,6 +26,7 @@ from flying import (
     write_scenario,
 )
 from json_peer import Answer, into_earth, read_as_json, read_by_text
+from needs import ARDUPLANE
 
 from mavlink_defs.endpoint import UdpAddress, bind_udp, free_ports
 
@@ -33,7 +34,6 @@ pytestmark = pytest.mark.sitl
 
 HELPERS = Path(__file__).parents[1] / "helpers"
 PEER = (sys.executable, str(HELPERS / "arduplane_peer.py"))
-REAL = os.environ.get("FTC_ARDUPLANE", "")
 WAITS = "UAV 3 waits for an ArduPlane: arduplane "
 
 
@@ -183,10 +183,10 @@ def test_a_port_that_is_taken_is_named(tmp_path: Path) -> None:
     assert "autopilot.port" in done.stderr
 
 
-@pytest.mark.skipif(not REAL, reason="FTC_ARDUPLANE names no ArduPlane")
+@pytest.mark.real_arduplane
 def test_a_real_one_flies(tmp_path: Path) -> None:
     with waiting(tmp_path, duration_s=10.0) as flight:
-        flight.start(str(Path(REAL).resolve()), "--speedup", "100")
+        flight.start(str(Path(ARDUPLANE).resolve()), "--speedup", "100")
         status, _, error = flight.end()
     assert status == 0, error
     own = summary_of(flight.folder)["uavs"][2]

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from flying import assert_one_message, run, scenario_tree, start, summary_of, table_of, wait_until
 from flying import write_scenario as written
+from needs import ARDUPLANE
 
 from ftc_lab.campaigns.store import read_results
 from mavlink_defs.endpoint import free_ports
@@ -23,7 +24,6 @@ from mavlink_defs.endpoint import free_ports
 pytestmark = pytest.mark.sitl
 
 HELPERS = Path(__file__).parents[1] / "helpers"
-REAL = os.environ.get("FTC_ARDUPLANE", "")
 
 
 def peer(folder: Path, **environment: str) -> str:
@@ -232,13 +232,13 @@ def test_in_real_time_it_is_not_started_again(tmp_path: Path) -> None:
     assert not children_of(binary)
 
 
-@pytest.mark.skipif(not REAL, reason="FTC_ARDUPLANE names no ArduPlane")
+@pytest.mark.real_arduplane
 def test_a_real_one_flies_twice_the_same(tmp_path: Path) -> None:
     recorded = []
     for name in ("first", "second"):
         folder = tmp_path / name
         folder.mkdir()
-        done = flown(folder, mixed(folder, REAL, duration_s=10.0), "--record", "full")
+        done = flown(folder, mixed(folder, ARDUPLANE, duration_s=10.0), "--record", "full")
         assert done.returncode == 0, done.stderr
         own = summary_of(folder / "run")["uavs"][2]
         assert own["attitude_lost_at_s"] is None
@@ -247,17 +247,17 @@ def test_a_real_one_flies_twice_the_same(tmp_path: Path) -> None:
     assert recorded[0] == recorded[1]
 
 
-@pytest.mark.skipif(not REAL, reason="FTC_ARDUPLANE names no ArduPlane")
+@pytest.mark.real_arduplane
 def test_a_real_one_that_is_killed_is_started_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PEER_OF", str(tmp_path))
-    scenario = mixed(tmp_path, REAL, duration_s=20.0, mission=MISSION)
+    scenario = mixed(tmp_path, ARDUPLANE, duration_s=20.0, mission=MISSION)
     options = ("--out", str(tmp_path / "run"), "--free-ports", "--restart", "on-failure")
     flight = start("gcs", "fly", str(scenario), *options, "--quiet")
     log = tmp_path / "run" / "processes" / "plant.log"
     wait_until(lambda: log.exists() and "all armed" in log.read_text(), "it flies")
-    name = Path(REAL).expanduser().resolve().name
+    name = Path(ARDUPLANE).expanduser().resolve().name
     for one in children_of(str(tmp_path)):
         if Path(f"/proc/{one}/comm").read_text().strip() == name[:15]:
             os.kill(one, signal.SIGKILL)

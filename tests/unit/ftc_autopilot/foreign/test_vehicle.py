@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as theirs
 
 from ftc_autopilot.foreign.datagrams import frames_in
 from ftc_autopilot.foreign.plant_link import PlantSide
-from ftc_autopilot.foreign.resumption import Resumption
+from ftc_autopilot.foreign.resumption import GivenAgain
 from ftc_autopilot.foreign.sensor_faults import SensorFaults
 from ftc_autopilot.foreign.vehicle import ForeignVehicle
 from ftc_autopilot.kinds import ArduPlaneAutopilot
@@ -131,14 +131,14 @@ def test_a_flood_of_a_station_ends_in_the_buffer(vehicle: ForeignVehicle) -> Non
 def test_a_parameter_is_given_again_if_there_is_one_of_its_name(tmp_path: Path) -> None:
     own, bridge = SystemId(UAV, 1), SystemId(UAV, 191)
     kept = tmp_path / "kept"
-    before = Resumption(own, bridge, kept)
+    before = GivenAgain(own, bridge, kept)
     for k in range(500):
         before.note_station(dialect.MAVLink_param_set_message(UAV, 1, f"NOBODY_{k}".encode(), 1, 9))
     before.note_station(dialect.MAVLink_param_set_message(UAV, 1, b"TRIM", 2.5, 9))
     armed = dialect.MAV_MODE_FLAG_SAFETY_ARMED
     before.note(dialect.MAVLink_heartbeat_message(1, 3, armed, 10, 4, 3))
     before.note(dialect.MAVLink_param_value_message(b"TRIM", 2.5, 9, 1, 0))
-    sent = Resumption(own, bridge, kept).turn(0.0)
+    sent = GivenAgain(own, bridge, kept).turn(0.0)
     params = [one for one in sent if isinstance(one, dialect.MAVLink_param_set_message)]
     assert [(one.param_id, one.param_value) for one in params] == [("TRIM", 2.5)]
 
