@@ -56,63 +56,38 @@ _TAIL_RESERVE = math.radians(2.0)
 
 
 class RunwayParameters(Model):
-    """How the aircraft takes off and lands; what is left open is its own."""
+    """How the aircraft takes off and lands; what is left open is its own.
 
-    length_m: float | None = quantity(
-        "m",
-        "Length of the runways; none: of the scenario's runway, or as long as needed.",
-        None,
-        gt=0.0,
-    )
-    width_m: float | None = quantity(
-        "m", "Width of the runways; none: of the scenario's runway, or 15.", None, gt=0.0
-    )
-    rotate_m_s: float | None = quantity(
-        "m/s",
-        "Airspeed at which it rotates; none: 1.15 of the stall's, or what its tail permits.",
-        None,
-        gt=0.0,
-    )
-    approach_m_s: float | None = quantity(
-        "m/s",
-        "Airspeed of the approach; none: 1.3 of the stall's, within the limits of guidance.",
-        None,
-        gt=0.0,
-    )
-    take_off_m: float = quantity(
-        "m",
-        "Height above home of a take-off for which no mission says one, and of the circle before "
-        "a landing in AUTOLAND.",
-        50.0,
-        gt=0.0,
-    )
-    acceleration_m_s2: float = quantity(
-        "m/s^2", "Greatest acceleration of a take-off, for which thrust is given.", 5.0, gt=0.0
-    )
-    reject_share: float = quantity(
-        "",
-        "Share of the expected acceleration below which a take-off is rejected; 0: never.",
-        0.5,
-        ge=0.0,
-        lt=1.0,
-    )
-    glide_deg: float | None = quantity(
-        "deg",
-        "Slope of an approach that has the room; none: 3, or 0.6 of what an idling engine gives.",
-        None,
-        gt=0.0,
-        le=20.0,
-    )
-    touchdown_m_s: float = quantity("m/s", "Sink at which it touches down.", 0.3, gt=0.0, le=3.0)
-    spacing_m: float = quantity(
-        "m",
-        "Distance from the member of a formation ahead from which the next one takes off.",
-        200.0,
-        ge=20.0,
-    )
-    go_arounds: int = whole(
-        "", "Approaches given up as not stable, at most; the next one is flown to its end.", 2, ge=0
-    )
+    Attributes:
+        length_m: Length of the runways; none: of the scenario's runway, or as long as needed.
+        width_m: Width of the runways; none: of the scenario's runway, or 15.
+        rotate_m_s: Airspeed at which it rotates; none: 1.15 of the stall's, or what its tail
+            permits.
+        approach_m_s: Airspeed of the approach; none: 1.3 of the stall's, within the limits of
+            guidance.
+        take_off_m: Height above home of a take-off for which no mission says one, and of the circle
+            before a landing in AUTOLAND.
+        acceleration_m_s2: Greatest acceleration of a take-off, for which thrust is given.
+        reject_share: Share of the expected acceleration below which a take-off is rejected; 0:
+            never.
+        glide_deg: Slope of an approach that has the room; none: 3, or 0.6 of what an idling engine
+            gives.
+        touchdown_m_s: Sink at which it touches down.
+        spacing_m: Distance from the member of a formation ahead from which the next one takes off.
+        go_arounds: Approaches given up as not stable, at most; the next one is flown to its end.
+    """
+
+    length_m: float | None = quantity("m", default=None, gt=0.0)
+    width_m: float | None = quantity("m", default=None, gt=0.0)
+    rotate_m_s: float | None = quantity("m/s", default=None, gt=0.0)
+    approach_m_s: float | None = quantity("m/s", default=None, gt=0.0)
+    take_off_m: float = quantity("m", default=50.0, gt=0.0)
+    acceleration_m_s2: float = quantity("m/s^2", default=5.0, gt=0.0)
+    reject_share: float = quantity("", default=0.5, ge=0.0, lt=1.0)
+    glide_deg: float | None = quantity("deg", default=None, gt=0.0, le=20.0)
+    touchdown_m_s: float = quantity("m/s", default=0.3, gt=0.0, le=3.0)
+    spacing_m: float = quantity("m", default=200.0, ge=20.0)
+    go_arounds: int = whole("", default=2, ge=0)
 
     def on(self, length_m: float, width_m: float) -> Self:
         """Return the same with length and width of a runway, where they are open."""

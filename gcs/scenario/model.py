@@ -101,6 +101,8 @@ class Scenario(Model):
     Attributes:
         name: Name of the scenario.
         description: Purpose of the scenario, in a line or more.
+        duration_s: Length of the flight.
+        step_us: Control period.
         aircraft: The nominal aircraft of every UAV that has none of its own.
         plant: What flies the aircraft of every UAV that says nothing else.
         autopilot: Which autopilot flies every UAV that says nothing else.
@@ -134,8 +136,8 @@ class Scenario(Model):
 
     name: Title = Field(min_length=1)
     description: Prose = ""
-    duration_s: float = quantity("s", "Length of the flight.", gt=0.0, le=86_400.0)
-    step_us: int = whole("us", "Control period.", 1000, ge=1, le=100_000)
+    duration_s: float = quantity("s", gt=0.0, le=86_400.0)
+    step_us: int = whole("us", default=1000, ge=1, le=100_000)
     aircraft: Aircraft
     plant: PlantSection = OwnPlant()
     autopilot: AutopilotSection = FtcAutopilot()
