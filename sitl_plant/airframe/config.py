@@ -148,42 +148,17 @@ class Coefficients(Model):
         return self.model_copy(update={"cY_beta": 0.0})
 
 
+_FACTORS = {
+    "cL": "alpha q de",
+    "cD": "alpha alpha2 beta beta2 de de2",
+    "cY": "beta p r da dr",
+    "cl": "beta p r da dr",
+    "cm": "alpha q de",
+    "cn": "beta p r da dr",
+}
 TERMS = {
-    "cL": {"cL0": "1", "cL_alpha": "alpha", "cL_q": "q", "cL_de": "de"},
-    "cD": {
-        "cD0": "1",
-        "cD_alpha": "alpha",
-        "cD_alpha2": "alpha2",
-        "cD_beta": "beta",
-        "cD_beta2": "beta2",
-        "cD_de": "de",
-        "cD_de2": "de2",
-    },
-    "cY": {
-        "cY0": "1",
-        "cY_beta": "beta",
-        "cY_p": "p",
-        "cY_r": "r",
-        "cY_da": "da",
-        "cY_dr": "dr",
-    },
-    "cl": {
-        "cl0": "1",
-        "cl_beta": "beta",
-        "cl_p": "p",
-        "cl_r": "r",
-        "cl_da": "da",
-        "cl_dr": "dr",
-    },
-    "cm": {"cm0": "1", "cm_alpha": "alpha", "cm_q": "q", "cm_de": "de"},
-    "cn": {
-        "cn0": "1",
-        "cn_beta": "beta",
-        "cn_p": "p",
-        "cn_r": "r",
-        "cn_da": "da",
-        "cn_dr": "dr",
-    },
+    name: {f"{name}0": "1"} | {f"{name}_{factor}": factor for factor in factors.split()}
+    for name, factors in _FACTORS.items()
 }
 """What each coefficient of a force or moment is multiplied by; "alpha2" is a square, p, q and r are
 nondimensional."""
