@@ -219,14 +219,14 @@ def figures_of(
     lag = 3.0 / bandwidth + aircraft.mass_kg * approach / (area * rise)
     slope = math.tan(usual)
     flare = max(_FLARE * lag, approach * slope / (_MOST_FLARE * aircraft.gravity_m_s2))
-    gear = _stance_of(aircraft, aircraft.gear)
+    stance, tail = _stance_of(aircraft, aircraft.gear)
     acceleration = runway.acceleration_m_s2
-    highest = min(gear.tail - _TAIL_RESERVE, math.radians(limits.incidence_max_deg))
+    highest = min(tail - _TAIL_RESERVE, math.radians(limits.incidence_max_deg))
     half = 0.5 * float(record["rho"]) * float(record["S"])
     clear = math.sqrt(weight / (half * max(at_zero + rise * highest, 1e-6)))
     rotate = runway.rotate_m_s or max(ROTATE * stall, clear)
     touchdown = min(runway.touchdown_m_s, approach * slope)
-    stops_within = landing_roll(record, approach, gear.braking)
+    stops_within = landing_roll(record, approach, stance.braking)
     glide, sink = glide_of(record, stall, approach, limits.airspeed_max_m_s, flare, touchdown)
     return RunwayFigures(
         stall=stall,
@@ -242,19 +242,11 @@ def figures_of(
         lag=lag,
         flare=flare,
         touchdown=touchdown,
-        take_off_roll=take_off_roll(record, guidance, acceleration, rotate, gear.rolling),
+        take_off_roll=take_off_roll(record, guidance, acceleration, rotate, stance.rolling),
         landing_roll=stops_within,
         length=runway.length_m or 0.0,
         width=runway.width_m or _WIDTH_M,
-        height=gear.height,
-        pitch=gear.pitch,
-        steering=gear.steering,
-        grip=gear.grip,
-        rolling=gear.rolling,
-        braking=gear.braking,
-        starts=gear.starts,
-        lands=gear.lands,
-        launch=gear.launch,
+        **stance._asdict(),
         span=aircraft.wing_span_m,
         go_arounds=float(runway.go_arounds),
         glide=glide,
@@ -265,22 +257,21 @@ def figures_of(
 
 
 class _Stance(NamedTuple):
-    """What of a landing gear take-off and landing depend on, named as in `RunwayFigures`."""
+    """What of a landing gear take-off and landing depend on: a part of `RunwayFigures`."""
 
     starts: float
     lands: float
-    height: float = 0.0
-    pitch: float = 0.0
-    steering: float = 0.0
-    grip: float = 0.0
-    rolling: float = 0.0
-    braking: float = 0.0
-    launch: float = 0.0
-    tail: float = 0.5 * math.pi  # pitch at which the tail touches
+    height: float
+    pitch: float
+    steering: float
+    grip: float
+    rolling: float
+    braking: float
+    launch: float
 
 
-def _stance_of(aircraft: Aircraft, gear: Gear) -> _Stance:
-    """Return how an aircraft stands on its gear, and rolls."""
+def _stance_of(aircraft: Aircraft, gear: Gear) -> tuple[_Stance, float]:
+    """Return how an aircraft stands on its gear, and rolls; the pitch at which its tail touches."""
     span = aircraft.wing_span_m
     main, third = gear.main(span), gear.third(span)
     pitch = math.remainder(math.atan2(main[2] - third[2], main[0] - third[0]), math.pi)
@@ -291,7 +282,7 @@ def _stance_of(aircraft: Aircraft, gear: Gear) -> _Stance:
     on_main = abs(third[0]) / base
     starts = CANNOT_START if gear.kind == "belly" else FROM_WHEELS
     stop = min(map(abs, aircraft.stops_deg[2]))
-    return _Stance(
+    stance = _Stance(
         starts=starts if gear.launcher is None else FROM_LAUNCHER,
         lands=1.0,
         height=height,
@@ -303,8 +294,8 @@ def _stance_of(aircraft: Aircraft, gear: Gear) -> _Stance:
         rolling=rolling,
         braking=rolling if gear.kind == "belly" else brake * on_main,
         launch=0.0 if gear.launcher is None else gear.launcher.length_m,
-        tail=math.atan2(main[2] - tail[2], main[0] - tail[0]),
     )
+    return stance, math.atan2(main[2] - tail[2], main[0] - tail[0])
 
 
 def runway_record(figures: RunwayFigures) -> np.void:

@@ -6,7 +6,6 @@ are modules of their own; here they are put together.
 
 import math
 from collections.abc import Iterable
-from functools import partial
 from itertools import chain
 
 import numpy as np
@@ -79,7 +78,6 @@ class VehicleServices:
         """
         own = SystemId(config.id, dialect.MAV_COMP_ID_AUTOPILOT1)
         self._own, self._hot, self._controllers = own, hot, controllers
-        self._fleet = bits_of(config.fleet)
         self._stations = range(len(config.gcs))
         self._gcs_outboxes: list[list[MAVLink_message]] = [[] for _ in self._stations]
         self._simulator_outbox: list[MAVLink_message] = []
@@ -136,11 +134,12 @@ class VehicleServices:
             bytewise=config.identity == "generic",
             renamed=renamed.PARAMETERS,
         )
+        fleet = bits_of(config.fleet)
         self._requests = MessageRequests(
             self.telemetry,
             {
                 dialect.MAVLINK_MSG_ID_HEARTBEAT: self.modes.heartbeat,
-                dialect.MAVLINK_MSG_ID_FTC_FLEET: self._fleet_message,
+                dialect.MAVLINK_MSG_ID_FTC_FLEET: lambda: dialect.MAVLink_ftc_fleet_message(fleet),
             },
             self._queue,
             self.say,
@@ -266,7 +265,7 @@ class VehicleServices:
 
     def end_control(self, why: str) -> None:
         """Disarm at once, as no law flies this aircraft any more."""
-        self.modes.disarm_at_once()
+        self.modes.set_armed(False)
         self.say(dialect.MAV_SEVERITY_CRITICAL, f"{why}; disarmed")
 
     def farewell(self, text: str, severity: int = dialect.MAV_SEVERITY_NOTICE) -> None:
@@ -314,22 +313,10 @@ class VehicleServices:
         messages, self._simulator_outbox = self._simulator_outbox, []
         return messages
 
-    # state
-
-    @property
-    def running(self) -> bool:
-        """Whether simulated time runs."""
-        return self.modes.running
-
-    @property
-    def time_s(self) -> float:
-        """Simulation time of the last state [s]."""
-        return self._hot.time_us * 1e-6
-
     # inside
 
     def _advance_clock(self, now: float) -> None:
-        self._clock.advance(round(now * 1e6), self._hot.time_us, self.running)
+        self._clock.advance(round(now * 1e6), self._hot.time_us, self._hot.running)
 
     def _handlers(self) -> dict[int, Handler]:
         modes, mission = self.modes, self._plan.mission
@@ -346,8 +333,11 @@ class VehicleServices:
             dialect.MAV_CMD_FTC_SET_SLOT: self._formation.set_slot,
             **self._requests.handlers(),
         }
-        handlers |= {command: partial(self._set_mode, mode) for command, mode in _MODES.items()}
-        return handlers | {command: partial(self._refuse_to, command) for command in _IMPOSSIBLE}
+        for command, mode in _MODES.items():
+            handlers[command] = lambda _, mode=mode: modes.set_mode(mode)
+        for command in _IMPOSSIBLE:
+            handlers[command] = lambda _, command=command: modes.refuse_to(command)
+        return handlers
 
     def _place_handlers(self) -> dict[int, PlaceHandler]:
         return {
@@ -372,15 +362,6 @@ class VehicleServices:
             return dialect.MAV_RESULT_DENIED
         return self.modes.arm_or_disarm(params)
 
-    def _set_mode(self, mode: int, _: tuple[float, ...]) -> int:
-        return self.modes.set_mode(mode)
-
-    def _refuse_to(self, command: int, _: tuple[float, ...]) -> int:
-        return self.modes.refuse_to(command)
-
-    def _fleet_message(self) -> MAVLink_message:
-        return dialect.MAVLink_ftc_fleet_message(self._fleet)
-
     def _queue(
         self, messages: Iterable[MAVLink_message | None], station: int | None = None
     ) -> None:
@@ -395,8 +376,7 @@ class VehicleServices:
                 case ParamChanged(name, value):
                     self.say(dialect.MAV_SEVERITY_INFO, f"{name} is {value:g} now")
                 case ParamRenamed(before, name):
-                    text = renamed.text_of(before, name)
-                    self.say(dialect.MAV_SEVERITY_WARNING, text)
+                    self.say(dialect.MAV_SEVERITY_WARNING, renamed.text_of(before, name))
                 case ParamRefused(_, text):
                     self.say(dialect.MAV_SEVERITY_WARNING, text)
         self._queue(self._commands.gcs_messages())
