@@ -57,9 +57,6 @@ from mavlink_defs.system_ids import bits_of
 
 _HEARTBEAT_S = 1.0
 _REGISTER_S = 0.1  # between HEARTBEATs to the plant until it answers
-# commands that are modes; commands refused with the reason
-_MODES = {dialect.MAV_CMD_NAV_LOITER_UNLIM: LOITER, dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH: RTL}
-_IMPOSSIBLE = (dialect.MAV_CMD_NAV_VTOL_TAKEOFF, dialect.MAV_CMD_NAV_VTOL_LAND)
 
 
 class VehicleServices:
@@ -320,10 +317,13 @@ class VehicleServices:
 
     def _handlers(self) -> dict[int, Handler]:
         modes, mission = self.modes, self._plan.mission
-        handlers: dict[int, Handler] = {
+        take_off, land = dialect.MAV_CMD_NAV_VTOL_TAKEOFF, dialect.MAV_CMD_NAV_VTOL_LAND
+        return {
             dialect.MAV_CMD_COMPONENT_ARM_DISARM: self._arm_or_disarm,
             dialect.MAV_CMD_DO_FENCE_ENABLE: self._plan.fence.enable,
             dialect.MAV_CMD_DO_SET_MODE: lambda params: modes.set_mode(params[1]),
+            dialect.MAV_CMD_NAV_LOITER_UNLIM: lambda _: modes.set_mode(LOITER),
+            dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda _: modes.set_mode(RTL),
             dialect.MAV_CMD_DO_CHANGE_SPEED: modes.change_speed,
             dialect.MAV_CMD_MISSION_START: mission.start,
             dialect.MAV_CMD_NAV_TAKEOFF: modes.take_off,
@@ -331,13 +331,10 @@ class VehicleServices:
             dialect.MAV_CMD_DO_GO_AROUND: self._runway.go_around,
             dialect.MAV_CMD_DO_SET_MISSION_CURRENT: mission.set_current,
             dialect.MAV_CMD_FTC_SET_SLOT: self._formation.set_slot,
+            take_off: lambda _: modes.refuse_to(take_off),
+            land: lambda _: modes.refuse_to(land),
             **self._requests.handlers(),
         }
-        for command, mode in _MODES.items():
-            handlers[command] = lambda _, mode=mode: modes.set_mode(mode)
-        for command in _IMPOSSIBLE:
-            handlers[command] = lambda _, command=command: modes.refuse_to(command)
-        return handlers
 
     def _place_handlers(self) -> dict[int, PlaceHandler]:
         return {
