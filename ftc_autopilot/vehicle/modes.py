@@ -331,7 +331,7 @@ class Modes:
         self._guidance["command"][0] = params[1]
         return _ACCEPTED
 
-    def refuse_to(self, command: int) -> int:
+    def refuse_to(self, command: int, _: Sequence[float]) -> int:
         """Refuse a command that no vehicle in the air can execute, with the reason."""
         return self._refuse(refusal(command))
 

@@ -6,6 +6,7 @@ are modules of their own; here they are put together.
 
 import math
 from collections.abc import Iterable
+from functools import partial
 from itertools import chain
 
 import numpy as np
@@ -57,6 +58,7 @@ from mavlink_defs.system_ids import bits_of
 
 _HEARTBEAT_S = 1.0
 _REGISTER_S = 0.1  # between HEARTBEATs to the plant until it answers
+_IMPOSSIBLE = (dialect.MAV_CMD_NAV_VTOL_TAKEOFF, dialect.MAV_CMD_NAV_VTOL_LAND)
 
 
 class VehicleServices:
@@ -317,7 +319,6 @@ class VehicleServices:
 
     def _handlers(self) -> dict[int, Handler]:
         modes, mission = self.modes, self._plan.mission
-        take_off, land = dialect.MAV_CMD_NAV_VTOL_TAKEOFF, dialect.MAV_CMD_NAV_VTOL_LAND
         return {
             dialect.MAV_CMD_COMPONENT_ARM_DISARM: self._arm_or_disarm,
             dialect.MAV_CMD_DO_FENCE_ENABLE: self._plan.fence.enable,
@@ -331,8 +332,7 @@ class VehicleServices:
             dialect.MAV_CMD_DO_GO_AROUND: self._runway.go_around,
             dialect.MAV_CMD_DO_SET_MISSION_CURRENT: mission.set_current,
             dialect.MAV_CMD_FTC_SET_SLOT: self._formation.set_slot,
-            take_off: lambda _: modes.refuse_to(take_off),
-            land: lambda _: modes.refuse_to(land),
+            **{command: partial(modes.refuse_to, command) for command in _IMPOSSIBLE},
             **self._requests.handlers(),
         }
 
