@@ -17,6 +17,7 @@ be alone: it polls while it waits for answers, and would get a processor for tha
 have to answer need.
 """
 
+import contextlib
 import ctypes
 import gc
 import json
@@ -25,7 +26,9 @@ import select
 import signal
 import sys
 import traceback
+from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import ftc_autopilot.process
 import ftc_autopilot.warm_up
@@ -33,10 +36,17 @@ import sitl_plant.loop.process
 import sitl_plant.loop.warm_up
 from gcs.scenario.model import load_scenario
 from mavlink_defs.config.models import ConfigError
+from mavlink_defs.runtime.heap import give_memory_back
 from mavlink_defs.runtime.jit import cold_parts
 
 _PLANT, _AUTOPILOT = "sitl-plant", "ftc-autopilot"
 _MAIN = {_PLANT: sitl_plant.loop.process.main, _AUTOPILOT: ftc_autopilot.process.main}
+
+
+class _Request(NamedTuple):
+    program: str
+    arguments: list[str]
+    log: str
 
 
 def main() -> None:
@@ -48,11 +58,12 @@ def main() -> None:
     signal.signal(signal.SIGCHLD, lambda *_: None)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     numbers: dict[int, int] = {}
+    waiting: list[_Request] = []
     requests, is_warm = 0, False
     unread = b""
     try:
         while True:
-            readable, _, _ = select.select([0, wake], [], [])
+            readable, _, _ = select.select([0, wake], [], [], 0.0 if waiting else None)
             if wake in readable:
                 os.read(wake, 4096)
                 _report_ended(numbers)
@@ -61,19 +72,19 @@ def main() -> None:
                 if not received:
                     break
                 *lines, unread = (unread + received).split(b"\n")
-                for line in lines:
-                    request = json.loads(line)
-                    if not requests:
-                        _write_to(request["log"], 2)
-                    if request["program"] == _AUTOPILOT and not is_warm:
-                        ftc_autopilot.warm_up.warm_up_with(Path(request["arguments"][0]))
-                        gc.collect()
-                        gc.freeze()  # the collector would write to, and so copy, every page
-                        is_warm = True
-                    pid = _fork(**request, pipes=(wake, waker))
+                waiting += [_Request(**json.loads(line)) for line in lines]
+                if waiting and not requests:
+                    _write_to(waiting[0].log, 2)
+            elif waiting and not is_warm and (first := _autopilots(waiting)):
+                ftc_autopilot.warm_up.warm_up_with(Path(first[0].arguments[0]))
+                is_warm = True  # and meanwhile all others of the fleet have been asked for
+            elif waiting:
+                for request, prepared in zip(waiting, _prepared(waiting), strict=True):
+                    pid = _fork(request, prepared, (wake, waker))
                     numbers[pid] = requests
                     _report(requests, pid, None)
                     requests += 1
+                waiting = []
     except BrokenPipeError:
         pass  # nobody is left who would read the reports
     finally:
@@ -95,6 +106,28 @@ def _load_compiled_code() -> None:
     gc.freeze()
 
 
+def _autopilots(requests: Sequence[_Request]) -> list[_Request]:
+    return [one for one in requests if one.program == _AUTOPILOT]
+
+
+def _prepared(requests: Sequence[_Request]) -> list[ftc_autopilot.process.Prepared | None]:
+    """Return what the autopilots of a fleet begin with, made before the first of them is forked.
+
+    Python counts the references to all that it uses, in the pages where that lies: each process
+    has its own copy of a page from then on. What is done here is done to pages that all share.
+    A single process, started again, does it itself, and so does one that fails, which reports it.
+    """
+    prepared: list[ftc_autopilot.process.Prepared | None] = [None] * len(requests)
+    if len(_autopilots(requests)) > 1:
+        for i, one in enumerate(requests):
+            if one.program == _AUTOPILOT:
+                with contextlib.suppress(Exception):
+                    prepared[i] = ftc_autopilot.process.prepare([*one.arguments, *_of(os.getpid())])
+    give_memory_back()
+    gc.freeze()  # the collector would write to, and so copy, every page
+    return prepared
+
+
 def _report_ended(numbers: dict[int, int]) -> None:
     while numbers:
         pid, status = os.waitpid(-1, os.WNOHANG)
@@ -113,8 +146,13 @@ def _write_to(log: str, *descriptors: int) -> None:
             os.dup2(output.fileno(), descriptor)
 
 
-def _fork(program: str, arguments: list[str], log: str, pipes: tuple[int, int]) -> int:
+def _fork(
+    request: _Request,
+    prepared: ftc_autopilot.process.Prepared | None,
+    pipes: tuple[int, int],
+) -> int:
     """Start a program; return its process id."""
+    program, arguments, log = request
     parent = os.getpid()
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})  # which here ends the server
     pid = os.fork()
@@ -133,7 +171,10 @@ def _fork(program: str, arguments: list[str], log: str, pipes: tuple[int, int]) 
             os.dup2(nothing.fileno(), 0)
         _write_to(log, 1, 2)
         _set_command_line(program, *arguments)
-        _MAIN[program]([*arguments, "--exit-with-parent", str(parent)])
+        if prepared is None:
+            _MAIN[program]([*arguments, *_of(parent)])
+        else:
+            ftc_autopilot.process.main(prepared=prepared)
     except SystemExit as end:
         status = end.code if isinstance(end.code, int) else 0
     except BaseException:
@@ -142,6 +183,10 @@ def _fork(program: str, arguments: list[str], log: str, pipes: tuple[int, int]) 
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(status)
+
+
+def _of(server: int) -> list[str]:
+    return ["--exit-with-parent", str(server)]
 
 
 def _set_command_line(*arguments: str) -> None:
