@@ -18,7 +18,7 @@ from ftc_autopilot.autopilot import Autopilot, log
 from ftc_autopilot.config import PLUGIN_FAILED, AutopilotConfig
 from ftc_autopilot.hot.loop import new_loops, run
 from ftc_autopilot.hot.recorder import RECORD_ROWS
-from ftc_autopilot.hot.restart import with_checkpoint
+from ftc_autopilot.hot.restart import identity_of, with_checkpoint
 from ftc_autopilot.hot.state import Autopilots, new_autopilots
 from ftc_autopilot.kinds import FtcAutopilot
 from mavlink_defs import endpoint
@@ -120,16 +120,18 @@ class Prepared(NamedTuple):
     configs: list[AutopilotConfig]
     key_file: KeyFile | None
     state: Autopilots | None  # None for a bridge
+    identity: str | None  # of a checkpoint
 
 
 def main(arguments: list[str] | None = None, prepared: Prepared | None = None) -> None:
     """Run the autopilot process and exit; `prepared` of the same arguments, if it is there."""
     with ExitStack() as sockets:
         try:
-            options, configs, key_file, state = prepared or prepare(arguments)
-            if state is None:
-                sys.exit(_fly_foreign(configs[0], options))
-            autopilots, state = _boot(options, configs, key_file, state, sockets)
+            prepared = prepared or prepare(arguments)
+            options = prepared.options
+            if prepared.state is None:
+                sys.exit(_fly_foreign(prepared.configs[0], options))
+            autopilots, state = _boot(prepared, prepared.state, sockets)
         except (ConfigError, endpoint.EndpointError, PluginError, SigningError) as problem:
             log_line(problem)
             sys.exit(2)
@@ -168,7 +170,7 @@ def prepare(arguments: list[str] | None = None) -> Prepared:
     configs = [load(file, AutopilotConfig) for file in options.configs]
     for config in configs:
         if not isinstance(config.autopilot, FtcAutopilot):
-            return Prepared(options, [config], None, None)
+            return Prepared(options, [config], None, None, None)
     first, key_file = configs[0], None
     for file, config in zip(options.configs, configs, strict=True):
         if config.signing_key != first.signing_key:
@@ -180,7 +182,8 @@ def prepare(arguments: list[str] | None = None) -> Prepared:
     if first.signing_key:
         key_file = KeyFile(first.signing_key, partial(log, first.id))
     rows = 0 if options.record[0] is None else RECORD_ROWS
-    return Prepared(options, configs, key_file, new_autopilots(configs, rows, key_file))
+    identity = identity_of(first) if options.checkpoint else None
+    return Prepared(options, configs, key_file, new_autopilots(configs, rows, key_file), identity)
 
 
 def _fly_foreign(config: AutopilotConfig, options: Namespace) -> int:
@@ -211,13 +214,9 @@ def _fly_foreign(config: AutopilotConfig, options: Namespace) -> int:
 
 
 def _boot(
-    options: Namespace,
-    configs: Sequence[AutopilotConfig],
-    key_file: KeyFile | None,
-    state: Autopilots,
-    sockets: ExitStack,
+    prepared: Prepared, state: Autopilots, sockets: ExitStack
 ) -> tuple[list[Autopilot], Autopilots]:
-    """Return autopilots by what is `Prepared`, and their state.
+    """Return autopilots, and their state.
 
     The sockets are closed with `sockets`.
 
@@ -225,10 +224,11 @@ def _boot(
         EndpointError, PluginError: A configuration cannot be used.
         OSError: A file cannot be made; it is named.
     """
+    options, configs, key_file, _, identity = prepared
     own_sockets = [_open_sockets(config, sockets) for config in configs]
     resumes, mission = False, None
     if options.checkpoint is not None:
-        state, resumes = with_checkpoint(state, configs[0], options.checkpoint)
+        state, resumes = with_checkpoint(state, configs[0], options.checkpoint, identity)
         mission = options.checkpoint.with_suffix(".mission")
     autopilots = [
         Autopilot(config, state.of(i), *own_sockets[i], record, key_file, mission, resumes)

@@ -28,7 +28,7 @@ import sys
 import traceback
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import ftc_autopilot.process
 import ftc_autopilot.warm_up
@@ -40,7 +40,7 @@ from mavlink_defs.runtime.heap import give_memory_back
 from mavlink_defs.runtime.jit import cold_parts
 
 _PLANT, _AUTOPILOT = "sitl-plant", "ftc-autopilot"
-_MAIN = {_PLANT: sitl_plant.loop.process.main, _AUTOPILOT: ftc_autopilot.process.main}
+_MODULE: dict[str, Any] = {_PLANT: sitl_plant.loop.process, _AUTOPILOT: ftc_autopilot.process}
 
 
 class _Request(NamedTuple):
@@ -75,8 +75,8 @@ def main() -> None:
                 waiting += [_Request(**json.loads(line)) for line in lines]
                 if waiting and not requests:
                     _write_to(waiting[0].log, 2)
-            elif waiting and not is_warm and (first := _autopilots(waiting)):
-                ftc_autopilot.warm_up.warm_up_with(Path(first[0].arguments[0]))
+            elif waiting and not is_warm and waiting[-1].program == _AUTOPILOT:
+                ftc_autopilot.warm_up.warm_up_with(Path(waiting[-1].arguments[0]))
                 is_warm = True  # and meanwhile all others of the fleet have been asked for
             elif waiting:
                 for request, prepared in zip(waiting, _prepared(waiting), strict=True):
@@ -106,23 +106,17 @@ def _load_compiled_code() -> None:
     gc.freeze()
 
 
-def _autopilots(requests: Sequence[_Request]) -> list[_Request]:
-    return [one for one in requests if one.program == _AUTOPILOT]
-
-
-def _prepared(requests: Sequence[_Request]) -> list[ftc_autopilot.process.Prepared | None]:
-    """Return what the autopilots of a fleet begin with, made before the first of them is forked.
+def _prepared(requests: Sequence[_Request]) -> list[Any]:
+    """Return what the processes of a fleet begin with, made before the first of them is forked.
 
     Python counts the references to all that it uses, in the pages where that lies: each process
     has its own copy of a page from then on. What is done here is done to pages that all share.
     A single process, started again, does it itself, and so does one that fails, which reports it.
     """
-    prepared: list[ftc_autopilot.process.Prepared | None] = [None] * len(requests)
-    if len(_autopilots(requests)) > 1:
-        for i, one in enumerate(requests):
-            if one.program == _AUTOPILOT:
-                with contextlib.suppress(Exception):
-                    prepared[i] = ftc_autopilot.process.prepare([*one.arguments, *_of(os.getpid())])
+    prepared = [None] * len(requests)
+    for i, (program, arguments, _) in enumerate(requests if len(requests) > 1 else ()):
+        with contextlib.suppress(Exception):
+            prepared[i] = _MODULE[program].prepare([*arguments, *_of(os.getpid())])
     give_memory_back()
     gc.freeze()  # the collector would write to, and so copy, every page
     return prepared
@@ -146,11 +140,7 @@ def _write_to(log: str, *descriptors: int) -> None:
             os.dup2(output.fileno(), descriptor)
 
 
-def _fork(
-    request: _Request,
-    prepared: ftc_autopilot.process.Prepared | None,
-    pipes: tuple[int, int],
-) -> int:
+def _fork(request: _Request, prepared: Any, pipes: tuple[int, int]) -> int:
     """Start a program; return its process id."""
     program, arguments, log = request
     parent = os.getpid()
@@ -171,10 +161,7 @@ def _fork(
             os.dup2(nothing.fileno(), 0)
         _write_to(log, 1, 2)
         _set_command_line(program, *arguments)
-        if prepared is None:
-            _MAIN[program]([*arguments, *_of(parent)])
-        else:
-            ftc_autopilot.process.main(prepared=prepared)
+        _MODULE[program].main([*arguments, *_of(parent)], prepared)
     except SystemExit as end:
         status = end.code if isinstance(end.code, int) else 0
     except BaseException:
