@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 from ftc_autopilot.control.config import plugin_problems, trigger_problems
 from gcs.scenario.aircraft_checks import (
@@ -20,17 +19,15 @@ from gcs.scenario.formation_checks import (
     slot_problems,
 )
 from gcs.scenario.reference_checks import airspeed_problems, fault_problems, profile_problems
+from gcs.scenario.scenario_sections import ScenarioSections
 from gcs.scenario.sections import Found
 from mavlink_defs.config.models import repeated
 from mavlink_defs.profile import AirspeedLimits
 from sitl_plant.config import start_problems
 from sitl_plant.sensing.units import FAULT_NAMES, units_of
 
-if TYPE_CHECKING:
-    from gcs.scenario.model import Scenario
 
-
-def section_problems(scenario: "Scenario") -> Found:
+def section_problems(scenario: ScenarioSections) -> Found:
     """Yield what of a scenario's sections does not fit together."""
     foreign, uavs, step_us = scenario.foreign, scenario.uavs, scenario.step_us
     ids = [uav.id for uav in uavs]
@@ -71,7 +68,7 @@ def section_problems(scenario: "Scenario") -> Found:
     yield from scenario.links.port_problems(ids)
 
 
-def _uav_problems(scenario: "Scenario") -> Found:
+def _uav_problems(scenario: ScenarioSections) -> Found:
     for key in ("id", "name"):
         for i, text in repeated([getattr(uav, key) for uav in scenario.uavs]):
             yield ("uavs", i, key), text
@@ -91,14 +88,14 @@ def _uav_problems(scenario: "Scenario") -> Found:
             yield from airspeed_problems(place, uav.initial.airspeed_m_s, aircraft.airspeed_limits)
 
 
-def _airspeeds(scenario: "Scenario") -> AirspeedLimits:
+def _airspeeds(scenario: ScenarioSections) -> AirspeedLimits:
     """Return the airspeeds that every aircraft accepts."""
     limits = [(uav.aircraft or scenario.aircraft).airspeed_limits for uav in scenario.uavs]
     lowest, highest = max(one.min_m_s for one in limits), min(one.max_m_s for one in limits)
     return AirspeedLimits(lowest, highest)
 
 
-def _fallible_sensors(scenario: "Scenario") -> dict[int, Mapping[str, int]]:
+def _fallible_sensors(scenario: ScenarioSections) -> dict[int, Mapping[str, int]]:
     """Return how many sensors of each name can fail, by UAV; none of ours by its true state."""
     units = units_of(scenario.sensors.navigation, scenario.step_us)
     carried = Counter(FAULT_NAMES[unit.kind] for unit in units)
