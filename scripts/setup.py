@@ -38,6 +38,11 @@ FIRST = (
 """What the compilation of the numeric core imports, and pip, which may have to install the rest."""
 BESIDE = {"uv"}
 """What is locked and lies in build/ and not in .venv: 38 MB that nothing imports."""
+UNUSED = (
+    "MAVProxy/modules/mavproxy_cesium",
+    *(f"pyarrow/{x}" for x in ("include", "src", "tests")),
+)
+"""What packages bring that nothing here uses: a globe for browsers, 118 MB; for C++, 9 MB."""
 SPACE_MB = {"fly": 700, "all": 1700}
 """Free space that a new .venv takes, and what is downloaded for it."""
 FULL_MB = 50
@@ -190,7 +195,7 @@ def main(what: str) -> None:
             _make(jobs, locked(LOCKS[what]))
         finally:
             jobs.stop()
-    size_mb = sum(512 * path.lstat().st_blocks for path in VENV.rglob("*")) / 2**20
+    size_mb = sum(512 * path.lstat().st_blocks for path in VENV.rglob("*")) / 1e6
     jobs.say(f".venv is ready: {size_mb:.0f} MB, {time.monotonic() - begin_s:.0f} s")
 
 
@@ -215,6 +220,9 @@ def _make(jobs: Jobs, packages: dict[str, str]) -> None:
         compiling = jobs.start("compiling", "compile", [_python(), "-c", COMPILE])
         text = f"{len(rest)} packages more"
         jobs.must(jobs.start(text, "rest", [*install, *_chosen("rest", rest)]), _OFFLINE)
+        for place in VENV.glob("lib/python*/site-packages"):
+            for name in UNUSED:
+                shutil.rmtree(place / name, ignore_errors=True)
     jobs.must(compiling)
 
 
