@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_ABSOLUTE
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.airframe.aerodynamics import Aerodynamics, aerodynamics
 from sitl_plant.airframe.aircraft import AircraftRecord
 from sitl_plant.airframe.rigid_body import R2_inv, gravity_body
@@ -30,7 +30,7 @@ class MeasuredMotion(NamedTuple):
     by_thrust: Vec3 = (0.0, 0.0, 0.0)  # the propulsion's part of N0 [N m]
 
 
-@compiled
+@inlined
 def motion_of(measured: np.void, aircraft: AircraftRecord, thrust: float = 0.0) -> MeasuredMotion:
     """Read an FTC_SIM_STATE payload.
 

@@ -202,7 +202,7 @@ class Records(NamedTuple):
     runway: np.void  # dtype `ftc_autopilot.guidance.runway_state.RUNWAY_STATE`
 
 
-@compiled
+@inlined
 def control_step(inputs: Inputs, records: Records, may_send: bool = True) -> int:
     """Make one control step.
 

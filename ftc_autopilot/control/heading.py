@@ -25,7 +25,7 @@ from ftc_autopilot.common.motion import MeasuredMotion
 from ftc_autopilot.common.tuples import replaced
 from ftc_autopilot.control.pairing import surfaces_by_sideslip
 from ftc_autopilot.control.step import Step
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.airframe.aerodynamics import lateral
 from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.config import Aircraft
@@ -108,7 +108,7 @@ def sideslip_of(motion: MeasuredMotion) -> float:
     return math.asin(clamp(motion.v[1] / motion.V, -1.0, 1.0))
 
 
-@compiled
+@inlined
 def along_flight(now: Step, g: float) -> Step:
     """Return the step whose yaw reference is the direction of flight, in a coordinated turn.
 

@@ -8,7 +8,7 @@ from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.common.motion import MeasuredMotion
 from ftc_autopilot.control.reference import Reference
 from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.vec3 import Vec3, add, clamp, clamp_each, scale, sub, vec3
 
 
@@ -25,7 +25,7 @@ class FormationErrors(NamedTuple):
     e_dot_sum: Vec3  # λ4 Σ a_ij ė_j [rad/s], for eq. (57)
 
 
-@compiled
+@inlined
 def formation_errors(
     motion: MeasuredMotion,
     reference: Reference,

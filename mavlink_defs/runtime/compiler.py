@@ -35,6 +35,7 @@ _cfunc: Any = numba.cfunc
 _typeof: Any = numba.typeof
 _types: Any = types  # without annotations
 _RULES: dict[str, Any] = {"error_model": "numpy", "nogil": True}
+_UNWRAPPED: dict[str, Any] = {"no_cfunc_wrapper": True, "no_cpython_wrapper": True}
 _options: dict[Callable[..., object], dict[str, Any]] = {}
 _parts: dict[Callable[..., object], Part] = {}
 
@@ -59,9 +60,9 @@ def add_function(
     inner = _renamed(function, f"{function.__qualname__}.inner")
     cache = add_to_cache(function, inner)
     _options[function] = {"cache": cache}
-    inside: Any = _RULES | {
-        "no_cfunc_wrapper": True,
-        "no_cpython_wrapper": True,
+    inside: Any = {
+        **_RULES,
+        **_UNWRAPPED,
         "forceinline": forceinline,
         "cache": cache and not forceinline,  # what is compiled into its callers lies with them
     }
@@ -95,13 +96,14 @@ def load_part(function: Callable[..., object]) -> None:
 
 
 def _part_of(function: Callable[..., object], signature: Any) -> Any:
-    make = _cfunc(signature, **_RULES, **_options[function])
+    made: Any = _njit(function, **_RULES, **_UNWRAPPED, **_options[function])
     try:
-        return make(function)
+        made.compile(signature)
     except (AttributeError, ModuleNotFoundError):
         if not forget_unreadable():
             raise
-        return make(function)
+        made.compile(signature)
+    return made
 
 
 def entry_of(function: Callable[..., object]) -> Callable[..., Any]:

@@ -16,6 +16,7 @@ import llvmlite.binding
 import numba
 import numpy as np
 from llvmlite import ir
+from numba.core import cgutils
 from numba.core import types as numba_types
 from numba.extending import lower_builtin, type_callable
 
@@ -40,7 +41,7 @@ class Part:
             function: The function.
             call: As it stands in the code of its callers.
             memory: As of `jit.apart`.
-            compile_as: Makes its code for a signature, or loads it, with an `address`.
+            compile_as: Makes its code for a signature, or loads it; numba's dispatcher with it.
         """
         self._function, self._memory, self._compile_as = function, memory, compile_as
         self._address = ctypes.c_void_p(0)
@@ -71,7 +72,9 @@ class Part:
         """Find the address."""
         if self._code is None:
             self._code = self._compile_as(self._typed())
-        self._address.value = self._code.address
+        (code,) = self._code.overloads.values()
+        named = code.fndesc.llvm_func_name
+        self._address.value = code.library.get_pointer_to_function(named)
 
     def _resolve_in_flight(self) -> None:
         """Resolve it from compiled code, into which no error can be raised."""
@@ -101,8 +104,8 @@ class Part:
 
     def _lower(self, context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         typed, module = self._typed(), builder.module
-        given = [context.get_value_type(one) for one in typed.args]
-        pointer = ir.FunctionType(context.get_value_type(typed.return_type), given).as_pointer()
+        convention = context.call_conv
+        pointer = convention.get_function_type(typed.return_type, typed.args).as_pointer()
         address = module.globals.get(self._symbol) or ir.GlobalVariable(
             module, pointer, self._symbol
         )
@@ -112,7 +115,12 @@ class Part:
         unknown = builder.icmp_unsigned("==", builder.load(address), ir.Constant(pointer, None))
         with builder.if_then(unknown, likely=False):
             builder.call(resolver, [])
-        return builder.call(builder.load(address), arguments)
+        status, result = convention.call_function(
+            builder, builder.load(address), typed.return_type, typed.args, arguments
+        )
+        with cgutils.if_unlikely(builder, status.is_error):
+            convention.return_status_propagate(builder, status)
+        return result
 
 
 def _fits(given: Any, declared: Any) -> bool:

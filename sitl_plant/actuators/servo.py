@@ -97,8 +97,9 @@ def begin_period(
         commanded: Whether a command has been received since the simulation began.
     """
     if servos["ideal"] == 1:
+        healthy = faults[0]["target"] < 0
         for c in range(N_CHANNELS):
-            target = servo_command(controls[c], c, faults, t)
+            target = controls[c] if healthy else servo_command(controls[c], c, faults, t)
             servos["target"][c] = servos["output"][c] = target
         return
     depth, settled = len(sent), servos["settled"] == 1

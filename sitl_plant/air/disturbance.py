@@ -30,10 +30,18 @@ def disturbance_table(disturbance: Disturbance) -> np.ndarray:
 @compiled
 def disturbances(table: np.ndarray, t: float) -> Disturbances:
     """Evaluate d_v and d_ω at time t [s]; `table` as `disturbance_table` returns it."""
-    return (
-        (_wave(table, 0, t), _wave(table, 1, t), _wave(table, 2, t)),
-        (_wave(table, 3, t), _wave(table, 4, t), _wave(table, 5, t)),
-    )
+    at = _phase(table, 0, t, (0.0, 1.0))
+    x = _wave(table, 0, at)
+    at = _phase(table, 1, t, at)
+    y = _wave(table, 1, at)
+    at = _phase(table, 2, t, at)
+    z = _wave(table, 2, at)
+    at = _phase(table, 3, t, at)
+    roll = _wave(table, 3, at)
+    at = _phase(table, 4, t, at)
+    pitch = _wave(table, 4, at)
+    at = _phase(table, 5, t, at)
+    return (x, y, z), (roll, pitch, _wave(table, 5, at))
 
 
 @compiled
@@ -52,7 +60,17 @@ def disturbances_over(
 
 
 @compiled
-def _wave(table: np.ndarray, row: int, t: float) -> float:
+def _phase(
+    table: np.ndarray, row: int, t: float, before: tuple[float, float]
+) -> tuple[float, float]:
+    """Return sine and cosine of a row's angle: those of the row before if its rate is the same."""
+    if row > 0 and table[row, 2] == table[row - 1, 2]:
+        return before
     angle = table[row, 2] * t
-    value: float = table[row, 0] * math.sin(angle) + table[row, 1] * math.cos(angle)
+    return math.sin(angle), math.cos(angle)
+
+
+@compiled
+def _wave(table: np.ndarray, row: int, at: tuple[float, float]) -> float:
+    value: float = table[row, 0] * at[0] + table[row, 1] * at[1]
     return value

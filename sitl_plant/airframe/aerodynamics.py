@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.airframe.aircraft import AircraftRecord
-from sitl_plant.vec3 import Mat3, Vec3, add, mul, mul_t, norm, scale
+from sitl_plant.vec3 import Mat3, Vec3, add, mul, mul_t, norm, scale, vec3
 
 STILL_M_S = 1e-9
 """An airspeed below this one counts as this one: there are no forces [m/s]."""
@@ -39,6 +39,50 @@ def R3(alpha: float, beta: float) -> Mat3:
     return (ca * cb, sb, sa * cb), (-ca * sb, cb, -sa * sb), (-sa, 0.0, ca)
 
 
+class Flow(NamedTuple):
+    """The motion through the air as the equations take it."""
+
+    V: float  # airspeed [m/s]
+    alpha: float  # angle of attack [rad]
+    beta: float  # angle of sideslip [rad]
+    wind_axes: Mat3  # rotation from body to wind axes
+
+
+FLOW = np.dtype([("v", "f8", (3,)), ("flow", "f8", (12,))])
+"""A velocity through the air [m/s], and its `Flow`."""
+
+
+@compiled
+def flow_of(v: Vec3) -> Flow:
+    """Return what follows of a velocity through the air, body axes [m/s]."""
+    V = max(norm(v), STILL_M_S)
+    alpha = math.atan2(v[2], v[0])
+    beta = math.asin(v[1] / V)
+    return Flow(V, alpha, beta, R3(alpha, beta))
+
+
+@compiled
+def note_flow(v: Vec3, memory: np.void) -> Flow:
+    """Return the same, and note it in a record of dtype `FLOW`: a step asks for it twice."""
+    flow = flow_of(v)
+    noted, axes = memory["flow"], flow.wind_axes
+    noted[0], noted[1], noted[2] = flow.V, flow.alpha, flow.beta
+    for k in range(3):
+        memory["v"][k] = v[k]
+        noted[3 + k], noted[6 + k], noted[9 + k] = axes[0][k], axes[1][k], axes[2][k]
+    return flow
+
+
+@compiled
+def noted_flow(v: Vec3, memory: np.void) -> Flow:
+    """Return what is noted of this very velocity, or what follows of it."""
+    before, noted = memory["v"], memory["flow"]
+    if v[0] != before[0] or v[1] != before[1] or v[2] != before[2] or noted[0] == 0.0:
+        return flow_of(v)
+    axes = vec3(noted[3:6]), vec3(noted[6:9]), vec3(noted[9:12])
+    return Flow(noted[0], noted[1], noted[2], axes)
+
+
 @compiled
 def aerodynamics(v: Vec3, omega: Vec3, aircraft: AircraftRecord) -> Aerodynamics:
     """Evaluate eqs. (7) to (10).
@@ -48,9 +92,13 @@ def aerodynamics(v: Vec3, omega: Vec3, aircraft: AircraftRecord) -> Aerodynamics
         omega: Angular velocity, body axes [rad/s].
         aircraft: The aircraft.
     """
-    V = max(norm(v), STILL_M_S)
-    alpha = math.atan2(v[2], v[0])
-    beta = math.asin(v[1] / V)
+    return aerodynamics_in(flow_of(v), omega, aircraft)
+
+
+@inlined
+def aerodynamics_in(flow: Flow, omega: Vec3, aircraft: AircraftRecord) -> Aerodynamics:
+    """Evaluate the same for a flow that is known."""
+    V, alpha, beta, wind_axes = flow
     b, c_bar = aircraft["b"], aircraft["c_bar"]
     qS = 0.5 * aircraft["rho"] * V * V * aircraft["S"]
 
@@ -71,7 +119,6 @@ def aerodynamics(v: Vec3, omega: Vec3, aircraft: AircraftRecord) -> Aerodynamics
     C_M = aircraft["cm0"] + aircraft["cm_alpha"] * alpha + aircraft["cm_q"] * q
     C_n = aircraft["cn0"] + aircraft["cn_beta"] * beta + aircraft["cn_p"] * p + aircraft["cn_r"] * r
 
-    wind_axes = R3(alpha, beta)
     F = scale(qS, mul_t(wind_axes, (-C_D, C_Y, -C_L)))  # (7)
     N = scale(qS, (b * C_l, c_bar * C_M, b * C_n))  # (8)
     qSb, qSc = qS * b, qS * c_bar

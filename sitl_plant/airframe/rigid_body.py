@@ -9,7 +9,14 @@ from typing import TypeAlias
 import numpy as np
 
 from mavlink_defs.runtime.jit import compiled, inlined
-from sitl_plant.airframe.aerodynamics import Aerodynamics, aerodynamics, force, moment
+from sitl_plant.airframe.aerodynamics import (
+    Aerodynamics,
+    Flow,
+    aerodynamics_in,
+    flow_of,
+    force,
+    moment,
+)
 from sitl_plant.airframe.aircraft import AircraftRecord
 from sitl_plant.airframe.thrust import made_thrust, thrust_moment
 from sitl_plant.vec3 import Mat3, Vec3, add, cross, mat3, mul, scale, sub, vec3
@@ -125,8 +132,24 @@ def state_derivative(
         surrounding: Motion of the air: forces and moments follow from the motion through it.
         aircraft: The aircraft.
     """
+    flow = flow_of(sub(state[1], surrounding[0]))
+    return derivative_in(flow, state, thrust, delta, d_v, d_omega, surrounding[1], aircraft)
+
+
+@inlined
+def derivative_in(
+    flow: Flow,
+    state: State,
+    thrust: float,
+    delta: Vec3,
+    d_v: Vec3,
+    d_omega: Vec3,
+    turning_air: Vec3,
+    aircraft: AircraftRecord,
+) -> State:
+    """Return the same for a flow that is known, and air with an angular velocity [rad/s]."""
     _, v, phi, omega = state
-    air = aerodynamics(sub(v, surrounding[0]), sub(omega, surrounding[1]), aircraft)
+    air = aerodynamics_in(flow, sub(omega, turning_air), aircraft)
     specific = specific_force(air, delta, thrust, aircraft)
     gravity = gravity_body(phi, aircraft["g"])
     made = made_thrust(thrust, air.V, aircraft)

@@ -20,6 +20,7 @@ from sitl_plant.air.disturbance import (
 )
 from sitl_plant.air.turbulence import TURBULENCE, advance_turbulence, start_turbulence
 from sitl_plant.air.wind import air_around, new_wind, turbulence_around
+from sitl_plant.airframe.aerodynamics import FLOW
 from sitl_plant.airframe.aircraft import AIRCRAFT, aircraft_record
 from sitl_plant.airframe.contact import (
     GEAR,
@@ -80,6 +81,7 @@ UAV = np.dtype(
         ("servos", SERVOS),
         ("gear", GEAR),
         ("turbulence", TURBULENCE),
+        ("flow", FLOW),
         ("sensors", SENSORS),
         ("outside", OUTSIDE),
         ("message", SIM_STATE),  # the present state as the wire carries it
@@ -233,6 +235,7 @@ def observe(fleet: PlantState, i: int, step: int, step_us: int) -> None:
         uav["turbulence"],
         uav["aircraft"],
         uav["gear"],
+        uav["flow"],
     )
     d_v, _ = _disturbances_at(fleet, step, step_us)
     air = vec3(uav["air"][:3]), vec3(uav["air"][3:])
@@ -283,6 +286,8 @@ def _begin(fleet: PlantState, step: int, step_us: int) -> bool:
     t, dt = time_s(step, step_us), step_us / 1e6
     now = _disturbances_at(fleet, step, step_us)
     disturbed = disturbances_over(now, fleet.disturbance, t, dt)
+    if t + dt == time_s(step + 1, step_us):
+        _note_disturbances(fleet, step + 1, disturbed[2])
     any_outside = False
     for i in range(len(fleet.uavs)):
         uav = fleet.uavs[i]
@@ -304,6 +309,7 @@ def _begin(fleet: PlantState, step: int, step_us: int) -> bool:
             uav["turbulence"],
             uav["aircraft"],
             uav["gear"],
+            uav["flow"],
         )
         V = norm(sub(vec3(uav["state"][3:6]), vec3(uav["air"][:3])))
         if gear["launch_s"] >= 0.0:
@@ -362,11 +368,17 @@ def _disturbances_at(fleet: PlantState, step: int, step_us: int) -> Disturbances
     """Return the disturbances at a step, which all aircraft share: evaluated for the first one."""
     memory = fleet.disturbed
     if memory[0] != step:
-        d_v, d_omega = disturbances(fleet.disturbance, time_s(step, step_us))
-        memory[0] = step
-        for k in range(3):
-            memory[1 + k], memory[4 + k] = d_v[k], d_omega[k]
+        now = disturbances(fleet.disturbance, time_s(step, step_us))
+        _note_disturbances(fleet, step, now)
     return vec3(memory[1:4]), vec3(memory[4:7])
+
+
+@inlined
+def _note_disturbances(fleet: PlantState, step: int, at_step: Disturbances) -> None:
+    memory = fleet.disturbed
+    memory[0] = step
+    for k in range(3):
+        memory[1 + k], memory[4 + k] = at_step[0][k], at_step[1][k]
 
 
 @compiled

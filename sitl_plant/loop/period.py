@@ -14,12 +14,12 @@ from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTT
 from mavlink_defs.faults.actuators import MAX_FAULTS
 from mavlink_defs.faults.table import FAULT
 from mavlink_defs.runtime.jit import apart, compiled, inlined
-from sitl_plant.actuators.faults import apply_faults
+from sitl_plant.actuators.faults import Controls, apply_faults
 from sitl_plant.actuators.servo import SERVOS, end_period, positions
 from sitl_plant.air.disturbance import Disturbances
 from sitl_plant.air.turbulence import TURBULENCE
 from sitl_plant.air.wind import WIND, air_around
-from sitl_plant.airframe.aerodynamics import aerodynamics
+from sitl_plant.airframe.aerodynamics import FLOW, aerodynamics_in, note_flow, noted_flow
 from sitl_plant.airframe.aircraft import AIRCRAFT, AircraftRecord
 from sitl_plant.airframe.contact import (
     GEAR,
@@ -35,9 +35,9 @@ from sitl_plant.airframe.rigid_body import (
     Air,
     State,
     advance,
+    derivative_in,
     load_state,
     specific_force,
-    state_derivative,
     store_state,
 )
 from sitl_plant.airframe.thrust import made_thrust
@@ -57,6 +57,7 @@ class Environment(NamedTuple):
     turbulence: np.void  # dtype TURBULENCE
     aircraft: AircraftRecord  # dtype AIRCRAFT
     gear: np.void  # dtype GEAR
+    flow: np.void  # dtype FLOW, at the last step
 
 
 @compiled
@@ -73,6 +74,7 @@ def rk4_step(
     disturbed: tuple[Disturbances, Disturbances, Disturbances],
     environment: Environment,
     begun: float,
+    real: Controls,
     near: bool,
 ) -> State:
     """Integrate eqs. (1) to (4) from t to t + dt [s].
@@ -85,37 +87,48 @@ def rk4_step(
             aircraft, so that it is evaluated once.
         environment: The aircraft and what acts on it.
         begun: When the control period began [s].
+        real: What the actuators do at t.
         near: Whether the ground may be touched; a constant, which costs nothing in the air.
     """
-    middle = t + 0.5 * dt
     at_start, at_middle, at_end = disturbed
-    k1 = _slope(state, t, begun, at_start, environment, near)
-    k2 = _slope(advance(state, 0.5 * dt, k1), middle, begun, at_middle, environment, near)
-    k3 = _slope(advance(state, 0.5 * dt, k2), middle, begun, at_middle, environment, near)
-    k4 = _slope(advance(state, dt, k3), t + dt, begun, at_end, environment, near)
-    state = advance(advance(state, dt / 6.0, k1), dt / 3.0, k2)
-    return advance(advance(state, dt / 3.0, k3), dt / 6.0, k4)
+    servos, faults, aircraft = environment.servos, environment.faults, environment.aircraft
+    steady = servos["ideal"] == 1 and faults[0]["target"] < 0
+    here, reached = state, state
+    for stage in range(4):  # once in machine code, which four times would not fit the cache
+        ahead, now, acting, share = 0.5 * dt, t + 0.5 * dt, at_middle, dt / 3.0
+        if stage == 0:
+            now, acting, share = t, at_start, dt / 6.0
+        elif stage == 2:
+            ahead = dt
+        elif stage == 3:
+            now, acting, share = t + dt, at_end, dt / 6.0
+        if stage > 0 and not steady:
+            real = apply_faults(positions(servos, now - begun), now, begun, faults, aircraft)
+        slope = _slope(here, now, real, acting, environment, near)
+        reached = advance(reached, share, slope)
+        here = advance(state, ahead, slope)
+    return reached
 
 
 @inlined
 def _slope(
     state: State,
     t: float,
-    interval_start: float,
+    real: Controls,
     disturbed: Disturbances,
     environment: Environment,
     near: bool,
 ) -> State:
     aircraft = environment.aircraft
-    moved = positions(environment.servos, t - interval_start)
-    da, de, dr, thrust = apply_faults(moved, t, interval_start, environment.faults, aircraft)
+    da, de, dr, thrust = real
     d_v, d_omega = disturbed
     air = air_around(environment.wind, environment.turbulence, state[0], state[2], t)
     if near:
         d_v, d_omega, air = beside_the_ground(
             state, (da, de, dr), d_v, d_omega, air, aircraft, environment.gear
         )
-    return state_derivative(state, thrust, (da, de, dr), d_v, d_omega, air, aircraft)
+    flow = noted_flow(sub(state[1], air[0]), environment.flow)
+    return derivative_in(flow, state, thrust, (da, de, dr), d_v, d_omega, air[1], aircraft)
 
 
 @compiled
@@ -150,7 +163,8 @@ def step_aircraft(
     if environment.gear["near"] == 1:
         step_near_ground(x, t, dt, disturbed, environment)
     else:
-        store_state(rk4_step(load_state(x), t, dt, disturbed, environment, t, False), x)
+        state = rk4_step(load_state(x), t, dt, disturbed, environment, t, real, False)
+        store_state(state, x)
     end_period(environment.servos, dt)
 
 
@@ -161,6 +175,7 @@ _ANY = Environment(
     np.zeros(1, TURBULENCE)[0],
     np.zeros(1, AIRCRAFT)[0],
     np.zeros(1, GEAR)[0],
+    np.zeros(1, FLOW)[0],
 )
 
 
@@ -178,13 +193,14 @@ def step_near_ground(
     `step_aircraft`.
     """
     gear, aircraft = environment.gear, environment.aircraft
+    servos, faults = environment.servos, environment.faults
     count = math.ceil(dt / gear["longest_step"])
     h, state = dt / count, load_state(x)
     for k in range(count):
         before, now = state, t + k * h
-        state = rk4_step(before, now, h, disturbed, environment, t, True)
-        moved = positions(environment.servos, (k + 1) * h)
-        real = apply_faults(moved, now + h, t, environment.faults, aircraft)
+        real = apply_faults(positions(servos, now - t), now, t, faults, aircraft)
+        state = rk4_step(before, now, h, disturbed, environment, t, real, True)
+        real = apply_faults(positions(servos, (k + 1) * h), now + h, t, faults, aircraft)
         load = hold_points(state, rudder_share(real[RUDDER], aircraft), gear)
         note_contact(before, now, state[0], load, aircraft, gear)
     store_state(state, x)
@@ -246,7 +262,8 @@ def specific_force_at(
     moved = servos["output"][0], servos["output"][1], servos["output"][2], servos["output"][3]
     real = apply_faults(moved, t, time_s(step - 1, step_us), environment.faults, aircraft)
     delta = real[AILERON], real[ELEVATOR], real[RUDDER]
-    air = aerodynamics(sub(v, surrounding[0]), sub(omega, surrounding[1]), aircraft)
+    flow = note_flow(sub(v, surrounding[0]), environment.flow)
+    air = aerodynamics_in(flow, sub(omega, surrounding[1]), aircraft)
     return add(specific_force(air, delta, real[THROTTLE], aircraft), d_v)
 
 

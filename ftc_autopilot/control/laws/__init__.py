@@ -28,7 +28,7 @@ from ftc_autopilot.control.step import (
 )
 from ftc_autopilot.plugins.loading import LAWS as GROUP
 from ftc_autopilot.plugins.models import PLUGIN, PLUGIN_TAG, is_plugin, model_of, owned
-from mavlink_defs.runtime.jit import compiled
+from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.airframe.aircraft import AircraftRecord
 
 
@@ -103,7 +103,7 @@ def _heading_loop(gains: np.void) -> HeadingLoop:
     return HeadingLoop(gains["by_bank"] != 0, gains["heading_gain_1_s"], gains["bank_limit_rad"])
 
 
-@compiled
+@inlined
 def evaluate(
     now: Step,
     aircraft: AircraftRecord,
