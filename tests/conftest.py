@@ -42,6 +42,11 @@ def pytest_configure(config: pytest.Config) -> None:
         compile_parts()
 
 
+def pytest_collectstart() -> None:
+    """Search for no garbage while tests are collected: almost all that is made then stays."""
+    gc.disable()
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Spread the files that start processes, and wait, among the ones that compute; these end."""
     files: dict[Path, list[pytest.Item]] = {}
@@ -64,6 +69,7 @@ def pytest_collection_finish() -> None:
     """
     gc.collect()
     gc.freeze()
+    gc.enable()
     gc.set_threshold(20_000, 20, 50)
 
 

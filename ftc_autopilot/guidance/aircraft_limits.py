@@ -5,6 +5,7 @@ airspeeds, by their stall and by their thrust. `gcs design` writes the same, fro
 the estimate here.
 """
 
+import functools
 import math
 from collections.abc import Iterator
 from typing import NamedTuple, TypeVar
@@ -63,8 +64,7 @@ def limits_of(guidance: GuidanceParameters, aircraft: Aircraft) -> AircraftLimit
     Airspeeds are within those that the aircraft accepts. The aircraft's own give way to those
     given, so that only what is given can be wrong, see `guidance_problems`.
     """
-    airspeed = _airspeed_of(aircraft)
-    own = limits_at(aircraft, airspeed, _level_thrust(aircraft, airspeed), _fastest(aircraft))
+    own = _own_limits(aircraft)
     given = {name: one for name in own._fields if (one := getattr(guidance, name)) is not None}
     low, high = own.airspeed_min_m_s, own.airspeed_max_m_s
     if "airspeed_min_m_s" in given:
@@ -77,6 +77,13 @@ def limits_of(guidance: GuidanceParameters, aircraft: Aircraft) -> AircraftLimit
     merged = own._replace(**given)
     cruise = min(max(merged.cruise_m_s, low), high)
     return merged._replace(cruise_m_s=cruise, airspeed_min_m_s=low, airspeed_max_m_s=high)
+
+
+@functools.lru_cache
+def _own_limits(aircraft: Aircraft) -> AircraftLimits:
+    """Return the limits of an aircraft, which every check of a scenario asks for."""
+    airspeed = _airspeed_of(aircraft)
+    return limits_at(aircraft, airspeed, _level_thrust(aircraft, airspeed), _fastest(aircraft))
 
 
 def guidance_problems(

@@ -77,9 +77,13 @@ def find_aircraft(folder: Path, name: str) -> Path:
 
 def bundled_names() -> list[str]:
     """Return the names of all bundled scenarios, sorted, and those that other packages register."""
-    files = SCENARIOS.glob("*/**/*.yaml")
-    ours = sorted(path.relative_to(SCENARIOS).with_suffix("").as_posix() for path in files)
-    return [*ours, *sorted(_of_others())]
+    return [*_names_in(SCENARIOS), *sorted(_of_others())]
+
+
+@functools.cache
+def _names_in(folder: Path) -> list[str]:
+    files = folder.glob("*/**/*.yaml")
+    return sorted(path.relative_to(folder).with_suffix("").as_posix() for path in files)
 
 
 def addition_names() -> list[str]:

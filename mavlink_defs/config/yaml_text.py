@@ -5,6 +5,7 @@ have a key twice. libyaml reads the text; its events become data here, as libyam
 has no end of its recursion. ruamel.yaml takes seven times as long for a large mission.
 """
 
+import functools
 import re
 from typing import Any
 
@@ -18,6 +19,10 @@ _MAX_VALUES = 1_000_000
 """Values that a text may stand for: aliases of aliases multiply without end."""
 
 
+_KEPT_TEXT = 20_000
+"""Length of a text that is too long to be kept."""
+
+
 class DuplicateKeyError(yaml.MarkedYAMLError):
     """A mapping has a key twice."""
 
@@ -28,11 +33,28 @@ def parse_yaml(text: str, name: str = "") -> Any:
     Raises:
         yaml.YAMLError, RecursionError, ValueError: It is not YAML; see `yaml_problem`.
     """
+    return _copied(_kept(text, name)) if len(text) < _KEPT_TEXT else _parsed(text, name)
+
+
+def _parsed(text: str, name: str) -> Any:
     loader = _Loader(text, name)
     try:
         return loader.get_single_data()
     finally:
         loader.dispose()
+
+
+_kept = functools.lru_cache(_parsed)  # a campaign reads the same files for each of its flights
+
+
+def _copied(data: Any) -> Any:
+    """Return the same data, which a caller may change."""
+    if isinstance(data, WrittenDict):
+        inner = {key: _copied(value) for key, value in data.items()}
+        return WrittenDict(inner, dict(data.sources))
+    if isinstance(data, WrittenList):
+        return WrittenList(map(_copied, data), dict(data.sources))
+    return data
 
 
 def yaml_of(data: Any) -> str:

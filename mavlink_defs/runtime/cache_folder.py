@@ -122,7 +122,7 @@ def _code_digest(source: Path, known: dict[str, str]) -> bytes:
 
     Args:
         source: The file.
-        known: Such digests by those of the files' content, to which it is added.
+        known: Such digests by the digest of the whole content, to which it is added.
     """
     whole = content_digest(source).hex()
     if not is_ours(source) or source.suffix != ".py":

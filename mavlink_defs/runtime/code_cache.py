@@ -5,9 +5,9 @@ running the old code of a function that it calls from another file. Here every f
 folder of its own, whose name is a digest of that file, of every file that it imports, directly or
 not, of the versions of Python, numba and numpy, and of the processor that the code is made for.
 After a change only what depends on it is compiled again; comments, docstrings and layout of our own
-files do not count, so that a function may stand in another line than when it was compiled. Equal sources share their code, wherever
-they lie. A file of another project counts with what it imports of its own package or from beside
-it.
+files do not count, so that a function may stand in another line than when it was compiled. Equal
+sources share their code, wherever they lie. A file of another project counts with what it imports
+of its own package or from beside it.
 """
 
 import hashlib

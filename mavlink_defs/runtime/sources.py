@@ -28,7 +28,7 @@ def remembered(function: _F) -> _F:
     """Decorate what is computed once for each file, until `forget_sources`."""
     known: Any = functools.cache(function)
     _forget.append(known.cache_clear)
-    return known  # type: ignore[no-any-return] - it is called as the function is
+    return known  # type: ignore[no-any-return]  # it is called as the function is
 
 
 def sources_of(file: Path) -> list[Path]:

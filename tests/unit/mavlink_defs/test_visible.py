@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from mavlink_defs.visible import visible, visible_lines
 
 UNSEEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}
-EVERY = [chr(i) for i in range(sys.maxunicode + 1) if unicodedata.category(chr(i)) in UNSEEN]
 
 
 def test_every_control_character_becomes_visible() -> None:
-    for character in EVERY:
+    every = map(chr, range(sys.maxunicode + 1))
+    for character in (one for one in every if unicodedata.category(one) in UNSEEN):
         shown = visible(f"a{character}b")
         assert not any(unicodedata.category(c) in UNSEEN for c in shown), repr(character)
         assert shown.encode().startswith(b"a\\"), shown

@@ -30,7 +30,7 @@ from ftc_autopilot.guidance.fence_parameters import (
     fence_records,
 )
 from ftc_autopilot.guidance.mission_places import Home
-from ftc_autopilot.guidance.path import point_at
+from ftc_autopilot.guidance.path import PathPoint, point_at
 from gcs.scenario.model import Scenario
 from mavlink_defs import dialect
 from mavlink_defs.mission_files import mission_item
@@ -282,15 +282,21 @@ def test_rally_points(scenario1: Scenario) -> None:
 )
 def test_a_path_that_leaves_is_noticed(north: float, east: float, radius: float) -> None:
     area = FenceArea(0, stay_in=False, corners=np.array([(north, east)]), radius=radius)
-    end = float(path()["start"][path()["count"] - 1])  # of the way to the last circle
-    points = [point_at(path(), s) for s in np.linspace(0.0, end, 3000)]
-    clear = np.array([Fence((area,)).nearest((p.north, p.east))[0] for p in points])
+    points = points_of_path()
+    clear = np.array([math.dist((p.north, p.east), (north, east)) for p in points]) - radius
     found = watch(Fence((area,))).left_by(path())
     if clear.min() < -10.0:
         assert found is not None
         assert found <= path()["item"][points[int(np.argmax(clear < -10.0))].leg]
     if found is not None and clear.min() > 5.0:  # on the circle at the end
         assert found == int(path()["item"][path()["count"] - 1])
+
+
+@functools.cache
+def points_of_path() -> list[PathPoint]:
+    """Points of the way to the last circle."""
+    end = float(path()["start"][path()["count"] - 1])
+    return [point_at(path(), s) for s in np.linspace(0.0, end, 3000)]
 
 
 @functools.cache

@@ -34,6 +34,20 @@ TREES = st.recursive(
 )
 
 
+def test_what_is_read_is_the_reader_s_own() -> None:
+    text = "uavs: [{id: 1}, {id: 2}]"
+    tree = parse_yaml(text, "a.yaml")
+    tree["uavs"][0]["id"] = 3
+    tree["uavs"].pop()
+    tree["uavs"].sources.clear()
+    del tree.sources["uavs"]
+    again = parse_yaml(text, "a.yaml")
+    assert again == {"uavs": [{"id": 1}, {"id": 2}]}
+    assert again.sources == {"uavs": "a.yaml:1"}
+    assert again["uavs"].sources == {0: "a.yaml:1", 1: "a.yaml:1"}
+    assert parse_yaml(text, "b.yaml").sources == {"uavs": "b.yaml:1"}
+
+
 @given(TREES)
 def test_what_is_written_reads_back(tree: Any) -> None:
     assume_one_key_per_text(tree)
