@@ -152,7 +152,7 @@ class Autopilot:
 
     def _report_end(self) -> None:
         """Report to ground stations how the simulation ended, as far as this aircraft knows."""
-        time_s, severity = self._vehicle.time_s, dialect.MAV_SEVERITY_NOTICE
+        time_s, severity = self._hot.time_s, dialect.MAV_SEVERITY_NOTICE
         lost = self._hot.flags & dialect.FTC_SIM_FLAGS_LOST
         text = f"simulation {'lost' if lost else 'over'} at {time_s:.3f} s"
         if lost and self._hot.measured["position"][2] > 0.0:
@@ -195,7 +195,7 @@ class Autopilot:
 
     def _failure(self) -> str | None:
         """Return how a plug-in has ended the flight; a standing fleet flies on without this one."""
-        failure = failure_of(self._controllers.uavs[0], self._config, self._vehicle.time_s)
+        failure = failure_of(self._controllers.uavs[0], self._config, self._hot.time_s)
         if failure is None:
             return None
         log(self.system, failure)
@@ -264,7 +264,7 @@ class Autopilot:
 
     def until_step(self) -> int:
         """Return the step after which messages are to be handled."""
-        if not self._vehicle.running:
+        if not self._hot.running:
             return self.crash_at
         if self._more_to_do:
             return self._hot.step + 1
@@ -287,7 +287,7 @@ class Autopilot:
         limit_s = self._config.silence_timeout_s
         silent = heard_s > 0.0 and time.monotonic() - heard_s > limit_s
         if silent and not _waits(self._plant):  # or this process had no time to hear it
-            return f"the plant has been silent for {limit_s:g} s at {self._vehicle.time_s:.3f} s"
+            return f"the plant has been silent for {limit_s:g} s at {self._hot.time_s:.3f} s"
         return None
 
     def _receive_from_simulator(self) -> None:

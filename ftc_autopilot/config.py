@@ -48,15 +48,18 @@ class AutopilotConfig(ControllerConfig):
         fleet: UAVs of the fleet, this one included; none: it does not say.
         origin: Geographic coordinates of north = east = down = 0.
         sensors: What an estimated state comes from.
+        sensor_seed: Seed of the sensors of a foreign autopilot.
         estimator: Parameters of its estimator.
         fence: Parameters of its fence.
         rally: Parameters of its rally points.
         runway: The runway that it lands on if its mission has none; none: it knows of none.
+        neighbour_timeout_s: Silence after which a neighbour's edge is dropped.
         formation_bind: Where the formation link is received.
         plant: Where the plant receives the simulator link.
         gcs: Addresses of the ground stations, host:port.
         telemetry_clock: What intervals of telemetry count in lockstep.
         signing_key: Key file; none: unsigned.
+        silence_timeout_s: Silence after which the plant counts as gone.
     """
 
     name: Title = Field(min_length=1)
@@ -66,22 +69,18 @@ class AutopilotConfig(ControllerConfig):
     origin: Origin = Origin()
     navigation: Navigation = "true_state"
     sensors: NavigationSensors = NavigationSensors()
-    sensor_seed: int = whole("", "Seed of the sensors of a foreign autopilot.", 1, ge=0)
+    sensor_seed: int = whole("", default=1, ge=0)
     estimator: EstimatorParameters = EstimatorParameters()
     fence: FenceParameters = FenceParameters()
     rally: RallyParameters = RallyParameters()
     runway: Runway | None = None
-    neighbour_timeout_s: float = quantity(
-        "s", "Silence after which a neighbour's edge is dropped.", NEIGHBOUR_TIMEOUT_S, gt=0.0
-    )
+    neighbour_timeout_s: float = quantity("s", default=NEIGHBOUR_TIMEOUT_S, gt=0.0)
     formation_bind: HostPort
     plant: HostPort
     gcs: tuple[HostPort, ...] = Field(min_length=1)
     telemetry_clock: TelemetryClockKind = "wall"
     signing_key: str | None = None
-    silence_timeout_s: float = quantity(
-        "s", "Silence after which the plant counts as gone.", 5.0, gt=0.0
-    )
+    silence_timeout_s: float = quantity("s", default=5.0, gt=0.0)
 
     @property
     def mav_autopilot(self) -> int:

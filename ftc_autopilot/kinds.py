@@ -39,29 +39,22 @@ class ArduPlaneAutopilot(Model):
         kind: ArduPlane.
         binary: Its program, built for SITL, which the bridge starts; none: somebody starts it by
             hand.
+        port: By hand: UDP port of the physics of UAV 1, --sim-port-out; UAV i has one 10 (i - 1)
+            higher. Its MAVLink goes to the next one, --serial0.
         defaults: File of its parameters, --defaults; none: derived from the aircraft.
         mode: Mode in which it is armed; none: AUTO with a mission, else LOITER.
+        ready_within_s: Longest time, by its own clock, until its EKF is ready.
+        answers_within_s: Longest time until it sends a frame, by the wall clock.
         outputs: Which of its outputs moves which actuator, and its launch.
     """
 
     kind: Literal["ardupilot"]
     binary: Title | None = Field(default=None, min_length=1)
-    port: int = whole(
-        "",
-        "By hand: UDP port of the physics of UAV 1, --sim-port-out; UAV i has one 10 (i - 1) "
-        "higher. Its MAVLink goes to the next one, --serial0.",
-        PORT,
-        ge=1,
-        le=60_000,
-    )
+    port: int = whole("", default=PORT, ge=1, le=60_000)
     defaults: Title | None = None
     mode: Literal["AUTO", "TAKEOFF", "LOITER", "CRUISE", "FBWB", "GUIDED"] | None = None
-    ready_within_s: float = quantity(
-        "s", "Longest time, by its own clock, until its EKF is ready.", 120.0, gt=0.0
-    )
-    answers_within_s: float = quantity(
-        "s", "Longest time until it sends a frame, by the wall clock.", 60.0, gt=0.0
-    )
+    ready_within_s: float = quantity("s", default=120.0, gt=0.0)
+    answers_within_s: float = quantity("s", default=60.0, gt=0.0)
     outputs: ArduPilot = ArduPilot()
 
     def fallible(self, sensors: Mapping[str, int]) -> dict[str, int]:
@@ -102,8 +95,15 @@ class Px4Autopilot(Model):
         binary: Its program, bin/px4 of a build for SITL.
         data: Folder etc of its build; none: the one beside the program's folder.
         model: Its airframe, PX4_SIM_MODEL.
+        parameters: Parameters that it starts with, by name.
         mode: Mode in which it is armed; none: MISSION with a mission, else TAKEOFF.
+        rate_hz: Frames per second of its time, whole control periods each.
         simulator_host: Address at which it connects to its simulator, PX4_SIM_HOSTNAME.
+        ready_within_s: Longest time, by its own clock, until it may be armed.
+        connects_within_s: Longest time until it connects, by the wall clock.
+        answers_within_s: Longest time until it answers a frame, by the wall clock.
+        launch_throttle: Share of the thrust above which it is launched.
+        launch_acceleration_m_s2: Acceleration of the launch.
         outputs: Which of its outputs moves which actuator.
     """
 
@@ -111,29 +111,15 @@ class Px4Autopilot(Model):
     binary: Title = Field(min_length=1)
     data: Title | None = None
     model: Title = Field(default="gazebo-classic_plane", min_length=1)
-    parameters: Annotated[dict[str, float], AtMost(2000)] = Field(
-        default={}, description="Parameters that it starts with, by name."
-    )
+    parameters: Annotated[dict[str, float], AtMost(2000)] = Field(default={})
     mode: Literal["MISSION", "TAKEOFF", "HOLD"] | None = None
-    rate_hz: float = quantity(
-        "Hz", "Frames per second of its time, whole control periods each.", 250.0, gt=0.0, le=1000.0
-    )
+    rate_hz: float = quantity("Hz", default=250.0, gt=0.0, le=1000.0)
     simulator_host: Title = Field(default="127.0.0.1", min_length=1)
-    ready_within_s: float = quantity(
-        "s", "Longest time, by its own clock, until it may be armed.", 120.0, gt=0.0
-    )
-    connects_within_s: float = quantity(
-        "s", "Longest time until it connects, by the wall clock.", 60.0, gt=0.0
-    )
-    answers_within_s: float = quantity(
-        "s", "Longest time until it answers a frame, by the wall clock.", 60.0, gt=0.0
-    )
-    launch_throttle: float = quantity(
-        "", "Share of the thrust above which it is launched.", 0.05, ge=0.0, lt=1.0
-    )
-    launch_acceleration_m_s2: float = quantity(
-        "m/s^2", "Acceleration of the launch.", 15.0, gt=0.0, le=1000.0
-    )
+    ready_within_s: float = quantity("s", default=120.0, gt=0.0)
+    connects_within_s: float = quantity("s", default=60.0, gt=0.0)
+    answers_within_s: float = quantity("s", default=60.0, gt=0.0)
+    launch_throttle: float = quantity("", default=0.05, ge=0.0, lt=1.0)
+    launch_acceleration_m_s2: float = quantity("m/s^2", default=15.0, gt=0.0, le=1000.0)
     outputs: Px4Outputs = Px4Outputs()
 
     def fallible(self, sensors: Mapping[str, int]) -> dict[str, int]:

@@ -9,15 +9,16 @@ import socket
 import sys
 from argparse import Namespace
 from collections.abc import Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 from ftc_autopilot.autopilot import Autopilot, log
 from ftc_autopilot.config import PLUGIN_FAILED, AutopilotConfig
 from ftc_autopilot.hot.loop import new_loops, run
 from ftc_autopilot.hot.recorder import RECORD_ROWS
-from ftc_autopilot.hot.restart import with_checkpoint
+from ftc_autopilot.hot.restart import identity_of, with_checkpoint
 from ftc_autopilot.hot.state import Autopilots, new_autopilots
 from ftc_autopilot.kinds import FtcAutopilot
 from mavlink_defs import endpoint
@@ -112,14 +113,25 @@ def _options(arguments: list[str] | None) -> Namespace:
     return options
 
 
-def main(arguments: list[str] | None = None) -> None:
-    """Run the autopilot process and exit."""
-    options = _options(arguments)
-    if (bridged := _foreign(options)) is not None:
-        sys.exit(_fly_foreign(bridged, options))
+class Prepared(NamedTuple):
+    """What a process has before it opens sockets; one that is forked may begin with it."""
+
+    options: Namespace
+    configs: list[AutopilotConfig]
+    key_file: KeyFile | None
+    state: Autopilots | None  # None for a bridge
+    identity: str | None  # of a checkpoint
+
+
+def main(arguments: list[str] | None = None, prepared: Prepared | None = None) -> None:
+    """Run the autopilot process and exit; `prepared` of the same arguments, if it is there."""
     with ExitStack() as sockets:
         try:
-            autopilots, state = _boot(options.configs, options.record, options.checkpoint, sockets)
+            prepared = prepared or prepare(arguments)
+            options = prepared.options
+            if prepared.state is None:
+                sys.exit(_fly_foreign(prepared.configs[0], options))
+            autopilots, state = _boot(prepared, prepared.state, sockets)
         except (ConfigError, endpoint.EndpointError, PluginError, SigningError) as problem:
             log_line(problem)
             sys.exit(2)
@@ -148,14 +160,30 @@ def main(arguments: list[str] | None = None) -> None:
     sys.exit(0 if all(autopilot.loss is None for autopilot in autopilots) else 1)
 
 
-def _foreign(options: Namespace) -> AutopilotConfig | None:
-    """Return the configuration of a bridge, if that is what is to fly."""
-    with suppress(ConfigError):  # which is reported where it is used
-        for file in options.configs:
-            config = load(file, AutopilotConfig)
-            if not isinstance(config.autopilot, FtcAutopilot):
-                return config
-    return None
+def prepare(arguments: list[str] | None = None) -> Prepared:
+    """Read the configurations, and make the state of the autopilots.
+
+    Raises:
+        ConfigError, EndpointError, PluginError, SigningError: A configuration cannot be used.
+    """
+    options = _options(arguments)
+    configs = [load(file, AutopilotConfig) for file in options.configs]
+    for config in configs:
+        if not isinstance(config.autopilot, FtcAutopilot):
+            return Prepared(options, [config], None, None, None)
+    first, key_file = configs[0], None
+    for file, config in zip(options.configs, configs, strict=True):
+        if config.signing_key != first.signing_key:
+            problem = Problem(
+                ("signing_key",),
+                f"expected the key of {options.configs[0]}, whose process it shares",
+            )
+            raise ConfigError(file, [problem])
+    if first.signing_key:
+        key_file = KeyFile(first.signing_key, partial(log, first.id))
+    rows = 0 if options.record[0] is None else RECORD_ROWS
+    identity = identity_of(first) if options.checkpoint else None
+    return Prepared(options, configs, key_file, new_autopilots(configs, rows, key_file), identity)
 
 
 def _fly_foreign(config: AutopilotConfig, options: Namespace) -> int:
@@ -186,39 +214,25 @@ def _fly_foreign(config: AutopilotConfig, options: Namespace) -> int:
 
 
 def _boot(
-    files: Sequence[Path],
-    records: Sequence[Path | None],
-    checkpoint: Path | None,
-    sockets: ExitStack,
+    prepared: Prepared, state: Autopilots, sockets: ExitStack
 ) -> tuple[list[Autopilot], Autopilots]:
-    """Return autopilots by their configuration files, and their state.
+    """Return autopilots, and their state.
 
     The sockets are closed with `sockets`.
 
     Raises:
-        ConfigError, EndpointError, PluginError, SigningError: A configuration cannot be used.
+        EndpointError, PluginError: A configuration cannot be used.
         OSError: A file cannot be made; it is named.
     """
-    configs = [load(file, AutopilotConfig) for file in files]
-    first, key_file = configs[0], None
-    for file, config in zip(files, configs, strict=True):
-        if config.signing_key != first.signing_key:
-            problem = Problem(
-                ("signing_key",), f"expected the key of {files[0]}, whose process it shares"
-            )
-            raise ConfigError(file, [problem])
-    if first.signing_key:
-        key_file = KeyFile(first.signing_key, partial(log, first.id))
+    options, configs, key_file, _, identity = prepared
     own_sockets = [_open_sockets(config, sockets) for config in configs]
-    rows = 0 if records[0] is None else RECORD_ROWS
-    state = new_autopilots(configs, rows, key_file)
     resumes, mission = False, None
-    if checkpoint is not None:
-        state, resumes = with_checkpoint(state, first, checkpoint)
-        mission = checkpoint.with_suffix(".mission")
+    if options.checkpoint is not None:
+        state, resumes = with_checkpoint(state, configs[0], options.checkpoint, identity)
+        mission = options.checkpoint.with_suffix(".mission")
     autopilots = [
         Autopilot(config, state.of(i), *own_sockets[i], record, key_file, mission, resumes)
-        for i, (config, record) in enumerate(zip(configs, records, strict=True))
+        for i, (config, record) in enumerate(zip(configs, options.record, strict=True))
     ]
     return autopilots, state
 

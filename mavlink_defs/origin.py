@@ -13,11 +13,16 @@ class Origin(Model):
     """Geographic coordinates of north = east = down = 0, which is also home.
 
     The default is where ArduPilot's simulation begins: CMAC, a model airfield near Canberra.
+
+    Attributes:
+        latitude_deg: Latitude, WGS 84.
+        longitude_deg: Longitude, WGS 84.
+        altitude_m: Altitude above mean sea level.
     """
 
-    latitude_deg: float = quantity("deg", "Latitude, WGS 84.", -35.363262, ge=-89.0, le=89.0)
-    longitude_deg: float = quantity("deg", "Longitude, WGS 84.", 149.165237, ge=-180.0, le=180.0)
-    altitude_m: float = quantity("m", "Altitude above mean sea level.", 584.0, ge=-500.0, le=9000.0)
+    latitude_deg: float = quantity("deg", default=-35.363262, ge=-89.0, le=89.0)
+    longitude_deg: float = quantity("deg", default=149.165237, ge=-180.0, le=180.0)
+    altitude_m: float = quantity("m", default=584.0, ge=-500.0, le=9000.0)
 
 
 def degrees_at(north: float, east: float, latitude: float, longitude: float) -> tuple[float, float]:

@@ -35,18 +35,25 @@ class InitialState(Model):
     """State at t = 0: v = [V, 0, 0] through the air, no rotation; or at rest on the ground.
 
     Attributes:
+        north_m: North.
+        east_m: East.
         on_ground: Whether it stands at rest on its wheels or launcher, in place of altitude,
             airspeed, roll and pitch.
+        altitude_m: Height above the origin.
+        airspeed_m_s: Airspeed V.
+        roll_deg: Roll angle.
+        pitch_deg: Pitch angle.
+        yaw_deg: Yaw angle.
     """
 
-    north_m: float = quantity("m", "North.")
-    east_m: float = quantity("m", "East.")
+    north_m: float = quantity("m")
+    east_m: float = quantity("m")
     on_ground: bool = Field(default=False, strict=True)
-    altitude_m: float = quantity("m", "Height above the origin.", 0.0, ge=0.0)
-    airspeed_m_s: float = quantity("m/s", "Airspeed V.", 0.0, ge=0.0)
-    roll_deg: float = quantity("deg", "Roll angle.", 0.0, ge=-180.0, le=180.0)
-    pitch_deg: float = quantity("deg", "Pitch angle.", 0.0, gt=-89.0, lt=89.0)
-    yaw_deg: float = quantity("deg", "Yaw angle.", 0.0, ge=-180.0, le=180.0)
+    altitude_m: float = quantity("m", default=0.0, ge=0.0)
+    airspeed_m_s: float = quantity("m/s", default=0.0, ge=0.0)
+    roll_deg: float = quantity("deg", default=0.0, ge=-180.0, le=180.0)
+    pitch_deg: float = quantity("deg", default=0.0, gt=-89.0, lt=89.0)
+    yaw_deg: float = quantity("deg", default=0.0, ge=-180.0, le=180.0)
 
     @model_validator(mode="after")
     def _where(self) -> "InitialState":
@@ -110,8 +117,12 @@ class PlantConfig(Model):
     """All that the plant process needs.
 
     Attributes:
+        step_us: Control period, and step of the integration.
+        duration_s: Length of the flight; none: until stopped.
+        speed: Real-time factor; none: lockstep.
         bind: Where the simulator link is received.
         signing_key: Key file; none: unsigned.
+        silence_timeout_s: Silence after which an autopilot counts as gone.
         wait_for_restart: Wait for a silent autopilot instead of stopping.
         disturbance: Disturbances of every aircraft.
         wind: Motion of the air.
@@ -122,18 +133,12 @@ class PlantConfig(Model):
         uavs: The aircraft.
     """
 
-    step_us: int = whole(
-        "us", "Control period, and step of the integration.", 1000, ge=1, le=100_000
-    )
-    duration_s: float | None = quantity(
-        "s", "Length of the flight; none: until stopped.", None, gt=0.0, le=86_400.0
-    )
-    speed: float | None = quantity("", "Real-time factor; none: lockstep.", None, gt=0.0)
+    step_us: int = whole("us", default=1000, ge=1, le=100_000)
+    duration_s: float | None = quantity("s", default=None, gt=0.0, le=86_400.0)
+    speed: float | None = quantity("", default=None, gt=0.0)
     bind: HostPort
     signing_key: str | None = None
-    silence_timeout_s: float = quantity(
-        "s", "Silence after which an autopilot counts as gone.", 5.0, gt=0.0
-    )
+    silence_timeout_s: float = quantity("s", default=5.0, gt=0.0)
     wait_for_restart: bool = Field(default=False, strict=True)
     disturbance: Disturbance = Disturbance()
     wind: Wind = Wind()

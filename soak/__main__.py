@@ -6,8 +6,6 @@ autopilots that knows nothing of either. The plant must have applied what the au
 """
 
 import argparse
-import ctypes
-import gc
 import hashlib
 import json
 import os
@@ -29,6 +27,7 @@ from mavlink_defs import dialect
 from mavlink_defs.capture.tap_report import TapReport
 from mavlink_defs.capture.tlog import read_tlog
 from mavlink_defs.constants import ACTUATORS
+from mavlink_defs.runtime.heap import give_memory_back
 from soak.chapters import Chapter, chapter
 
 
@@ -81,10 +80,7 @@ def _kept_mb() -> int:
     Without that the allocator keeps the gaps between what a flight leaves, and the next flight,
     of other sizes, does not fit into all of them.
     """
-    gc.collect()
-    give_back = getattr(ctypes.CDLL(None), "malloc_trim", None)  # glibc has it
-    if give_back is not None:
-        give_back(0)
+    give_memory_back()
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") // 2**20
 

@@ -82,7 +82,7 @@ class Schedule(
         return self
 
 
-def schedule(default: object, *, doc: str) -> Any:
+def schedule(default: object, *, doc: str | None = None) -> Any:
     """Declare a field of type `Schedule` with its default as YAML would give it."""
     return Field(default=default, validate_default=True, description=doc)
 

@@ -76,23 +76,24 @@ class FormationTrigger(Model):
     """When an autopilot sends a neighbour message; the paper sends one in every period.
 
     It compares its tracking errors with what its neighbours extrapolate from its last message.
+
+    Attributes:
+        airspeed_m_s: Absolute threshold of the airspeed.
+        airspeed_relative: Threshold relative to the airspeed's error.
+        attitude_deg: Absolute threshold of roll, pitch and yaw.
+        attitude_relative: Threshold relative to the angle's error.
+        path_position_m: Threshold of the place on the path.
+        position_m: Threshold of north, east and down, on a path.
+        longest_silence_s: Time after which a message is sent in any case.
     """
 
-    airspeed_m_s: float = quantity("m/s", "Absolute threshold of the airspeed.", 0.02, ge=0.0)
-    airspeed_relative: float = quantity(
-        "", "Threshold relative to the airspeed's error.", 0.01, ge=0.0, lt=1.0
-    )
-    attitude_deg: float = quantity(
-        "deg", "Absolute threshold of roll, pitch and yaw.", 0.05, ge=0.0
-    )
-    attitude_relative: float = quantity(
-        "", "Threshold relative to the angle's error.", 0.01, ge=0.0, lt=1.0
-    )
-    path_position_m: float = quantity("m", "Threshold of the place on the path.", 0.05, ge=0.0)
-    position_m: float = quantity("m", "Threshold of north, east and down, on a path.", 0.5, ge=0.0)
-    longest_silence_s: float = quantity(
-        "s", "Time after which a message is sent in any case.", 0.2, gt=0.0
-    )
+    airspeed_m_s: float = quantity("m/s", default=0.02, ge=0.0)
+    airspeed_relative: float = quantity("", default=0.01, ge=0.0, lt=1.0)
+    attitude_deg: float = quantity("deg", default=0.05, ge=0.0)
+    attitude_relative: float = quantity("", default=0.01, ge=0.0, lt=1.0)
+    path_position_m: float = quantity("m", default=0.05, ge=0.0)
+    position_m: float = quantity("m", default=0.5, ge=0.0)
+    longest_silence_s: float = quantity("s", default=0.2, gt=0.0)
 
     @property
     def neighbour_timeout_s(self) -> float:
@@ -107,45 +108,49 @@ def _with_ideal_servos(controller: Controller) -> Controller:
 
 
 class Neighbour(Model):
-    """One edge of the graph, seen from one of its ends."""
+    """One edge of the graph, seen from one of its ends.
+
+    Attributes:
+        weight: Weight a_ij.
+        address: Where its formation link is received.
+    """
 
     id: SystemId
-    weight: float = quantity("", "Weight a_ij.", gt=0.0)
-    address: HostPort = Field(description="Where its formation link is received.")
+    weight: float = quantity("", gt=0.0)
+    address: HostPort
 
 
 class ControllerConfig(Model):
-    """All that the controller of one UAV needs."""
+    """All that the controller of one UAV needs.
+
+    Attributes:
+        step_us: Control period.
+        aircraft: The nominal aircraft.
+        controller: Control law and its parameters.
+        trigger: Event triggers.
+        formation_trigger: Trigger of the neighbour messages; none: every period.
+        guidance: Guidance law for paths, and its parameters.
+        runway_guidance: Take-off and landing.
+        failsafe: What it does by itself.
+        formation: Formation on paths; none: it flies on the path itself.
+        leader_access: Leader access h_i.
+        plugins: Digest of the code of each plug-in, by its name.
+        neighbours: Neighbours in the communication graph.
+    """
 
     id: SystemId
-    step_us: int = whole("us", "Control period.", 1000, ge=1, le=100_000)
-    aircraft: Aircraft = Field(description="The nominal aircraft.")
-    controller: Annotated[Controller, AfterValidator(_with_ideal_servos)] = Field(
-        default=Proposed(), description="Control law and its parameters."
-    )
-    trigger: Trigger = Field(default=PerChannel(), description="Event triggers.")
-    formation_trigger: FormationTrigger | None = Field(
-        default=None, description="Trigger of the neighbour messages; none: every period."
-    )
-    guidance: Guidance = Field(
-        default=PathFollowing(), description="Guidance law for paths, and its parameters."
-    )
-    runway_guidance: RunwayParameters = Field(
-        default=RunwayParameters(), description="Take-off and landing."
-    )
-    failsafe: FailsafeParameters = Field(
-        default=FailsafeParameters(), description="What it does by itself."
-    )
-    formation: Formation | None = Field(
-        default=None, description="Formation on paths; none: it flies on the path itself."
-    )
-    leader_access: float = quantity("", "Leader access h_i.", 0.0, ge=0.0)
-    plugins: dict[str, str] = Field(
-        default={}, description="Digest of the code of each plug-in, by its name."
-    )
-    neighbours: tuple[Neighbour, ...] = Field(
-        default=(), description="Neighbours in the communication graph."
-    )
+    step_us: int = whole("us", default=1000, ge=1, le=100_000)
+    aircraft: Aircraft
+    controller: Annotated[Controller, AfterValidator(_with_ideal_servos)] = Proposed()
+    trigger: Trigger = PerChannel()
+    formation_trigger: FormationTrigger | None = None
+    guidance: Guidance = PathFollowing()
+    runway_guidance: RunwayParameters = RunwayParameters()
+    failsafe: FailsafeParameters = FailsafeParameters()
+    formation: Formation | None = None
+    leader_access: float = quantity("", default=0.0, ge=0.0)
+    plugins: dict[str, str] = Field(default={})
+    neighbours: tuple[Neighbour, ...] = ()
 
     @model_validator(mode="after")
     def _neighbours_distinct(self) -> Self:

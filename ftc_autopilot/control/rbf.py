@@ -15,14 +15,19 @@ from sitl_plant.vec3 import Vec3, square
 
 
 class Rbf(Model):
-    """Radial basis functions (23), (24): centres on a diagonal, one width for all."""
+    """Radial basis functions (23), (24): centres on a diagonal, one width for all.
 
-    neurons: int = whole("", "Number M of neurons.", 15, ge=1, le=64)
-    span: float = quantity("", "Centres span -span to span.", 1.5, gt=0.0)
-    width: float = quantity("", "Width kappa.", 2.0, gt=0.0)
-    speed_scale: float = quantity(
-        "s/m", "Factor of the velocity in the network's input.", 0.025, gt=0.0
-    )
+    Attributes:
+        neurons: Number M of neurons.
+        span: Centres span -span to span.
+        width: Width kappa.
+        speed_scale: Factor of the velocity in the network's input.
+    """
+
+    neurons: int = whole("", default=15, ge=1, le=64)
+    span: float = quantity("", default=1.5, gt=0.0)
+    width: float = quantity("", default=2.0, gt=0.0)
+    speed_scale: float = quantity("s/m", default=0.025, gt=0.0)
 
 
 @compiled

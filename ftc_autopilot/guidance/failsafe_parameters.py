@@ -5,8 +5,6 @@ https://docs.px4.io/main/en/advanced_config/parameter_reference.html#COM_ACT_FAI
 
 from typing import Literal
 
-from pydantic import Field
-
 from mavlink_defs.config.models import Model
 
 REPORT, TO_LOITER, TO_LAND, TO_RTL = range(4)
@@ -14,11 +12,12 @@ REPORT, TO_LOITER, TO_LAND, TO_RTL = range(4)
 
 
 class FailsafeParameters(Model):
-    """What a vehicle does by itself when something of it fails."""
+    """What a vehicle does by itself when something of it fails.
 
-    act_fail_act: Literal["report", "loiter", "land", "rtl"] = Field(
-        default="report",
-        description="What an actuator that the diagnosis declares lost does: it is reported, and "
-        "LOITER, a landing or RTL is flown. Without thrust the latter two are a glide "
-        "to the runway.",
-    )
+    Attributes:
+        act_fail_act: What an actuator that the diagnosis declares lost does: it is reported, and
+            LOITER, a landing or RTL is flown. Without thrust the latter two are a glide to the
+            runway.
+    """
+
+    act_fail_act: Literal["report", "loiter", "land", "rtl"] = "report"

@@ -53,10 +53,11 @@ class FormationChange(Model):
     """Other slots from a time on.
 
     Attributes:
+        at_s: Time on the mission's clock.
         slots: New slots by UAV; the others keep theirs.
     """
 
-    at_s: float = quantity("s", "Time on the mission's clock.", gt=0.0)
+    at_s: float = quantity("s", gt=0.0)
     slots: Annotated[dict[SystemId, Slot], AtMost(MAX_MEMBERS)] = Field(min_length=1)
 
 
@@ -65,52 +66,38 @@ class FormationParameters(Model):
 
     Attributes:
         kind: Whether the UAVs with leader access wait for the others, too.
+        ks: Speed per metre that the neighbours are ahead.
+        rate_share: Share of the neighbours' excess speed that is matched.
+        speed_limit_m_s: Largest correction of the speed along the path.
+        slot_speed_m_s: Speed at which a UAV moves to another slot.
+        separation_m: Least distance to a neighbour that is held.
+        separation_rate: Fastest approach to a neighbour, per metre above the least distance.
         on_lost: When an actuator of a member is lost.
         on_degraded: When one does less than `degraded_below` of what is commanded.
         on_silent: When a neighbour falls silent.
+        degraded_below: Effectiveness below which an actuator is degraded.
+        recovered_s: Time for which a member must be well to count as such.
+        slow_share: Slower by this share of the speed, by policy `slow`.
+        widen_m: Further out by this distance, by policy `widen`.
         leave_ahead_m: Ahead of its slot, for a member that leaves by policy `leave` [m].
         leave_right_m: To the right of it [m].
         leave_up_m: Above it [m].
     """
 
     kind: Literal["virtual_structure", "leader_follower"] = "virtual_structure"
-    ks: float = quantity(
-        "1/s", "Speed per metre that the neighbours are ahead.", 0.3, gt=0.0, le=2.0
-    )
-    rate_share: float = quantity(
-        "", "Share of the neighbours' excess speed that is matched.", 0.5, ge=0.0, lt=1.0
-    )
-    speed_limit_m_s: float = quantity(
-        "m/s", "Largest correction of the speed along the path.", 4.0, gt=0.0, le=20.0
-    )
-    slot_speed_m_s: float = quantity(
-        "m/s", "Speed at which a UAV moves to another slot.", 2.0, gt=0.0, le=10.0
-    )
-    separation_m: float = quantity(
-        "m", "Least distance to a neighbour that is held.", 15.0, ge=0.0, le=500.0
-    )
-    separation_rate: float = quantity(
-        "1/s",
-        "Fastest approach to a neighbour, per metre above the least distance.",
-        0.3,
-        gt=0.0,
-        le=2.0,
-    )
+    ks: float = quantity("1/s", default=0.3, gt=0.0, le=2.0)
+    rate_share: float = quantity("", default=0.5, ge=0.0, lt=1.0)
+    speed_limit_m_s: float = quantity("m/s", default=4.0, gt=0.0, le=20.0)
+    slot_speed_m_s: float = quantity("m/s", default=2.0, gt=0.0, le=10.0)
+    separation_m: float = quantity("m", default=15.0, ge=0.0, le=500.0)
+    separation_rate: float = quantity("1/s", default=0.3, gt=0.0, le=2.0)
     on_lost: Policy = "stay"
     on_degraded: Policy = "stay"
     on_silent: Policy = "stay"
-    degraded_below: float = quantity(
-        "", "Effectiveness below which an actuator is degraded.", 0.6, gt=0.0, lt=1.0
-    )
-    recovered_s: float = quantity(
-        "s", "Time for which a member must be well to count as such.", 5.0, ge=0.0
-    )
-    slow_share: float = quantity(
-        "", "Slower by this share of the speed, by policy `slow`.", 0.1, ge=0.0, le=0.5
-    )
-    widen_m: float = quantity(
-        "m", "Further out by this distance, by policy `widen`.", 20.0, ge=0.0, le=500.0
-    )
+    degraded_below: float = quantity("", default=0.6, gt=0.0, lt=1.0)
+    recovered_s: float = quantity("s", default=5.0, ge=0.0)
+    slow_share: float = quantity("", default=0.1, ge=0.0, le=0.5)
+    widen_m: float = quantity("m", default=20.0, ge=0.0, le=500.0)
     leave_ahead_m: _Offset = -100.0
     leave_right_m: _Offset = 0.0
     leave_up_m: _Offset = 50.0

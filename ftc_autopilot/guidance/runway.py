@@ -56,63 +56,38 @@ _TAIL_RESERVE = math.radians(2.0)
 
 
 class RunwayParameters(Model):
-    """How the aircraft takes off and lands; what is left open is its own."""
+    """How the aircraft takes off and lands; what is left open is its own.
 
-    length_m: float | None = quantity(
-        "m",
-        "Length of the runways; none: of the scenario's runway, or as long as needed.",
-        None,
-        gt=0.0,
-    )
-    width_m: float | None = quantity(
-        "m", "Width of the runways; none: of the scenario's runway, or 15.", None, gt=0.0
-    )
-    rotate_m_s: float | None = quantity(
-        "m/s",
-        "Airspeed at which it rotates; none: 1.15 of the stall's, or what its tail permits.",
-        None,
-        gt=0.0,
-    )
-    approach_m_s: float | None = quantity(
-        "m/s",
-        "Airspeed of the approach; none: 1.3 of the stall's, within the limits of guidance.",
-        None,
-        gt=0.0,
-    )
-    take_off_m: float = quantity(
-        "m",
-        "Height above home of a take-off for which no mission says one, and of the circle before "
-        "a landing in AUTOLAND.",
-        50.0,
-        gt=0.0,
-    )
-    acceleration_m_s2: float = quantity(
-        "m/s^2", "Greatest acceleration of a take-off, for which thrust is given.", 5.0, gt=0.0
-    )
-    reject_share: float = quantity(
-        "",
-        "Share of the expected acceleration below which a take-off is rejected; 0: never.",
-        0.5,
-        ge=0.0,
-        lt=1.0,
-    )
-    glide_deg: float | None = quantity(
-        "deg",
-        "Slope of an approach that has the room; none: 3, or 0.6 of what an idling engine gives.",
-        None,
-        gt=0.0,
-        le=20.0,
-    )
-    touchdown_m_s: float = quantity("m/s", "Sink at which it touches down.", 0.3, gt=0.0, le=3.0)
-    spacing_m: float = quantity(
-        "m",
-        "Distance from the member of a formation ahead from which the next one takes off.",
-        200.0,
-        ge=20.0,
-    )
-    go_arounds: int = whole(
-        "", "Approaches given up as not stable, at most; the next one is flown to its end.", 2, ge=0
-    )
+    Attributes:
+        length_m: Length of the runways; none: of the scenario's runway, or as long as needed.
+        width_m: Width of the runways; none: of the scenario's runway, or 15.
+        rotate_m_s: Airspeed at which it rotates; none: 1.15 of the stall's, or what its tail
+            permits.
+        approach_m_s: Airspeed of the approach; none: 1.3 of the stall's, within the limits of
+            guidance.
+        take_off_m: Height above home of a take-off for which no mission says one, and of the circle
+            before a landing in AUTOLAND.
+        acceleration_m_s2: Greatest acceleration of a take-off, for which thrust is given.
+        reject_share: Share of the expected acceleration below which a take-off is rejected; 0:
+            never.
+        glide_deg: Slope of an approach that has the room; none: 3, or 0.6 of what an idling engine
+            gives.
+        touchdown_m_s: Sink at which it touches down.
+        spacing_m: Distance from the member of a formation ahead from which the next one takes off.
+        go_arounds: Approaches given up as not stable, at most; the next one is flown to its end.
+    """
+
+    length_m: float | None = quantity("m", default=None, gt=0.0)
+    width_m: float | None = quantity("m", default=None, gt=0.0)
+    rotate_m_s: float | None = quantity("m/s", default=None, gt=0.0)
+    approach_m_s: float | None = quantity("m/s", default=None, gt=0.0)
+    take_off_m: float = quantity("m", default=50.0, gt=0.0)
+    acceleration_m_s2: float = quantity("m/s^2", default=5.0, gt=0.0)
+    reject_share: float = quantity("", default=0.5, ge=0.0, lt=1.0)
+    glide_deg: float | None = quantity("deg", default=None, gt=0.0, le=20.0)
+    touchdown_m_s: float = quantity("m/s", default=0.3, gt=0.0, le=3.0)
+    spacing_m: float = quantity("m", default=200.0, ge=20.0)
+    go_arounds: int = whole("", default=2, ge=0)
 
     def on(self, length_m: float, width_m: float) -> Self:
         """Return the same with length and width of a runway, where they are open."""
@@ -244,14 +219,14 @@ def figures_of(
     lag = 3.0 / bandwidth + aircraft.mass_kg * approach / (area * rise)
     slope = math.tan(usual)
     flare = max(_FLARE * lag, approach * slope / (_MOST_FLARE * aircraft.gravity_m_s2))
-    gear = _stance_of(aircraft, aircraft.gear)
+    stance, tail = _stance_of(aircraft, aircraft.gear)
     acceleration = runway.acceleration_m_s2
-    highest = min(gear.tail - _TAIL_RESERVE, math.radians(limits.incidence_max_deg))
+    highest = min(tail - _TAIL_RESERVE, math.radians(limits.incidence_max_deg))
     half = 0.5 * float(record["rho"]) * float(record["S"])
     clear = math.sqrt(weight / (half * max(at_zero + rise * highest, 1e-6)))
     rotate = runway.rotate_m_s or max(ROTATE * stall, clear)
     touchdown = min(runway.touchdown_m_s, approach * slope)
-    stops_within = landing_roll(record, approach, gear.braking)
+    stops_within = landing_roll(record, approach, stance.braking)
     glide, sink = glide_of(record, stall, approach, limits.airspeed_max_m_s, flare, touchdown)
     return RunwayFigures(
         stall=stall,
@@ -267,19 +242,11 @@ def figures_of(
         lag=lag,
         flare=flare,
         touchdown=touchdown,
-        take_off_roll=take_off_roll(record, guidance, acceleration, rotate, gear.rolling),
+        take_off_roll=take_off_roll(record, guidance, acceleration, rotate, stance.rolling),
         landing_roll=stops_within,
         length=runway.length_m or 0.0,
         width=runway.width_m or _WIDTH_M,
-        height=gear.height,
-        pitch=gear.pitch,
-        steering=gear.steering,
-        grip=gear.grip,
-        rolling=gear.rolling,
-        braking=gear.braking,
-        starts=gear.starts,
-        lands=gear.lands,
-        launch=gear.launch,
+        **stance._asdict(),
         span=aircraft.wing_span_m,
         go_arounds=float(runway.go_arounds),
         glide=glide,
@@ -290,22 +257,21 @@ def figures_of(
 
 
 class _Stance(NamedTuple):
-    """What of a landing gear take-off and landing depend on, named as in `RunwayFigures`."""
+    """What of a landing gear take-off and landing depend on: a part of `RunwayFigures`."""
 
     starts: float
     lands: float
-    height: float = 0.0
-    pitch: float = 0.0
-    steering: float = 0.0
-    grip: float = 0.0
-    rolling: float = 0.0
-    braking: float = 0.0
-    launch: float = 0.0
-    tail: float = 0.5 * math.pi  # pitch at which the tail touches
+    height: float
+    pitch: float
+    steering: float
+    grip: float
+    rolling: float
+    braking: float
+    launch: float
 
 
-def _stance_of(aircraft: Aircraft, gear: Gear) -> _Stance:
-    """Return how an aircraft stands on its gear, and rolls."""
+def _stance_of(aircraft: Aircraft, gear: Gear) -> tuple[_Stance, float]:
+    """Return how an aircraft stands on its gear, and rolls; the pitch at which its tail touches."""
     span = aircraft.wing_span_m
     main, third = gear.main(span), gear.third(span)
     pitch = math.remainder(math.atan2(main[2] - third[2], main[0] - third[0]), math.pi)
@@ -316,7 +282,7 @@ def _stance_of(aircraft: Aircraft, gear: Gear) -> _Stance:
     on_main = abs(third[0]) / base
     starts = CANNOT_START if gear.kind == "belly" else FROM_WHEELS
     stop = min(map(abs, aircraft.stops_deg[2]))
-    return _Stance(
+    stance = _Stance(
         starts=starts if gear.launcher is None else FROM_LAUNCHER,
         lands=1.0,
         height=height,
@@ -328,8 +294,8 @@ def _stance_of(aircraft: Aircraft, gear: Gear) -> _Stance:
         rolling=rolling,
         braking=rolling if gear.kind == "belly" else brake * on_main,
         launch=0.0 if gear.launcher is None else gear.launcher.length_m,
-        tail=math.atan2(main[2] - tail[2], main[0] - tail[0]),
     )
+    return stance, math.atan2(main[2] - tail[2], main[0] - tail[0])
 
 
 def runway_record(figures: RunwayFigures) -> np.void:

@@ -89,6 +89,11 @@ class HotState:
         return int(self._link["oldest"].max()) * self.step_us
 
     @property
+    def time_s(self) -> float:
+        """Simulation time of the last state [s]."""
+        return self.time_us * 1e-6
+
+    @property
     def running(self) -> bool:
         """Whether simulated time runs."""
         return bool(self.flags & FTC_SIM_FLAGS_RUNNING)

@@ -22,7 +22,7 @@ _AWAY_S = 1.0
 
 
 def with_checkpoint(
-    autopilot: Autopilots, config: AutopilotConfig, path: Path
+    autopilot: Autopilots, config: AutopilotConfig, path: Path, identity: str | None = None
 ) -> tuple[Autopilots, bool]:
     """Restore the state from a file, path and signals beside it, and keep it there from now on.
 
@@ -33,6 +33,7 @@ def with_checkpoint(
         autopilot: A single one, restored in place.
         config: Of the autopilot; a file of another one is cleared.
         path: The checkpoint.
+        identity: Of `identity_of`, if that was made before.
 
     Returns:
         The autopilot to fly with, and whether the file held a state.
@@ -41,8 +42,8 @@ def with_checkpoint(
         OSError: A file cannot be made; it is named.
     """
     own, edges = autopilot.own, autopilot.edges[0]
-    described = f"{AUTOPILOT} {config.model_dump_json()}"
-    checkpoint = open_checkpoint(path, saved_parts(own[0]), edges, described)
+    identity = identity or identity_of(config)
+    checkpoint = open_checkpoint(path, saved_parts(own[0]), edges, identity)
     resumes = restore(checkpoint, own, edges)
     bind_plugins(autopilot.controllers, [config])
     join_neighbours(edges, config.neighbours)  # nothing was heard yet
@@ -69,6 +70,11 @@ def with_checkpoint(
         histories=histories,
     )
     return restored, resumes
+
+
+def identity_of(config: AutopilotConfig) -> str:
+    """Return the text by which a checkpoint is known to be of a configuration and of this code."""
+    return f"{AUTOPILOT} {config.model_dump_json()}"
 
 
 def saved_parts(own: np.void) -> np.ndarray:

@@ -39,7 +39,7 @@ class ControllerMessages:
             if now > was
         ]
         if new:
-            at = f"at {self._hot.time_us * 1e-6:.2f} s"
+            at = f"at {self._hot.time_s:.2f} s"
             text = f"law failed {at}: no finite command of {' and '.join(new)}, last one held"
             yield Change("law", dialect.MAV_SEVERITY_CRITICAL, text)
 

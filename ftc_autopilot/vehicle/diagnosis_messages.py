@@ -71,7 +71,7 @@ class DiagnosisMessages:
             actuator = self._diagnosis["actuators"][c]
             if actuator["decided_s"] >= self._diagnosis["age"]:  # no decision: the law restarted
                 continue
-            at = f"at {self._hot.time_us * 1e-6 - float(actuator['decided_s']):.2f} s"
+            at = f"at {self._hot.time_s - float(actuator['decided_s']):.2f} s"
             if lost:
                 stuck = self._amount(c, float(actuator["stuck"]))
                 where = f"{stuck:.0f} N" if c == THROTTLE else f"{stuck:.1f} deg"

@@ -180,7 +180,7 @@ class EstimatorMessages:
         report = self._report
         if report is None:
             return
-        at = f"at {self._hot.time_us * 1e-6:.2f} s"
+        at = f"at {self._hot.time_s:.2f} s"
         for k, reason in enumerate(self._imu_reasons()):
             if reason == self._said_imus[k]:
                 continue

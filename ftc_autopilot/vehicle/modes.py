@@ -144,7 +144,7 @@ class Modes:
         if len(items) < 2:
             self._guidance["start_step"] = NOT_STARTED
             if self.mode == AUTO:
-                self._enter(LOITER)
+                self.enter(LOITER)
             return
         if is_path(items):
             self.path.items = tuple(items)
@@ -162,7 +162,7 @@ class Modes:
         for remark in self.path.planner.remarks(items, self.path.home.at):
             self._say(dialect.MAV_SEVERITY_INFO, f"mission: {remark}")
         if self.mode == AUTO and self.started:
-            self._enter(AUTO)
+            self.enter(AUTO)
 
     def current_item(self) -> int:
         """Return the number of the mission item that the next mission step flies."""
@@ -193,7 +193,7 @@ class Modes:
         if seq == self.current_item():
             return True
         if not self.has_profile and self.flies_mission:
-            return self._enter(AUTO, item=seq)
+            return self.enter(AUTO, item=seq)
         self._item = seq
         if self.has_profile and self.started:
             self._guidance["start_step"] = self._hot.step - self._steps_to(seq)
@@ -245,7 +245,7 @@ class Modes:
             if self.status == dialect.MAV_STATE_BOOT:
                 self._refuse("Arm: no state from the simulator yet")
                 return dialect.MAV_RESULT_TEMPORARILY_REJECTED
-            if not self.armed and not self._enter(self.mode, armed=True):
+            if not self.armed and not self.enter(self.mode, armed=True):
                 return _DENIED
             if self._by_bank is not None:
                 self._say(dialect.MAV_SEVERITY_INFO, f"heading by bank: {self._by_bank}")
@@ -254,12 +254,8 @@ class Modes:
                 return self._refuse(
                     f"Disarm: refused in flight; force it with param 2 = {FORCE_DISARM:g}"
                 )
-            self._set_armed(False)
+            self.set_armed(False)
         return _ACCEPTED
-
-    def disarm_at_once(self) -> None:
-        """Disarm, also in flight."""
-        self._set_armed(False)
 
     def start_mission(self, seq: int = 1) -> int:
         """Execute MAV_CMD_MISSION_START of the whole mission.
@@ -273,7 +269,7 @@ class Modes:
             return self._refuse("Mission start: not armed")
         first = self._hot.step + 1 if self.running else 0
         steps = self._steps_to(seq) if self.has_profile and seq > 1 else 0
-        entered = self._enter(AUTO, item=max(seq, 1), start_step=first - steps)
+        entered = self.enter(AUTO, item=max(seq, 1), start_step=first - steps)
         return _ACCEPTED if entered else _DENIED
 
     def set_mode(self, mode: float) -> int:
@@ -285,11 +281,7 @@ class Modes:
             return self._refuse("Mode AUTO: no mission uploaded")
         if mode == self.mode and self.path.flown and mode != AUTO:
             return _ACCEPTED  # a circle goes on
-        return _ACCEPTED if self._enter(int(mode)) else _DENIED
-
-    def enter(self, mode: int) -> bool:
-        """Change the mode from within the vehicle; return False, all as it was, if it cannot be."""
-        return self._enter(mode)
+        return _ACCEPTED if self.enter(int(mode)) else _DENIED
 
     def take_off(self, params: Sequence[float]) -> int:
         """Execute MAV_CMD_NAV_TAKEOFF: param 7 is the height above home [m]; 0, NaN: usual."""
@@ -299,7 +291,7 @@ class Modes:
         if height > highest:
             return self._refuse(f"Take-off: {height:g} m above home, must be <= {highest:g} m")
         before, self._take_off_m = self._take_off_m, height
-        if self._enter(TAKEOFF):
+        if self.enter(TAKEOFF):
             return _ACCEPTED
         self._take_off_m = before
         return _DENIED
@@ -345,9 +337,9 @@ class Modes:
 
     def restart(self) -> None:
         """Return to the initial state, for another flight: disarmed, in LOITER."""
-        self._set_armed(False)
+        self.set_armed(False)
         self._item = 1
-        self._enter(LOITER)
+        self.enter(LOITER)
 
     def resume(self, mode: int) -> None:
         """Restore the mode and the arming, as the restored records have them."""
@@ -362,12 +354,13 @@ class Modes:
         """Fly again, from here, what a resumed flight has lost, when its first state is there."""
         if self._path_is_gone and self._hot.measured["velocity"].any():
             self._path_is_gone = False
-            if not self._enter(self.mode):
-                self._enter(LOITER)
+            if not self.enter(self.mode):
+                self.enter(LOITER)
 
     # inside
 
-    def _set_armed(self, armed: bool) -> None:
+    def set_armed(self, armed: bool) -> None:
+        """Arm or disarm at once, also in flight."""
         self.armed = armed
         self._controllers.uavs[0]["actuators"]["mode"] = (
             dialect.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0
@@ -384,7 +377,7 @@ class Modes:
         start_s = float(self._controllers.uavs[0]["profile"]["start"][seq - 1])
         return math.ceil(start_s * 1e6 / self._hot.step_us)
 
-    def _enter(
+    def enter(
         self,
         mode: int,
         *,
@@ -413,7 +406,7 @@ class Modes:
         if armed and not self.armed:
             restart_law(self._controllers.uavs[0]["controller"])
             self._guidance["runway"]["known"] = 0  # it may have come to the ground meanwhile
-            self._set_armed(True)
+            self.set_armed(True)
         if way is not None:
             self.path.begin(way)
         elif mode == AUTO and self.started and self.has_profile:

@@ -102,7 +102,7 @@ class RunwayMessages:
             severity = dialect.MAV_SEVERITY_INFO if good else dialect.MAV_SEVERITY_WARNING
             yield Change(text, severity, text)
         if self._phase == STOPPED:
-            self._modes.disarm_at_once()
+            self._modes.set_armed(False)
 
     def go_around(self, _: tuple[float, ...]) -> int:
         """Execute MAV_CMD_DO_GO_AROUND: climb, and fly the approach again."""

@@ -6,7 +6,6 @@ are modules of their own; here they are put together.
 
 import math
 from collections.abc import Iterable
-from functools import partial
 from itertools import chain
 
 import numpy as np
@@ -58,9 +57,6 @@ from mavlink_defs.system_ids import bits_of
 
 _HEARTBEAT_S = 1.0
 _REGISTER_S = 0.1  # between HEARTBEATs to the plant until it answers
-# commands that are modes; commands refused with the reason
-_MODES = {dialect.MAV_CMD_NAV_LOITER_UNLIM: LOITER, dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH: RTL}
-_IMPOSSIBLE = (dialect.MAV_CMD_NAV_VTOL_TAKEOFF, dialect.MAV_CMD_NAV_VTOL_LAND)
 
 
 class VehicleServices:
@@ -79,7 +75,6 @@ class VehicleServices:
         """
         own = SystemId(config.id, dialect.MAV_COMP_ID_AUTOPILOT1)
         self._own, self._hot, self._controllers = own, hot, controllers
-        self._fleet = bits_of(config.fleet)
         self._stations = range(len(config.gcs))
         self._gcs_outboxes: list[list[MAVLink_message]] = [[] for _ in self._stations]
         self._simulator_outbox: list[MAVLink_message] = []
@@ -136,11 +131,12 @@ class VehicleServices:
             bytewise=config.identity == "generic",
             renamed=renamed.PARAMETERS,
         )
+        fleet = bits_of(config.fleet)
         self._requests = MessageRequests(
             self.telemetry,
             {
                 dialect.MAVLINK_MSG_ID_HEARTBEAT: self.modes.heartbeat,
-                dialect.MAVLINK_MSG_ID_FTC_FLEET: self._fleet_message,
+                dialect.MAVLINK_MSG_ID_FTC_FLEET: lambda: dialect.MAVLink_ftc_fleet_message(fleet),
             },
             self._queue,
             self.say,
@@ -266,7 +262,7 @@ class VehicleServices:
 
     def end_control(self, why: str) -> None:
         """Disarm at once, as no law flies this aircraft any more."""
-        self.modes.disarm_at_once()
+        self.modes.set_armed(False)
         self.say(dialect.MAV_SEVERITY_CRITICAL, f"{why}; disarmed")
 
     def farewell(self, text: str, severity: int = dialect.MAV_SEVERITY_NOTICE) -> None:
@@ -314,29 +310,20 @@ class VehicleServices:
         messages, self._simulator_outbox = self._simulator_outbox, []
         return messages
 
-    # state
-
-    @property
-    def running(self) -> bool:
-        """Whether simulated time runs."""
-        return self.modes.running
-
-    @property
-    def time_s(self) -> float:
-        """Simulation time of the last state [s]."""
-        return self._hot.time_us * 1e-6
-
     # inside
 
     def _advance_clock(self, now: float) -> None:
-        self._clock.advance(round(now * 1e6), self._hot.time_us, self.running)
+        self._clock.advance(round(now * 1e6), self._hot.time_us, self._hot.running)
 
     def _handlers(self) -> dict[int, Handler]:
         modes, mission = self.modes, self._plan.mission
-        handlers: dict[int, Handler] = {
+        take_off, land = dialect.MAV_CMD_NAV_VTOL_TAKEOFF, dialect.MAV_CMD_NAV_VTOL_LAND
+        return {
             dialect.MAV_CMD_COMPONENT_ARM_DISARM: self._arm_or_disarm,
             dialect.MAV_CMD_DO_FENCE_ENABLE: self._plan.fence.enable,
             dialect.MAV_CMD_DO_SET_MODE: lambda params: modes.set_mode(params[1]),
+            dialect.MAV_CMD_NAV_LOITER_UNLIM: lambda _: modes.set_mode(LOITER),
+            dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda _: modes.set_mode(RTL),
             dialect.MAV_CMD_DO_CHANGE_SPEED: modes.change_speed,
             dialect.MAV_CMD_MISSION_START: mission.start,
             dialect.MAV_CMD_NAV_TAKEOFF: modes.take_off,
@@ -344,10 +331,10 @@ class VehicleServices:
             dialect.MAV_CMD_DO_GO_AROUND: self._runway.go_around,
             dialect.MAV_CMD_DO_SET_MISSION_CURRENT: mission.set_current,
             dialect.MAV_CMD_FTC_SET_SLOT: self._formation.set_slot,
+            take_off: lambda _: modes.refuse_to(take_off),
+            land: lambda _: modes.refuse_to(land),
             **self._requests.handlers(),
         }
-        handlers |= {command: partial(self._set_mode, mode) for command, mode in _MODES.items()}
-        return handlers | {command: partial(self._refuse_to, command) for command in _IMPOSSIBLE}
 
     def _place_handlers(self) -> dict[int, PlaceHandler]:
         return {
@@ -372,15 +359,6 @@ class VehicleServices:
             return dialect.MAV_RESULT_DENIED
         return self.modes.arm_or_disarm(params)
 
-    def _set_mode(self, mode: int, _: tuple[float, ...]) -> int:
-        return self.modes.set_mode(mode)
-
-    def _refuse_to(self, command: int, _: tuple[float, ...]) -> int:
-        return self.modes.refuse_to(command)
-
-    def _fleet_message(self) -> MAVLink_message:
-        return dialect.MAVLink_ftc_fleet_message(self._fleet)
-
     def _queue(
         self, messages: Iterable[MAVLink_message | None], station: int | None = None
     ) -> None:
@@ -395,8 +373,7 @@ class VehicleServices:
                 case ParamChanged(name, value):
                     self.say(dialect.MAV_SEVERITY_INFO, f"{name} is {value:g} now")
                 case ParamRenamed(before, name):
-                    text = renamed.text_of(before, name)
-                    self.say(dialect.MAV_SEVERITY_WARNING, text)
+                    self.say(dialect.MAV_SEVERITY_WARNING, renamed.text_of(before, name))
                 case ParamRefused(_, text):
                     self.say(dialect.MAV_SEVERITY_WARNING, text)
         self._queue(self._commands.gcs_messages())

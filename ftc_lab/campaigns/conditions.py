@@ -29,12 +29,17 @@ _EXAMPLE = "p(attitude_lost) < 0.05 at 95 %"
 
 
 class Condition(Model):
-    """A probability below or above a bound, to be shown with a confidence."""
+    """A probability below or above a bound, to be shown with a confidence.
+
+    Attributes:
+        probability: Bound of the probability.
+        confidence_percent: Confidence to be reached.
+    """
 
     event: Literal[EVENTS]  # type: ignore[valid-type]  # the names are listed in one place
     relation: Literal["<", ">"]
-    probability: float = quantity("", "Bound of the probability.", gt=0.0, lt=1.0)
-    confidence_percent: float = quantity("%", "Confidence to be reached.", ge=50.0, lt=100.0)
+    probability: float = quantity("", gt=0.0, lt=1.0)
+    confidence_percent: float = quantity("%", ge=50.0, lt=100.0)
 
     @property
     def error(self) -> float:

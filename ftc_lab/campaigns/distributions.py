@@ -27,11 +27,13 @@ class Uniform(Model):
 
     Attributes:
         kind: Every value between two ends is as likely.
+        low: Lower end.
+        high: Upper end.
     """
 
     kind: Literal["uniform"]
-    low: float = quantity("", "Lower end.")
-    high: float = quantity("", "Upper end.")
+    low: float = quantity("")
+    high: float = quantity("")
 
     @model_validator(mode="after")
     def _ends_in_order(self) -> "Uniform":
@@ -44,11 +46,13 @@ class LogUniform(Model):
 
     Attributes:
         kind: Every order of magnitude is as likely.
+        low: Lower end.
+        high: Upper end.
     """
 
     kind: Literal["log_uniform"]
-    low: float = quantity("", "Lower end.", gt=0.0)
-    high: float = quantity("", "Upper end.", gt=0.0)
+    low: float = quantity("", gt=0.0)
+    high: float = quantity("", gt=0.0)
 
     @model_validator(mode="after")
     def _ends_in_order(self) -> "LogUniform":
@@ -61,11 +65,13 @@ class Normal(Model):
 
     Attributes:
         kind: Without ends.
+        mean: Mean.
+        deviation: Standard deviation.
     """
 
     kind: Literal["normal"]
-    mean: float = quantity("", "Mean.")
-    deviation: float = quantity("", "Standard deviation.", gt=0.0)
+    mean: float = quantity("")
+    deviation: float = quantity("", gt=0.0)
 
 
 class TruncatedNormal(Model):
@@ -73,13 +79,17 @@ class TruncatedNormal(Model):
 
     Attributes:
         kind: Normal, given that the value lies between two ends.
+        mean: Mean before it is truncated.
+        deviation: Standard deviation before it is truncated.
+        low: Lower end.
+        high: Upper end.
     """
 
     kind: Literal["truncated_normal"]
-    mean: float = quantity("", "Mean before it is truncated.")
-    deviation: float = quantity("", "Standard deviation before it is truncated.", gt=0.0)
-    low: float = quantity("", "Lower end.")
-    high: float = quantity("", "Upper end.")
+    mean: float = quantity("")
+    deviation: float = quantity("", gt=0.0)
+    low: float = quantity("")
+    high: float = quantity("")
 
     @model_validator(mode="after")
     def _ends_in_order(self) -> "TruncatedNormal":

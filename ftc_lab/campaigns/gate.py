@@ -25,10 +25,14 @@ DEFAULT = "worse p(success) at 95 %"
 
 
 class Worse(Model):
-    """The new campaign is worse in a probability or a figure, by a test with a confidence."""
+    """The new campaign is worse in a probability or a figure, by a test with a confidence.
+
+    Attributes:
+        confidence_percent: Confidence of the test.
+    """
 
     figure: str = Field(min_length=1)
-    confidence_percent: float = quantity("%", "Confidence of the test.", ge=50.0, lt=100.0)
+    confidence_percent: float = quantity("%", ge=50.0, lt=100.0)
 
     @property
     def event(self) -> str | None:

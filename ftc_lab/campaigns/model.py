@@ -54,13 +54,16 @@ class Kept(Model):
     """Flights whose trajectories are kept, in ``flights/ROW``; none of foreign autopilots.
 
     Attributes:
+        worst: How many of the worst flights per figure.
         figures: Columns of the results, as in uav3.iae_roll; the largest is worst.
+        failures: How many flights of each failed outcome.
+        share: Random share of all flights.
     """
 
-    worst: int = whole("", "How many of the worst flights per figure.", 0, ge=0)
+    worst: int = whole("", default=0, ge=0)
     figures: Annotated[tuple[str, ...], AtMost(1000)] = ()
-    failures: int = whole("", "How many flights of each failed outcome.", 0, ge=0)
-    share: float = quantity("", "Random share of all flights.", 0.0, ge=0.0, le=1.0)
+    failures: int = whole("", default=0, ge=0)
+    share: float = quantity("", default=0.0, ge=0.0, le=1.0)
 
     @model_validator(mode="after")
     def _worst_of_something(self) -> "Kept":
@@ -76,6 +79,8 @@ class Campaign(Model):
         name: Name of the campaign.
         description: Purpose, in a line or more.
         scenario: The base: a file beside this one, or a bundled scenario.
+        seed: Seed of every draw.
+        draws: Draws, each flown by every variant; of saltelli, base points. Not of a grid.
         design: How values are drawn together; a grid takes every combination of choices.
         factors: Drawn values, by name.
         faults: Drawn faults, by name; one with `sensors` is of a sensor.
@@ -86,14 +91,8 @@ class Campaign(Model):
     name: Title = Field(min_length=1)
     description: Prose = ""
     scenario: str = Field(min_length=1)
-    seed: int = whole("", "Seed of every draw.", 1, ge=0, le=2**32 - 1)
-    draws: int | None = whole(
-        "",
-        "Draws, each flown by every variant; of saltelli, base points. Not of a grid.",
-        None,
-        ge=1,
-        le=100_000_000,
-    )
+    seed: int = whole("", default=1, ge=0, le=2**32 - 1)
+    draws: int | None = whole("", default=None, ge=1, le=100_000_000)
     design: Design = "random"
     factors: Annotated[dict[Name, Factor], AtMost(1000)] = Field(default={})
     faults: Annotated[dict[Name, AnyDrawnFault], AtMost(1000)] = Field(default={})

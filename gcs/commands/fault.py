@@ -42,42 +42,31 @@ _InstanceOption = Annotated[
         help="Number of the sensor, from 1; 0: all of them.",
     ),
 ]
-# the way in which `gcs fault sensor` was written before, for one version
-_HiddenSensor = Annotated[sensors.SensorName | None, typer.Option(hidden=True)]
-_HiddenInstance = Annotated[int, typer.Option(min=0, hidden=True)]
 
 
-def _numbers(model: type[FaultSpec], *, hidden: bool = False) -> Iterator[inspect.Parameter]:
-    """Yield an option for each number of a fault; hidden, only what no fault of an actuator has."""
+def _numbers(model: type[FaultSpec]) -> Iterator[inspect.Parameter]:
+    """Yield an option for each number of a fault."""
     for name, field in model.model_fields.items():
         number = describe(field)
-        if (
-            number is None
-            or name == "instance"
-            or (hidden and name in ActuatorFaultSpec.model_fields)
-        ):
+        if number is None or name == "instance":
             continue
         limits = number.range() if number.le is not None else f"[{number.unit}]"
         metavar = (number.unit or ("share" if model is ActuatorFaultSpec else "factor")).upper()
         doc = f"{number.doc.rstrip('.')} {limits}."
-        option = typer.Option(metavar=metavar, help=doc, hidden=hidden)
+        option = typer.Option(metavar=metavar, help=doc)
         yield _parameter(name, Annotated[float | None, option], field.default)
 
 
-def _of_a_sensor(*, hidden: bool = False) -> Iterator[inspect.Parameter]:
+def _of_a_sensor() -> Iterator[inspect.Parameter]:
     """Yield the options of a fault of a sensor."""
-    failure = typer.Option(
-        metavar="TYPE", help=f"How it fails: {', '.join(sensors.FAILURES)}.", hidden=hidden
-    )
+    failure = typer.Option(metavar="TYPE", help=f"How it fails: {', '.join(sensors.FAILURES)}.")
     axis = typer.Option(
-        metavar="AXIS",
-        help="Axis that is wrong: x, y or z; of a GPS north, east, down.",
-        hidden=hidden,
+        metavar="AXIS", help="Axis that is wrong: x, y or z; of a GPS north, east, down."
     )
     yield _parameter("failure", Annotated[sensors.Failure | None, failure])
-    yield _parameter("instance", _HiddenInstance if hidden else _InstanceOption, 0)
+    yield _parameter("instance", _InstanceOption, 0)
     yield _parameter("axis", Annotated[sensors.Axis | None, axis])
-    yield from _numbers(SensorFaultSpec, hidden=hidden)
+    yield from _numbers(SensorFaultSpec)
 
 
 def _parameter(name: str, annotation: Any, default: Any = None) -> inspect.Parameter:
@@ -88,17 +77,12 @@ def _parameter(name: str, annotation: Any, default: Any = None) -> inspect.Param
 @app.command(name="set")
 @station_command
 @with_options("options", _numbers(ActuatorFaultSpec), dict)
-@with_options("of_sensor", _of_a_sensor(hidden=True), dict)
 def set_(
     station: StationOptions,
-    actuator: Annotated[
-        Actuator | None, typer.Argument(metavar="ACTUATOR", help=_ACTUATORS)
-    ] = None,
+    actuator: Annotated[Actuator, typer.Argument(metavar="ACTUATOR", help=_ACTUATORS)],
     *,
     options: dict[str, Any],
     for_s: _ForOption = None,
-    sensor: _HiddenSensor = None,
-    of_sensor: dict[str, Any],
 ) -> None:
     """Set a fault of an actuator, applied = effectiveness · commanded + bias.
 
@@ -111,14 +95,7 @@ def set_(
         - gcs fault set aileron --effectiveness 0.2 --intermittent-deg 0 --frequency-hz 0.5
         - gcs fault set throttle --bias-n -2 --start-s 19 --end-s 22 --json
     """
-    if (actuator is None) == (sensor is None):
-        got = "got none" if sensor is None else f"got {actuator} and the sensor {sensor}"
-        raise BadInput(
-            f"expected an actuator ({_ACTUATORS}), {got}",
-            f"of a sensor ({_SENSORS}): gcs fault sensor set SENSOR",
-        )
-    key, name = ("actuator", str(actuator)) if sensor is None else ("sensor", str(sensor))
-    _set(station, key, name, options | of_sensor, for_s)
+    _set(station, "actuator", actuator, options, for_s)
 
 
 @of_sensors.command(name="set")
@@ -152,8 +129,6 @@ def clear(
         Actuator | None,
         typer.Option(metavar="ACTUATOR", help=f"Clear faults of this actuator only: {_ACTUATORS}."),
     ] = None,
-    sensor: _HiddenSensor = None,
-    instance: _HiddenInstance = 0,
 ) -> None:
     """Clear faults: active, past and future ones, of actuators and sensors.
 
@@ -163,13 +138,6 @@ def clear(
         - gcs fault clear
         - gcs fault clear --actuator rudder --uav 3
     """
-    if actuator is not None and sensor is not None:
-        raise BadInput("--actuator and --sensor both say whose", "leave one of them out")
-    if sensor is not None:
-        _clear_sensor(station, sensor, instance)
-        return
-    if instance:
-        raise BadInput("--instance: expected a --sensor with it, got none")
 
     async def action(vehicle: Vehicle) -> str:
         await vehicle.clear_faults(actuator)
@@ -189,7 +157,13 @@ def clear_of_sensor(
         - gcs fault sensor clear gyro --instance 1
         - gcs fault sensor clear airspeed --uav 3
     """
-    _clear_sensor(station, sensor, instance)
+
+    async def action(vehicle: Vehicle) -> str:
+        await vehicle.clear_sensor_faults(sensor, instance)
+        whose = f"{sensor} {instance or ''}".rstrip()
+        return f"UAV {vehicle.system}: faults of {whose} cleared"
+
+    station.act(action)
 
 
 @app.command(name="list")
@@ -219,15 +193,6 @@ def list_(station: StationOptions) -> None:
 def _with_phase(fault: Fault, now_s: float) -> str:
     phase = "waiting" if now_s <= fault.start_s else "active" if now_s <= fault.end_s else "over"
     return f"{fault.describe()}, {phase}"
-
-
-def _clear_sensor(station: StationOptions, sensor: sensors.SensorName, instance: int) -> None:
-    async def action(vehicle: Vehicle) -> str:
-        await vehicle.clear_sensor_faults(sensor, instance)
-        whose = f"{sensor} {instance or ''}".rstrip()
-        return f"UAV {vehicle.system}: faults of {whose} cleared"
-
-    station.act(action)
 
 
 def _set(
@@ -271,13 +236,6 @@ def _fault(model: type[FaultSpec], options: Mapping[str, Any]) -> Fault:
         for key, value in options.items()
         if value is not None and (value or key not in _ZERO_IS_NONE)
     }
-    unfit = [names[key] for key in given if key not in model.model_fields]
-    if unfit:
-        kind, other = "a sensor", "set"
-        if model is ActuatorFaultSpec:
-            kind, other = "an actuator", "sensor set"
-        text = "\n".join(f"{name}: does not fit {kind}" for name in unfit)
-        raise BadInput(text, f"see `gcs fault {other} --help`")
     try:
         return model.model_validate(given).command()
     except ValidationError as error:

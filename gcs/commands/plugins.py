@@ -121,7 +121,8 @@ def show(kind: PluginKind, name: str) -> None:
     else:
         package = plugin.package or str(plugin.file)
         print_line(f"{name}: {way_of(model)}, of {package}, code {plugin.digest}")
-    print_line(f"\n{cleandoc(model.__doc__ or 'its class has no text')}\n")
+    text, _, _ = cleandoc(model.__doc__ or "its class has no text").partition("\n\nAttributes:\n")
+    print_line(f"\n{text}\n")
     if page := vars(model).get("PAGE"):
         print_line(f"More: {page}{' of the documentation' if plugin is None else ''}\n")
     table = table_of(

@@ -17,15 +17,19 @@ be alone: it polls while it waits for answers, and would get a processor for tha
 have to answer need.
 """
 
+import contextlib
 import ctypes
 import gc
+import importlib.util
 import json
 import os
 import select
 import signal
 import sys
 import traceback
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import ftc_autopilot.process
 import ftc_autopilot.warm_up
@@ -33,10 +37,18 @@ import sitl_plant.loop.process
 import sitl_plant.loop.warm_up
 from gcs.scenario.model import load_scenario
 from mavlink_defs.config.models import ConfigError
-from mavlink_defs.runtime.jit import cold_parts
+from mavlink_defs.runtime.heap import give_memory_back
+from mavlink_defs.runtime.jit import PLAIN, cold_parts, compiler
+from mavlink_defs.runtime.prebuilt import is_complete
 
 _PLANT, _AUTOPILOT = "sitl-plant", "ftc-autopilot"
-_MAIN = {_PLANT: sitl_plant.loop.process.main, _AUTOPILOT: ftc_autopilot.process.main}
+_MODULE: dict[str, Any] = {_PLANT: sitl_plant.loop.process, _AUTOPILOT: ftc_autopilot.process}
+
+
+class _Request(NamedTuple):
+    program: str
+    arguments: list[str]
+    log: str
 
 
 def main() -> None:
@@ -48,11 +60,12 @@ def main() -> None:
     signal.signal(signal.SIGCHLD, lambda *_: None)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     numbers: dict[int, int] = {}
+    waiting: list[_Request] = []
     requests, is_warm = 0, False
     unread = b""
     try:
         while True:
-            readable, _, _ = select.select([0, wake], [], [])
+            readable, _, _ = select.select([0, wake], [], [], 0.0 if waiting else None)
             if wake in readable:
                 os.read(wake, 4096)
                 _report_ended(numbers)
@@ -61,19 +74,19 @@ def main() -> None:
                 if not received:
                     break
                 *lines, unread = (unread + received).split(b"\n")
-                for line in lines:
-                    request = json.loads(line)
-                    if not requests:
-                        _write_to(request["log"], 2)
-                    if request["program"] == _AUTOPILOT and not is_warm:
-                        ftc_autopilot.warm_up.warm_up_with(Path(request["arguments"][0]))
-                        gc.collect()
-                        gc.freeze()  # the collector would write to, and so copy, every page
-                        is_warm = True
-                    pid = _fork(**request, pipes=(wake, waker))
+                waiting += [_Request(**json.loads(line)) for line in lines]
+                if waiting and not requests:
+                    _write_to(waiting[0].log, 2)
+            elif waiting and not is_warm and waiting[-1].program == _AUTOPILOT:
+                ftc_autopilot.warm_up.warm_up_with(Path(waiting[-1].arguments[0]))
+                is_warm = True  # and meanwhile all others of the fleet have been asked for
+            elif waiting:
+                for request, prepared in zip(waiting, _prepared(waiting), strict=True):
+                    pid = _fork(request, prepared, (wake, waker))
                     numbers[pid] = requests
                     _report(requests, pid, None)
                     requests += 1
+                waiting = []
     except BrokenPipeError:
         pass  # nobody is left who would read the reports
     finally:
@@ -89,10 +102,41 @@ def _load_compiled_code() -> None:
         return
     if is_cold:
         return
+    if not (PLAIN or is_complete()):
+        _leave_scipy_for_later()
     scenario = load_scenario("paper/scenario1")
     sitl_plant.loop.warm_up.call_everything(scenario.plant_config(speed=None))
     ftc_autopilot.warm_up.call_everything(scenario.autopilot_config(scenario.uavs[0].id))
     gc.freeze()
+
+
+def _leave_scipy_for_later() -> None:
+    """Let numba import scipy when something calls its linear algebra, as no function of ours does.
+
+    Numba imports it, 9 MB, to see whether it is there. Compiled code of others that calls BLAS
+    imports it by itself, on the first call.
+    """
+    compiler("")
+    import numba.np.linalg
+
+    if importlib.util.find_spec("scipy"):
+        numba.np.linalg.ensure_blas = lambda: None
+
+
+def _prepared(requests: Sequence[_Request]) -> list[Any]:
+    """Return what the processes of a fleet begin with, made before the first of them is forked.
+
+    Python counts the references to all that it uses, in the pages where that lies: each process
+    has its own copy of a page from then on. What is done here is done to pages that all share.
+    A single process, started again, does it itself, and so does one that fails, which reports it.
+    """
+    prepared = [None] * len(requests)
+    for i, (program, arguments, _) in enumerate(requests if len(requests) > 1 else ()):
+        with contextlib.suppress(Exception):
+            prepared[i] = _MODULE[program].prepare([*arguments, *_of(os.getpid())])
+    give_memory_back()
+    gc.freeze()  # the collector would write to, and so copy, every page
+    return prepared
 
 
 def _report_ended(numbers: dict[int, int]) -> None:
@@ -113,8 +157,9 @@ def _write_to(log: str, *descriptors: int) -> None:
             os.dup2(output.fileno(), descriptor)
 
 
-def _fork(program: str, arguments: list[str], log: str, pipes: tuple[int, int]) -> int:
+def _fork(request: _Request, prepared: Any, pipes: tuple[int, int]) -> int:
     """Start a program; return its process id."""
+    program, arguments, log = request
     parent = os.getpid()
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})  # which here ends the server
     pid = os.fork()
@@ -133,7 +178,7 @@ def _fork(program: str, arguments: list[str], log: str, pipes: tuple[int, int]) 
             os.dup2(nothing.fileno(), 0)
         _write_to(log, 1, 2)
         _set_command_line(program, *arguments)
-        _MAIN[program]([*arguments, "--exit-with-parent", str(parent)])
+        _MODULE[program].main([*arguments, *_of(parent)], prepared)
     except SystemExit as end:
         status = end.code if isinstance(end.code, int) else 0
     except BaseException:
@@ -142,6 +187,10 @@ def _fork(program: str, arguments: list[str], log: str, pipes: tuple[int, int]) 
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(status)
+
+
+def _of(server: int) -> list[str]:
+    return ["--exit-with-parent", str(server)]
 
 
 def _set_command_line(*arguments: str) -> None:

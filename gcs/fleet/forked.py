@@ -98,8 +98,17 @@ class ForkServer:
         """Its process id; None before its start."""
         return None if self._popen is None else self._popen.pid
 
-    def start(self, program: str, arguments: Sequence[str], log: Path) -> "Forked":
-        """Start ``sitl-plant`` or ``ftc-autopilot``; it writes to the file `log`."""
+    def start(
+        self, program: str, arguments: Sequence[str], log: Path, *, more: bool = False
+    ) -> "Forked":
+        """Start ``sitl-plant`` or ``ftc-autopilot``; it writes to the file `log`.
+
+        Args:
+            program: Its name.
+            arguments: Its arguments.
+            log: The file.
+            more: Whether others follow at once: those that are started together share memory.
+        """
         if self._popen is not None and self._popen.poll() is not None:
             self.close()
             self._popen, self._forked, self._unread = None, [], b""
@@ -110,7 +119,8 @@ class ForkServer:
         assert self._popen.stdin is not None
         with contextlib.suppress(BrokenPipeError):  # it has ended; so have those it forked
             self._popen.stdin.write(json.dumps(request).encode() + b"\n")
-            self._popen.stdin.flush()
+            if not more:
+                self._popen.stdin.flush()
         forked = Forked(self, program)
         self._forked.append(forked)
         return forked

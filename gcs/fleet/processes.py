@@ -115,10 +115,13 @@ class FleetProcesses:
             stack.enter_context(self.relay)
             stack.callback(self.stop)
             self._configure()
-            self._start([_PLANT], [scenario.links.plant_port])
-            for uavs in self._shares():
-                ports = [scenario.links.formation_base_port + uav for uav in uavs]
-                self._start([f"uav{uav}" for uav in uavs], ports, *self._options(uavs[0]))
+            base = scenario.links.formation_base_port
+            self._start([_PLANT], [scenario.links.plant_port], more=True)
+            *shares, last = self._shares()
+            for uavs in (*shares, last):
+                ports, options = [base + uav for uav in uavs], self._options(uavs[0])
+                names = [f"uav{uav}" for uav in uavs]
+                self._start(names, ports, *options, more=uavs is not last)
             self._stack = stack.pop_all()
         return self
 
@@ -278,8 +281,8 @@ class FleetProcesses:
                 changes["silence_timeout_s"] = patience_s
             dump(config.model_copy(update=changes), self._folder / f"uav{uav.id}.yaml")
 
-    def _start(self, parts: Sequence[str], ports: Sequence[int], *options: str) -> None:
-        """Start the process of the plant or of autopilots, which bind `ports`."""
+    def _start(self, parts: Sequence[str], ports: Sequence[int], *options: str, more: bool) -> None:
+        """Start the process of the plant or of autopilots, which bind `ports`; others follow."""
         name = parts[0] if len(parts) == 1 else f"{parts[0]}-{parts[-1]}"
         log, recordings = self._folder / f"{name}.log", list(map(self.recording_of, parts))
         configs = [str(self._folder / f"{part}.yaml") for part in parts]
@@ -289,7 +292,7 @@ class FleetProcesses:
         arguments += ["--record-optional"] if self._endless else []
         log.write_bytes(b"")
         addresses = [UdpAddress(self._scenario.links.host, port) for port in ports]
-        popen = self._launched(name, arguments, log)
+        popen = self._launched(name, arguments, log, more)
         self._processes.append(_Process(name, arguments, log, addresses, recordings, popen))
 
     def _start_again(self, process: _Process) -> None:
@@ -334,12 +337,13 @@ class FleetProcesses:
         return True
 
     def _launched(
-        self, name: str, arguments: list[str], log: Path
+        self, name: str, arguments: list[str], log: Path, more: bool = False
     ) -> "subprocess.Popen[bytes] | Forked":
-        """Start a process that appends to its log."""
+        """Start a process that appends to its log; `more`: others follow at once."""
         crashes = self._crashes.get(name)
         crash = ["--crash-at", str(crashes.pop(0))] if crashes else []
         self._restarts.started(name, time.monotonic())
         program = "sitl-plant" if name == _PLANT else "ftc-autopilot"
-        start = self._server.start if FORKS else start_alone
-        return start(program, [*arguments, *crash], log)
+        if not FORKS:
+            return start_alone(program, [*arguments, *crash], log)
+        return self._server.start(program, [*arguments, *crash], log, more=more)

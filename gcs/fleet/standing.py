@@ -17,6 +17,7 @@ from gcs.station.client import Client
 from mavlink_defs.endpoint import Connection, EndpointError, UdpAddress, bind_udp
 from mavlink_defs.framing.key_file import load_signer
 from mavlink_defs.framing.signing import SigningError, counts_text
+from mavlink_defs.runtime.heap import give_memory_back
 
 _POLL_S = 0.1
 _END_OF_PLANT_S = 1.0
@@ -89,6 +90,7 @@ async def keep_up(
             async with Client(Connection("out", hub), signing_key=key) as client:
                 await prepare(client, fleet, scenario, start, on_start, on_message)
             observers += on_ready()
+            give_memory_back()
             await _watch(fleet, route, observers, processes, restart, on_message)
     finally:
         served.close()

@@ -6,18 +6,17 @@ from typing import Any
 import numpy as np
 
 from ftc_autopilot.guidance.mission_commands import command_name
-from gcs.results.figures import (
+from gcs.results.figures import FlightSummary, UavSummary
+from gcs.results.ground import GroundSummary, TouchdownSummary
+from gcs.results.quantities import PAPER_ORDER, QUANTITIES, in_degrees
+from gcs.results.recording import Ending, Recording
+from gcs.results.summary_parts import (
     BesideSummary,
     ChannelSummary,
     ControlFailure,
     DiagnosisSummary,
-    FlightSummary,
     MotionBands,
-    UavSummary,
 )
-from gcs.results.ground import GroundSummary, TouchdownSummary
-from gcs.results.quantities import PAPER_ORDER, QUANTITIES, in_degrees
-from gcs.results.recording import Ending, Recording
 from gcs.results.tally import FINAL_S, Decision, Tally
 from gcs.results.traffic import KINDS
 from gcs.scenario.model import Scenario

@@ -41,10 +41,15 @@ def _command(commands: dict[int, bool], inclusion: bool) -> int:
 
 
 class FencePlaceEntry(Model):
-    """A place, without a height."""
+    """A place, without a height.
 
-    north_m: float = quantity("m", "North of the origin.")
-    east_m: float = quantity("m", "East of the origin.")
+    Attributes:
+        north_m: North of the origin.
+        east_m: East of the origin.
+    """
+
+    north_m: float = quantity("m")
+    east_m: float = quantity("m")
 
     def item(self, command: int, origin: Origin, param: float = 0.0) -> MissionItem:
         """Return an item of a command here, without a number."""
@@ -57,11 +62,13 @@ class FencePlaceEntry(Model):
 
 
 class FencePolygonEntry(Model):
-    """An area within corners."""
+    """An area within corners.
 
-    corners: Annotated[tuple[FencePlaceEntry, ...], AtMost(MAX_MISSION_ITEMS)] = Field(
-        min_length=3, description="The corners in order; edges may not cross."
-    )
+    Attributes:
+        corners: The corners in order; edges may not cross.
+    """
+
+    corners: Annotated[tuple[FencePlaceEntry, ...], AtMost(MAX_MISSION_ITEMS)] = Field(min_length=3)
     inclusion: bool = _INSIDE
 
     def items(self, origin: Origin) -> list[MissionItem]:
@@ -71,9 +78,13 @@ class FencePolygonEntry(Model):
 
 
 class FenceCircleEntry(FencePlaceEntry):
-    """An area within a circle."""
+    """An area within a circle.
 
-    radius_m: float = quantity("m", "Radius.", gt=0.0)
+    Attributes:
+        radius_m: Radius.
+    """
+
+    radius_m: float = quantity("m", gt=0.0)
     inclusion: bool = _INSIDE
 
     def items(self, origin: Origin) -> list[MissionItem]:
@@ -82,9 +93,13 @@ class FenceCircleEntry(FencePlaceEntry):
 
 
 class RallyPointEntry(FencePlaceEntry):
-    """A place to circle at."""
+    """A place to circle at.
 
-    height_m: float = quantity("m", "Height above home.")
+    Attributes:
+        height_m: Height above home.
+    """
+
+    height_m: float = quantity("m")
 
     def items(self, origin: Origin) -> list[MissionItem]:
         """Return its item."""
@@ -102,34 +117,43 @@ class AnyFenceItem(ProtocolEntry):
 
 
 class FenceEntry(OneKey):
-    """A part of a fence; exactly one of the keys."""
+    """A part of a fence; exactly one of the keys.
 
-    polygon: FencePolygonEntry | None = Field(default=None, description="An area within corners.")
-    circle: FenceCircleEntry | None = Field(default=None, description="An area within a circle.")
-    return_point: FencePlaceEntry | None = Field(
-        default=None, description="Where the action `guided` leads; none: home."
-    )
-    item: AnyFenceItem | None = Field(
-        default=None, description="Any item as the mission protocol has it."
-    )
+    Attributes:
+        polygon: An area within corners.
+        circle: An area within a circle.
+        return_point: Where the action `guided` leads; none: home.
+        item: Any item as the mission protocol has it.
+    """
+
+    polygon: FencePolygonEntry | None = None
+    circle: FenceCircleEntry | None = None
+    return_point: FencePlaceEntry | None = None
+    item: AnyFenceItem | None = None
 
 
 class RallyEntry(OneKey):
-    """A rally point; exactly one of the keys."""
+    """A rally point; exactly one of the keys.
 
-    point: RallyPointEntry | None = Field(default=None, description="A place to circle at.")
-    item: AnyFenceItem | None = Field(
-        default=None, description="Any item as the mission protocol has it."
-    )
+    Attributes:
+        point: A place to circle at.
+        item: Any item as the mission protocol has it.
+    """
+
+    point: RallyPointEntry | None = None
+    item: AnyFenceItem | None = None
 
 
 class FenceSection(FenceParameters):
-    """Areas to stay in or out of; in a file, `file` may name a plan that has them instead."""
+    """Areas to stay in or out of; in a file, `file` may name a plan that has them instead.
 
-    enable: bool = Field(default=True, description="Whether the fence is watched from the start.")
-    items: Annotated[tuple[FenceEntry, ...], AtMost(MAX_MISSION_ITEMS)] = Field(
-        default=(), description="The parts of the fence."
-    )
+    Attributes:
+        enable: Whether the fence is watched from the start.
+        items: The parts of the fence.
+    """
+
+    enable: bool = True
+    items: Annotated[tuple[FenceEntry, ...], AtMost(MAX_MISSION_ITEMS)] = ()
 
     def watch(self, origin: Origin) -> FenceWatch:
         """Return what a vehicle watches of it, with home at the origin."""
@@ -138,11 +162,13 @@ class FenceSection(FenceParameters):
 
 
 class RallySection(RallyParameters):
-    """Points that RTL leads to in place of home; in a file, `file` may name a plan with them."""
+    """Points that RTL leads to in place of home; in a file, `file` may name a plan with them.
 
-    items: Annotated[tuple[RallyEntry, ...], AtMost(MAX_MISSION_ITEMS)] = Field(
-        default=(), description="The points."
-    )
+    Attributes:
+        items: The points.
+    """
+
+    items: Annotated[tuple[RallyEntry, ...], AtMost(MAX_MISSION_ITEMS)] = ()
 
 
 class Areas(NamedTuple):

@@ -25,12 +25,19 @@ from mavlink_defs.services.mission import MissionItem
 
 
 class WaypointEntry(Model):
-    """A place to fly by."""
+    """A place to fly by.
 
-    north_m: float = quantity("m", "North of the origin.")
-    east_m: float = quantity("m", "East of the origin.")
-    height_m: float = quantity("m", "Height above home.")
-    within_m: float = quantity("m", "Greatest distance at which it is passed; 0: any.", 0.0, ge=0.0)
+    Attributes:
+        north_m: North of the origin.
+        east_m: East of the origin.
+        height_m: Height above home.
+        within_m: Greatest distance at which it is passed; 0: any.
+    """
+
+    north_m: float = quantity("m")
+    east_m: float = quantity("m")
+    height_m: float = quantity("m")
+    within_m: float = quantity("m", default=0.0, ge=0.0)
 
     def item(self, seq: int, origin: Origin) -> MissionItem:
         """Return the item of the protocol, with a number."""
@@ -40,9 +47,13 @@ class WaypointEntry(Model):
 
 
 class TakeOffEntry(Model):
-    """The take-off, along the nose of an aircraft that stands; one in the air is past it."""
+    """The take-off, along the nose of an aircraft that stands; one in the air is past it.
 
-    height_m: float = quantity("m", "Height above home that it climbs to.")
+    Attributes:
+        height_m: Height above home that it climbs to.
+    """
+
+    height_m: float = quantity("m")
 
     def item(self, seq: int, _: Origin) -> MissionItem:
         """Return the item of the protocol, with a number."""
@@ -50,11 +61,17 @@ class TakeOffEntry(Model):
 
 
 class LandEntry(Model):
-    """A landing, along the line from the place before."""
+    """A landing, along the line from the place before.
 
-    north_m: float = quantity("m", "Touchdown, north of the origin.")
-    east_m: float = quantity("m", "Touchdown, east of the origin.")
-    height_m: float = quantity("m", "Height of the runway above home.", 0.0)
+    Attributes:
+        north_m: Touchdown, north of the origin.
+        east_m: Touchdown, east of the origin.
+        height_m: Height of the runway above home.
+    """
+
+    north_m: float = quantity("m")
+    east_m: float = quantity("m")
+    height_m: float = quantity("m", default=0.0)
 
     def item(self, seq: int, origin: Origin) -> MissionItem:
         """Return the item of the protocol, with a number."""
@@ -63,18 +80,23 @@ class LandEntry(Model):
 
 
 class LoiterEntry(Model):
-    """A circle."""
+    """A circle.
 
-    north_m: float | None = quantity(
-        "m", "North of the centre; none: a circle through the place before.", None
-    )
-    east_m: float | None = quantity("m", "East of the centre.", None)
-    height_m: float = quantity("m", "Height above home.")
-    radius_m: float = quantity(
-        "m", "Radius, positive clockwise; 0: of a turn at 20 deg of bank.", 0.0
-    )
-    turns: float | None = quantity("", "Turns before it is left.", None, gt=0.0)
-    time_s: float | None = quantity("s", "Time before it is left.", None, ge=0.0)
+    Attributes:
+        north_m: North of the centre; none: a circle through the place before.
+        east_m: East of the centre.
+        height_m: Height above home.
+        radius_m: Radius, positive clockwise; 0: of a turn at 20 deg of bank.
+        turns: Turns before it is left.
+        time_s: Time before it is left.
+    """
+
+    north_m: float | None = quantity("m", default=None)
+    east_m: float | None = quantity("m", default=None)
+    height_m: float = quantity("m")
+    radius_m: float = quantity("m", default=0.0)
+    turns: float | None = quantity("", default=None, gt=0.0)
+    time_s: float | None = quantity("s", default=None, ge=0.0)
 
     @model_validator(mode="after")
     def _keys_fit(self) -> "LoiterEntry":
@@ -101,9 +123,13 @@ _CENTRE, _ENDS = ("north_m", "east_m"), ("turns", "time_s")
 
 
 class SpeedEntry(Model):
-    """The airspeed from here on."""
+    """The airspeed from here on.
 
-    airspeed_m_s: float = quantity("m/s", "Airspeed.", gt=0.0)
+    Attributes:
+        airspeed_m_s: Airspeed.
+    """
+
+    airspeed_m_s: float = quantity("m/s", gt=0.0)
 
     def item(self, seq: int, _: Origin) -> MissionItem:
         """Return the item of the protocol, with a number."""
@@ -112,9 +138,13 @@ class SpeedEntry(Model):
 
 
 class DelayEntry(Model):
-    """Time before the entries up to the next place take effect."""
+    """Time before the entries up to the next place take effect.
 
-    time_s: float = quantity("s", "Time.", ge=0.0)
+    Attributes:
+        time_s: Time.
+    """
+
+    time_s: float = quantity("s", ge=0.0)
 
     def item(self, seq: int, _: Origin) -> MissionItem:
         """Return the item of the protocol, with a number."""
@@ -122,10 +152,15 @@ class DelayEntry(Model):
 
 
 class JumpEntry(Model):
-    """The mission continues with another item."""
+    """The mission continues with another item.
 
-    to_item: int = whole("", "Item to continue with; the first one is 1.", ge=1)
-    times: int = whole("", "How often; -1: always.", -1, ge=-1)
+    Attributes:
+        to_item: Item to continue with; the first one is 1.
+        times: How often; -1: always.
+    """
+
+    to_item: int = whole("", ge=1)
+    times: int = whole("", default=-1, ge=-1)
 
     def item(self, seq: int, _: Origin) -> MissionItem:
         """Return the item of the protocol, with a number."""
@@ -133,11 +168,17 @@ class JumpEntry(Model):
 
 
 class HomeEntry(Model):
-    """A new home."""
+    """A new home.
 
-    north_m: float = quantity("m", "North of the origin.")
-    east_m: float = quantity("m", "East of the origin.")
-    height_m: float = quantity("m", "Height above the origin.", 0.0)
+    Attributes:
+        north_m: North of the origin.
+        east_m: East of the origin.
+        height_m: Height above the origin.
+    """
+
+    north_m: float = quantity("m")
+    east_m: float = quantity("m")
+    height_m: float = quantity("m", default=0.0)
 
     def item(self, seq: int, origin: Origin) -> MissionItem:
         """Return the item of the protocol, with a number."""
@@ -158,15 +199,20 @@ class ProtocolEntry(Model):
     """An item as the mission protocol has it.
 
     Attributes:
+        command: MAV_CMD.
+        frame: MAV_FRAME.
         params: Parameters 1 to 4; null is NaN.
+        x: Latitude in degE7, mostly.
+        y: Longitude in degE7, mostly.
+        z: Altitude in m, mostly; null is NaN.
     """
 
-    command: int = whole("", "MAV_CMD.", ge=0, le=0xFFFF)
-    frame: int = whole("", "MAV_FRAME.", 3, ge=0, le=0xFF)
+    command: int = whole("", ge=0, le=0xFFFF)
+    frame: int = whole("", default=3, ge=0, le=0xFF)
     params: Annotated[tuple[float | None, ...], AtMost(4)] = ()
-    x: int = whole("", "Latitude in degE7, mostly.", 0, ge=-INT32_MAX, le=INT32_MAX)
-    y: int = whole("", "Longitude in degE7, mostly.", 0, ge=-INT32_MAX, le=INT32_MAX)
-    z: float | None = quantity("", "Altitude in m, mostly; null is NaN.", 0.0)
+    x: int = whole("", default=0, ge=-INT32_MAX, le=INT32_MAX)
+    y: int = whole("", default=0, ge=-INT32_MAX, le=INT32_MAX)
+    z: float | None = quantity("", default=0.0)
 
     def item(self, seq: int, _: Origin) -> MissionItem:
         """Return the item of the protocol, with a number."""
@@ -226,11 +272,17 @@ class MissionEntry(OneKey):
 
 
 class PlannedHome(Model):
-    """Where home was when the items were planned; 0 for none."""
+    """Where home was when the items were planned; 0 for none.
 
-    x: int = whole("", "Latitude in degE7.", 0, ge=-INT32_MAX, le=INT32_MAX)
-    y: int = whole("", "Longitude in degE7.", 0, ge=-INT32_MAX, le=INT32_MAX)
-    altitude_m: float = quantity("m", "Altitude above mean sea level.", 0.0)
+    Attributes:
+        x: Latitude in degE7.
+        y: Longitude in degE7.
+        altitude_m: Altitude above mean sea level.
+    """
+
+    x: int = whole("", default=0, ge=-INT32_MAX, le=INT32_MAX)
+    y: int = whole("", default=0, ge=-INT32_MAX, le=INT32_MAX)
+    altitude_m: float = quantity("m", default=0.0)
 
     def item(self) -> MissionItem:
         """Return item 0 of the protocol."""

@@ -5,8 +5,6 @@ each other, and derives the configuration of each process. Times of the profile 
 are simulated time, which starts together with the mission.
 """
 
-from collections import Counter
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -14,7 +12,7 @@ from pydantic import Field, model_validator
 
 from ftc_autopilot.common.geography import Origin
 from ftc_autopilot.config import AutopilotConfig, Identity
-from ftc_autopilot.control.config import Neighbour, plugin_problems, plugins_of, trigger_problems
+from ftc_autopilot.control.config import Neighbour, plugins_of
 from ftc_autopilot.control.laws import Controller
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.triggers import Trigger
@@ -28,34 +26,20 @@ from ftc_autopilot.guidance.planner import Planner
 from ftc_autopilot.guidance.runway import RunwayParameters, figures_of
 from ftc_autopilot.kinds import AutopilotSection, ForeignSection, FtcAutopilot
 from ftc_autopilot.plugins.loading import calling, without_code
-from gcs.scenario.aircraft_checks import (
-    aircraft_law_problems,
-    hardware_problems,
-    simulator_problems,
-    uncertainty_problems,
-)
 from gcs.scenario.aircraft_file import with_named_files, without_nulls
 from gcs.scenario.bundled import base_of, find_scenario
 from gcs.scenario.fence import (
     Areas,
     FenceSection,
     RallySection,
-    fence_problems,
     numbered,
     parameters_in,
 )
 from gcs.scenario.foreign_uavs import formation_without, network_without
-from gcs.scenario.formation_checks import (
-    guidance_fit_problems,
-    mission_problems,
-    network_problems,
-    slot_problems,
-)
 from gcs.scenario.mission import MissionSection
-from gcs.scenario.reference_checks import airspeed_problems, fault_problems, profile_problems
+from gcs.scenario.section_checks import section_problems
 from gcs.scenario.sections import (
     AnyScenarioFault,
-    Found,
     Links,
     Network,
     ProfileSegment,
@@ -73,22 +57,19 @@ from mavlink_defs.config.models import (
     Problems,
     Prose,
     Title,
-    repeated,
 )
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.constants import LAST_SYSTEM
 from mavlink_defs.faults.fault import Fault
-from mavlink_defs.faults.kinds import FaultLimits
 from mavlink_defs.mission_files import is_mission_file
-from mavlink_defs.profile import MAX_SEGMENTS, AirspeedLimits, Segment, segments_to_items
+from mavlink_defs.profile import MAX_SEGMENTS, Segment, segments_to_items
 from mavlink_defs.services.mission import MissionItem
 from sitl_plant.actuators.config import ActuatorServos, Servos
 from sitl_plant.air.config import Disturbance, Wind
 from sitl_plant.airframe.config import Aircraft, Uncertainty, true_aircraft
 from sitl_plant.airframe.gear import Ground, Runway
-from sitl_plant.config import PlantConfig, PlantUav, Seed, start_problems
+from sitl_plant.config import PlantConfig, PlantUav, Seed
 from sitl_plant.sensing.config import Navigation, Sensors
-from sitl_plant.sensing.units import FAULT_NAMES, units_of
 from sitl_plant.simulators.config import OwnPlant, PlantSection
 
 BEFORE = "ardupilot"
@@ -101,6 +82,8 @@ class Scenario(Model):
     Attributes:
         name: Name of the scenario.
         description: Purpose of the scenario, in a line or more.
+        duration_s: Length of the flight.
+        step_us: Control period.
         aircraft: The nominal aircraft of every UAV that has none of its own.
         plant: What flies the aircraft of every UAV that says nothing else.
         autopilot: Which autopilot flies every UAV that says nothing else.
@@ -134,8 +117,8 @@ class Scenario(Model):
 
     name: Title = Field(min_length=1)
     description: Prose = ""
-    duration_s: float = quantity("s", "Length of the flight.", gt=0.0, le=86_400.0)
-    step_us: int = whole("us", "Control period.", 1000, ge=1, le=100_000)
+    duration_s: float = quantity("s", gt=0.0, le=86_400.0)
+    step_us: int = whole("us", default=1000, ge=1, le=100_000)
     aircraft: Aircraft
     plant: PlantSection = OwnPlant()
     autopilot: AutopilotSection = FtcAutopilot()
@@ -232,7 +215,7 @@ class Scenario(Model):
             runway_guidance=self._on_runway,
             failsafe=self.failsafe,
             plugins=plugins_of(self.controller, self.trigger, self.guidance),
-            formation=None if uav_id in self.foreign else self._own_formation,
+            formation=None if uav_id in self.foreign else self.own_formation,
             leader_access=self.network.leader_access.get(uav_id, 0.0),
             neighbours=tuple(
                 Neighbour(id=other, weight=weight, address=self._formation_address(other))
@@ -271,7 +254,7 @@ class Scenario(Model):
         """Return id and weight of each neighbour of a UAV; a foreign autopilot has none."""
         return [
             (edge.between[1 - end], edge.weight)
-            for edge in self._own_network.edges
+            for edge in network_without(self.network, self.foreign).edges
             for end in (0, 1)
             if edge.between[end] == uav_id
         ]
@@ -305,7 +288,7 @@ class Scenario(Model):
         aircraft = self.aircraft if uav_id is None else self.aircraft_of(uav_id)
         bandwidth = self.controller.reference_bandwidth_rad_s
         runway = figures_of(self._on_runway, self.guidance, aircraft, bandwidth)
-        return Planner(aircraft, self.guidance, self.origin, self._own_formation, runway)
+        return Planner(aircraft, self.guidance, self.origin, self.own_formation, runway)
 
     @property
     def _on_runway(self) -> RunwayParameters:
@@ -340,94 +323,8 @@ class Scenario(Model):
 
     @model_validator(mode="after")
     def _sections_fit_together(self) -> "Scenario":
-        checks = (
-            self._uav_problems,
-            lambda: uncertainty_problems(self.aircraft, self.uncertainty, self.uavs),
-            lambda: trigger_problems(self.controller, self.trigger, self.step_us),
-            lambda: aircraft_law_problems(self.aircraft, self.controller, self.uavs),
-            lambda: plugin_problems(self.plugins, self.controller, self.trigger, self.guidance),
-            lambda: hardware_problems(
-                self.sensors, self.navigation, self.servos, self.uavs, self.step_us
-            ),
-            lambda: simulator_problems(
-                self.plant, self.disturbance, self.uncertainty, self.ground, self.uavs, self.step_us
-            ),
-            lambda: network_problems(self._own_network, self._own_ids),
-            lambda: slot_problems(
-                self._own_formation,
-                self._own_network,
-                self._own_ids,
-                self.guidance.period_s,
-                self._silence_s,
-            ),
-            lambda: profile_problems(self.profile, self.mission is not None, self._limits),
-            lambda: guidance_fit_problems(
-                self.guidance, map(self.aircraft_of, self._own_ids), self._own_formation
-            ),
-            lambda: mission_problems(
-                self.mission,
-                map(self.planner, self._ids),
-                [uav.initial for uav in self.uavs],
-                self.origin,
-            ),
-            lambda: fence_problems(self.fence, self.rally, self.uavs, self.planner, self.origin),
-            lambda: fault_problems(
-                self.faults, self._fault_limits, self._fallible_sensors, self.foreign
-            ),
-            lambda: self.links.port_problems(self._ids),
-        )
-        Problems.check(problem for check in checks for problem in check())
+        Problems.check(section_problems(self))
         return self
-
-    def _uav_problems(self) -> Found:
-        for key in ("id", "name"):
-            for i, text in repeated([getattr(uav, key) for uav in self.uavs]):
-                yield ("uavs", i, key), text
-        for i, uav in enumerate(self.uavs):
-            aircraft = uav.aircraft or self.aircraft
-            for loc, text in start_problems(uav.initial, aircraft, self.ground):
-                yield ("uavs", i, *loc), text
-            if uav.initial.on_ground and self.navigation == "estimated":
-                text = "flights by sensors begin in the air, as the estimator needs the airspeed"
-                yield (
-                    ("uavs", i, "initial", "on_ground"),
-                    f"{text}; or set 'navigation: true_state'",
-                )
-            if uav.id in self.foreign and self.navigation == "estimated":
-                text = "its sensors are made of the true state: expected 'ftc', or"
-                place = ("autopilot",) if uav.autopilot is None else ("uavs", i, "autopilot")
-                yield (*place, "kind"), f"{text} navigation: true_state"
-            if not uav.initial.on_ground:
-                place = ("uavs", i, "initial")
-                yield from airspeed_problems(
-                    place, uav.initial.airspeed_m_s, aircraft.airspeed_limits
-                )
-
-    @property
-    def _silence_s(self) -> float | None:
-        """Longest time between two messages to a neighbour [s]; None: sent in each step."""
-        trigger = self.links.formation.trigger
-        return None if trigger is None else trigger.longest_silence_s
-
-    @property
-    def _limits(self) -> AirspeedLimits:
-        """Airspeeds that every aircraft accepts."""
-        limits = [(uav.aircraft or self.aircraft).airspeed_limits for uav in self.uavs]
-        lowest, highest = max(one.min_m_s for one in limits), min(one.max_m_s for one in limits)
-        return AirspeedLimits(lowest, highest)
-
-    @property
-    def _fallible_sensors(self) -> dict[int, Mapping[str, int]]:
-        """How many sensors of each name can fail, by UAV; none of ours by its true state."""
-        units = units_of(self.sensors.navigation, self.step_us)
-        carried = Counter(FAULT_NAMES[unit.kind] for unit in units)
-        ours = carried if self.navigation == "estimated" else {}
-        foreign = {uav: own.fallible(carried) for uav, own in self.foreign.items()}
-        return {uav: foreign.get(uav, ours) for uav in self._ids}
-
-    @property
-    def _fault_limits(self) -> dict[int, FaultLimits]:
-        return {uav.id: (uav.aircraft or self.aircraft).fault_limits for uav in self.uavs}
 
     @property
     def steps(self) -> int:
@@ -441,21 +338,9 @@ class Scenario(Model):
         return {uav: own for uav, own in flown if not isinstance(own, FtcAutopilot)}
 
     @property
-    def _own_ids(self) -> list[int]:
-        """UAVs with autopilots of ours."""
-        return [i for i in self._ids if i not in self.foreign]
-
-    @property
-    def _own_network(self) -> Network:
-        return network_without(self.network, self.foreign)
-
-    @property
-    def _own_formation(self) -> Formation | None:
+    def own_formation(self) -> Formation | None:
+        """The formation of UAVs with autopilots of ours; None: there is none."""
         return formation_without(self.formation, self.foreign)
-
-    @property
-    def _ids(self) -> list[int]:
-        return [uav.id for uav in self.uavs]
 
 
 def load_scenario(name: Path | str) -> Scenario:

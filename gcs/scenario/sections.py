@@ -89,14 +89,19 @@ class ProfileSegment(Model):
     """Reference values from a time on; a ramp reaches its values when the next segment starts.
 
     Attributes:
+        start_s: Start, exclusive.
+        airspeed_m_s: Airspeed V_r.
+        roll_deg: Roll angle.
+        pitch_deg: Pitch angle.
+        yaw_deg: Yaw angle.
         shape: Values in force from the start, or approached linearly.
     """
 
-    start_s: float = quantity("s", "Start, exclusive.", ge=0.0)
-    airspeed_m_s: float = quantity("m/s", "Airspeed V_r.", gt=0.0)
-    roll_deg: float = quantity("deg", "Roll angle.", 0.0, ge=-90.0, le=90.0)
-    pitch_deg: float = quantity("deg", "Pitch angle.", 0.0, gt=-90.0, lt=90.0)
-    yaw_deg: float = quantity("deg", "Yaw angle.", 0.0, ge=-180.0, le=180.0)
+    start_s: float = quantity("s", ge=0.0)
+    airspeed_m_s: float = quantity("m/s", gt=0.0)
+    roll_deg: float = quantity("deg", default=0.0, ge=-90.0, le=90.0)
+    pitch_deg: float = quantity("deg", default=0.0, gt=-90.0, lt=90.0)
+    yaw_deg: float = quantity("deg", default=0.0, ge=-180.0, le=180.0)
     shape: Literal["step", "ramp"] = "step"
 
     def segment(self) -> Segment:
@@ -112,10 +117,14 @@ class ProfileSegment(Model):
 
 
 class FaultOfUav(FaultSpec):
-    """A fault of one UAV of the fleet, in simulated time."""
+    """A fault of one UAV of the fleet, in simulated time.
+
+    Attributes:
+        start_s: Start, exclusive.
+    """
 
     uav: SystemId
-    start_s: float = quantity("s", "Start, exclusive.", ge=0.0)
+    start_s: float = quantity("s", ge=0.0)
 
     def overlaps(self, other: "FaultOfUav") -> bool:
         """Return whether both act on the same actuator or sensor at some time."""

@@ -4,6 +4,7 @@ Every operation returns, or raises `CommandRefused` (with the vehicle's reason) 
 (after several retries).
 """
 
+import asyncio
 import contextlib
 import math
 from collections.abc import Iterable
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from gcs.station.navigation import KnownHome
 
 _TRIES = 3
+_MESSAGE_S = 1.0  # for a message after its acknowledgement
 
 
 class Vehicle(PlanTransfers):
@@ -118,18 +120,31 @@ class Vehicle(PlanTransfers):
         self.state.learn_private(self._now())
 
     async def request(self, message_id: int) -> None:
-        """Request one message now; `state.latest` has it when this returns, unless it was lost."""
-        await self.command(dialect.MAV_CMD_REQUEST_MESSAGE, (message_id,))
+        """Request one message now; `state.latest` has it when this returns.
+
+        It may come before its acknowledgement or after it; one that is lost is requested again.
+
+        Raises:
+            NoAnswer: It does not come, though its request is accepted.
+        """
+        coming = self._received.subscribe(
+            lambda message: message.get_srcSystem() == self.id and message.get_msgId() == message_id
+        )
+        for _ in range(_TRIES):
+            await self.command(dialect.MAV_CMD_REQUEST_MESSAGE, (message_id,))
+            with contextlib.suppress(TimeoutError, StopAsyncIteration):
+                async with asyncio.timeout(_MESSAGE_S):
+                    await anext(coming)
+                    return
+        name = dialect.mavlink_map[message_id].msgname
+        raise self._no_answer(f"UAV {self.system} accepted to send {name}, which has not come")
 
     async def ask_for_fleet(self) -> None:
         """Request its fleet; `state.fleet` stays empty if it refuses or does not answer."""
         number = dialect.MAVLINK_MSG_ID_FTC_FLEET
         self.state.latest.pop(number, None)
         with contextlib.suppress(CommandRefused, NoAnswer):
-            for _ in range(_TRIES):  # the message may be lost and its acknowledgement not
-                await self.request(number)
-                if number in self.state.latest:
-                    return
+            await self.request(number)
 
     async def home(self) -> "KnownHome":
         """Return where its home is.
@@ -139,11 +154,12 @@ class Vehicle(PlanTransfers):
         """
         from gcs.station.navigation import home_of
 
-        for _ in range(_TRIES):
-            if (home := home_of(self.state)) is not None:
-                return home
+        if (home := home_of(self.state)) is None:
             await self.request(dialect.MAVLINK_MSG_ID_HOME_POSITION)
-        raise NoAnswer(f"UAV {self.system} does not say where its home is")
+            home = home_of(self.state)
+        if home is None:
+            raise NoAnswer(f"UAV {self.system} does not say where its home is")
+        return home
 
     async def enable_fence(self, enable: bool = True) -> None:
         """Let it watch its fence, or no longer."""
@@ -233,11 +249,8 @@ class Vehicle(PlanTransfers):
     async def formation(self) -> dialect.MAVLink_ftc_formation_message:
         """Request how it sees its formation."""
         number = dialect.MAVLINK_MSG_ID_FTC_FORMATION
-        self.state.latest.pop(number, None)
         await self.request(number)
-        message = self.state.latest.get(number)
-        if not isinstance(message, dialect.MAVLink_ftc_formation_message):
-            raise self._no_answer(f"UAV {self.system} did not report its place in the formation")
+        message: dialect.MAVLink_ftc_formation_message = self.state.latest[number]
         return message
 
     async def faults(self) -> tuple[Fault, ...]:

@@ -12,10 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gcs.results.figures import UAV_FIGURES, ChannelSummary, UavSummary
+from gcs.results.figures import UAV_FIGURES, UavSummary
 from gcs.results.quantities import QUANTITIES, UNITS, in_degrees
 from gcs.results.recording import Recording
 from gcs.results.summary import summarise
+from gcs.results.summary_parts import ChannelSummary
 from gcs.scenario.model import Scenario
 from mavlink_defs.capture.saving import saving
 from mavlink_defs.capture.tap_report import ChannelReport, TapReport

@@ -283,7 +283,6 @@ class MissionsPanel(Panel, Horizontal):
     def _uploaded(self, outcome: ActionOutcome) -> None:
         if outcome.accepted:
             self.draft = None
-        self.post_message(Refresh())
 
     def action_download(self) -> None:
         """Get the mission of the selected vehicle, and drop what was edited."""
@@ -295,8 +294,4 @@ class MissionsPanel(Panel, Horizontal):
 
         state = self._state
         systems = () if state is None else (state.system,)
-        done = self._got
-        self.post_message(VehicleAction("get mission", systems, act, on_done=done))
-
-    def _got(self, _: ActionOutcome) -> None:
-        self.post_message(Refresh())
+        self.post_message(VehicleAction("get mission", systems, act))

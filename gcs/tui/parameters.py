@@ -145,7 +145,6 @@ class ParametersPanel(Panel, Vertical):
     def _done(self, outcome: ActionOutcome) -> None:
         if not outcome.accepted:
             self._said[outcome.system] = outcome.text + " (g asks again)"
-        self.post_message(Refresh())
 
     # the fields
 
@@ -223,12 +222,8 @@ class ParametersPanel(Panel, Vertical):
                 view.targets,
                 act,
                 question=_with_list(question, held),
-                on_done=self._changed,
             )
         )
-
-    def _changed(self, outcome: ActionOutcome) -> None:
-        self.post_message(Refresh())
 
     # files
 
@@ -259,7 +254,7 @@ class ParametersPanel(Panel, Vertical):
                 raise BadInput(f"cannot write {file}: {problem.strerror}") from problem
             return f"{counted(len(held), 'parameter')} in {file}"
 
-        self.post_message(VehicleAction("save parameters", [system], act, on_done=self._changed))
+        self.post_message(VehicleAction("save parameters", [system], act))
 
     def action_load(self) -> None:
         """Ask for the file to load."""
@@ -290,7 +285,6 @@ class ParametersPanel(Panel, Vertical):
         self, file: Path, values: dict[str, float], different: dict[int, dict[str, float | None]]
     ) -> None:
         systems = [system for system in sorted(different) if different[system]]
-        self.post_message(Refresh())
         if not systems:
             if different:
                 self.app.notify(f"{ids(sorted(different))}: all as in {file.name}")
@@ -312,7 +306,6 @@ class ParametersPanel(Panel, Vertical):
                 act,
                 question=_with_list(head, lines),
                 choices=(Answer("Set", "set"),),
-                on_done=self._changed,
             )
         )
 

@@ -213,7 +213,6 @@ class ProfilesPanel(Panel, Horizontal):
 
     def _done(self, outcome: ActionOutcome) -> None:
         self.query_one(Holdings).progress.pop(outcome.system, None)
-        self.post_message(Refresh())
 
 
 def _compared(state: VehicleState, segments: tuple[Segment, ...] | None) -> Cell:

@@ -46,7 +46,7 @@ class VehicleAction(Message):
             second argument is the value of the operator's choice, "" if there was none.
         question: What the operator is asked first; "" for nothing.
         choices: The answers besides "cancel".
-        on_done: Called with each outcome.
+        on_done: Called with each outcome, before the visible panel is drawn again.
     """
 
     def __init__(

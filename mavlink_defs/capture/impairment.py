@@ -18,18 +18,25 @@ class Bursts(Model):
 
     Attributes:
         begin: Probability that a datagram finds a burst begun.
+        end: Probability that it finds a burst ended.
+        loss: Loss within a burst.
     """
 
     begin: Share
-    end: float = quantity("", "Probability that it finds a burst ended.", gt=0.0, le=1.0)
-    loss: float = quantity("", "Loss within a burst.", 1.0, ge=0.0, le=1.0)
+    end: float = quantity("", gt=0.0, le=1.0)
+    loss: float = quantity("", default=1.0, ge=0.0, le=1.0)
 
 
 class Outage(Model):
-    """A time during which nothing passes."""
+    """A time during which nothing passes.
 
-    from_s: float = quantity("s", "Begin, inclusive.", ge=0.0)
-    to_s: float = quantity("s", "End, exclusive.", gt=0.0)
+    Attributes:
+        from_s: Begin, inclusive.
+        to_s: End, exclusive.
+    """
+
+    from_s: float = quantity("s", ge=0.0)
+    to_s: float = quantity("s", gt=0.0)
 
     @model_validator(mode="after")
     def _in_order(self) -> "Outage":
@@ -43,23 +50,27 @@ class Impairment(Model):
     """Impairments of each datagram on a link, in either direction; none by default.
 
     Attributes:
+        seed: Seed of the random choices.
+        loss: Share that is lost.
         bursts: Losses in bursts; none: no bursts.
+        duplicate: Share that comes twice.
+        delay_ms: Delay of every datagram.
+        jitter_ms: Largest random addition to the delay; order is kept.
+        reorder: Share that is overtaken.
+        reorder_ms: Time by which overtaken datagrams are held back.
+        bit_errors: Share of the bits that are inverted.
         outages: Times during which every datagram is lost [s].
     """
 
-    seed: int = whole("", "Seed of the random choices.", 1, ge=0, le=2**63 - 1)
-    loss: float = quantity("", "Share that is lost.", 0.0, ge=0.0, le=1.0)
+    seed: int = whole("", default=1, ge=0, le=2**63 - 1)
+    loss: float = quantity("", default=0.0, ge=0.0, le=1.0)
     bursts: Bursts | None = None
-    duplicate: float = quantity("", "Share that comes twice.", 0.0, ge=0.0, le=1.0)
-    delay_ms: float = quantity("ms", "Delay of every datagram.", 0.0, ge=0.0, le=60_000.0)
-    jitter_ms: float = quantity(
-        "ms", "Largest random addition to the delay; order is kept.", 0.0, ge=0.0, le=60_000.0
-    )
-    reorder: float = quantity("", "Share that is overtaken.", 0.0, ge=0.0, le=1.0)
-    reorder_ms: float = quantity(
-        "ms", "Time by which overtaken datagrams are held back.", 10.0, gt=0.0, le=60_000.0
-    )
-    bit_errors: float = quantity("", "Share of the bits that are inverted.", 0.0, ge=0.0, le=0.5)
+    duplicate: float = quantity("", default=0.0, ge=0.0, le=1.0)
+    delay_ms: float = quantity("ms", default=0.0, ge=0.0, le=60_000.0)
+    jitter_ms: float = quantity("ms", default=0.0, ge=0.0, le=60_000.0)
+    reorder: float = quantity("", default=0.0, ge=0.0, le=1.0)
+    reorder_ms: float = quantity("ms", default=10.0, gt=0.0, le=60_000.0)
+    bit_errors: float = quantity("", default=0.0, ge=0.0, le=0.5)
     outages: Annotated[tuple[Outage, ...], AtMost(1000)] = ()
 
     @property

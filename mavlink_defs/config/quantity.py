@@ -1,10 +1,10 @@
-"""Numbers of a configuration: unit, bounds and meaning declared together, once.
+"""Numbers of a configuration: unit and bounds declared together, once.
 
 What a field declares with `quantity` or `whole` is what the loader checks, what its error
-messages contain, and what help pages and the parameter protocol look up with `describe`::
+messages contain, and what help pages and the parameter protocol look up with `describe`. Its
+meaning stands below "Attributes" in the docstring of its model, as with every key::
 
-    class Airframe(Model):
-        mass_kg: float = quantity("kg", "Take-off mass m.", gt=0.0)
+    mass_kg: float = quantity("kg", gt=0.0)
 """
 
 from dataclasses import dataclass
@@ -57,7 +57,7 @@ class Quantity:
 
 def quantity(
     unit: str,
-    doc: str,
+    doc: str = "",
     default: Any = PydanticUndefined,
     *,
     gt: float | None = None,
@@ -69,7 +69,7 @@ def quantity(
 
     Args:
         unit: Unit in ASCII; empty for a pure number.
-        doc: What the number means.
+        doc: What the number means, where no docstring of a model says it: of parts of lists.
         default: Value when the key is absent; without one the key must be given.
         gt: Exclusive lower bound.
         ge: Inclusive lower bound.
@@ -85,7 +85,7 @@ def quantity(
 
 def whole(
     unit: str,
-    doc: str,
+    doc: str = "",
     default: Any = PydanticUndefined,
     *,
     ge: int | None = None,

@@ -96,16 +96,6 @@ class Fault(NamedTuple):
         return self.number
 
     @property
-    def sensor(self) -> int:
-        """`number`: its name of before, kept for one version."""
-        return self.number
-
-    @property
-    def actuator_name(self) -> str:
-        """Name of its target: kept for one version, as `actuator`."""
-        return self.target.name
-
-    @property
     def code(self) -> int:
         """Number of its kind on the wire."""
         return self.kind.code

@@ -11,7 +11,7 @@ delayed valid data late, intermittent now and then.
 """
 
 import math
-from typing import Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 from mavlink_defs import dialect
 from mavlink_defs.faults.kinds import Family, Kind, Target
@@ -63,91 +63,63 @@ _SENSORS = (
     Target("airspeed", _AIRSPEED, "Pa", 0.01, 10_000.0, ("scale", 0.5)),
 )
 
+
+def _kind(
+    name: str, template: str, doc: str = "", unit: str = "", failure: str = "wrong", **how: Any
+) -> Kind:
+    """Return a kind, of which FTC_SENSOR_FAULT_KIND has the name; `how` as of `Kind`."""
+    code = getattr(dialect, f"FTC_SENSOR_FAULT_KIND_{name.upper()}")
+    return Kind(name, code, template, (doc,) if doc else (), unit, failure=failure, **how)
+
+
+_FACTOR: dict[str, Any] = {"suffix": "factor", "low": 1.0, "high": 1000.0, "default": 10.0}
+_FADING = "Time in which samples shrink to 0, as of a pitot that ices up."
+_NOISE = "Factor of the standard deviation of the white noise."
+
 _KINDS = (
-    Kind("off", dialect.FTC_SENSOR_FAULT_KIND_OFF, "off", failure="off"),
-    Kind("stuck", dialect.FTC_SENSOR_FAULT_KIND_STUCK, "stuck", failure="stuck"),
-    Kind("garbage", dialect.FTC_SENSOR_FAULT_KIND_GARBAGE, "reports garbage", failure="garbage"),
-    Kind(
-        "bias",
-        dialect.FTC_SENSOR_FAULT_KIND_BIAS,
-        "{value:+g}{unit}",
-        ("Added to every sample.",),
-        "{unit}",
-        failure="wrong",
-    ),
-    Kind(
-        "drift",
-        dialect.FTC_SENSOR_FAULT_KIND_DRIFT,
-        "drifts by {value:+g}{unit}",
-        ("Growth of what is added.",),
-        "{unit}/s",
-        failure="wrong",
-    ),
-    Kind(
-        "scale",
-        dialect.FTC_SENSOR_FAULT_KIND_SCALE,
-        "times {value:g}",
-        ("Factor of every sample.",),
-        low=-10.0,
-        high=10.0,
-        failure="wrong",
-        scales=True,
-    ),
-    Kind(
+    _kind("off", "off", failure="off"),
+    _kind("stuck", "stuck", failure="stuck"),
+    _kind("garbage", "reports garbage", failure="garbage"),
+    _kind("bias", "{value:+g}{unit}", "Added to every sample.", "{unit}"),
+    _kind("drift", "drifts by {value:+g}{unit}", "Growth of what is added.", "{unit}/s"),
+    _kind("scale", "times {value:g}", "Factor of every sample.", low=-10.0, high=10.0, scales=True),
+    _kind(
         "fade",
-        dialect.FTC_SENSOR_FAULT_KIND_FADE,
         "fades in {value:g}{unit}",
-        ("Time in which samples shrink to 0, as of a pitot that ices up.",),
+        _FADING,
         "s",
         low=0.1,
         high=3600.0,
         default=60.0,
-        failure="wrong",
         scales=True,
     ),
-    Kind(
-        "noise",
-        dialect.FTC_SENSOR_FAULT_KIND_NOISE,
-        "noise times {value:g}",
-        ("Factor of the standard deviation of the white noise.",),
-        suffix="factor",
-        low=1.0,
-        high=1000.0,
-        default=10.0,
-        failure="wrong",
-    ),
-    Kind(
+    _kind("noise", "noise times {value:g}", _NOISE, **_FACTOR),
+    _kind(
         "slow",
-        dialect.FTC_SENSOR_FAULT_KIND_SLOW,
         "slow, 1 sample in {value:g}",
-        ("One sample in this many is reported.",),
-        suffix="factor",
-        low=1.0,
-        high=1000.0,
-        default=10.0,
+        "One sample in this many is reported.",
         failure="slow",
+        **_FACTOR,
     ),
     # beyond the 0.2 s of samples that PX4's EKF2 can wait for (EKF2_DELAY_MAX)
-    Kind(
+    _kind(
         "delayed",
-        dialect.FTC_SENSOR_FAULT_KIND_DELAYED,
         "delayed by {value:g}{unit}",
-        ("Delay of every sample.",),
+        "Delay of every sample.",
         "s",
+        "delayed",
         high=MAX_DELAY_S,
         default=0.5,
-        failure="delayed",
     ),
-    Kind(
+    _kind(
         "intermittent",
-        dialect.FTC_SENSOR_FAULT_KIND_INTERMITTENT,
         "off and on at {value:g}{unit}",
-        ("Frequency of off and on.",),
+        "Frequency of off and on.",
         "Hz",
+        failure="intermittent",
         low=0.01,
         high=100.0,
         default=1.0,
-        failure="intermittent",
     ),
 )
 

@@ -21,16 +21,16 @@ class FaultSpec(Model):
     """A fault of one target: which, how, how much, and when.
 
     The UAV is not part of it, and its window may be left open.
+
+    Attributes:
+        start_s: Start in simulated time, exclusive; none: now.
+        end_s: End in simulated time, inclusive; none: never.
     """
 
     FAMILY: ClassVar[Family]
 
-    start_s: float | None = quantity(
-        "s", "Start in simulated time, exclusive; none: now.", None, ge=0.0
-    )
-    end_s: float | None = quantity(
-        "s", "End in simulated time, inclusive; none: never.", None, gt=0.0
-    )
+    start_s: float | None = quantity("s", default=None, ge=0.0)
+    end_s: float | None = quantity("s", default=None, gt=0.0)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

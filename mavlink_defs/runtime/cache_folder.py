@@ -5,14 +5,18 @@ Where it cannot be written, every process compiles for itself what it calls, and
 `parts_left` names the remedy. Who only asks imports no compiler for it: that is a third of a ground
 station's memory.
 
+It is of the code of our files that it depends on: their comments, docstrings and layout may change.
+
 On Linux on x86 the code is made for any processor since about 2013 (x86-64-v3), so that machines
 can share it; ``NUMBA_CPU_NAME`` chooses another. The bits of results do not depend on it.
 """
 
+import ast
 import contextlib
 import errno
 import functools
 import hashlib
+import json
 import os
 import platform
 import shutil
@@ -23,13 +27,23 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from mavlink_defs.config.problems import ConfigError, Problem
-from mavlink_defs.runtime.sources import compiled_sources, content_digest, digest_with_imports
+from mavlink_defs.runtime.sources import (
+    ROOT,
+    compiled_sources,
+    content_digest,
+    digest_of,
+    is_ours,
+    joint_digest,
+    remembered,
+    with_imports,
+)
 
 COMMON_CPU = "x86-64-v3"
 _ITS_FLAGS = {"abm", "avx", "avx2", "bmi1", "bmi2", "f16c", "fma", "movbe", "xsave"}
 """As Linux names what it has."""
 _WARM = "warm-"
 _KEPT_DAYS = 14
+_KEPT_DIGESTS = 5000
 
 
 def parts_left(parts: Iterable[str]) -> list[str]:
@@ -81,8 +95,82 @@ def _folders() -> Iterator[Path]:
 
 
 def folder_of(source: Path, *further: Path) -> Path:
-    """Return the folder of a file's code; arguments as of `digest_with_imports`."""
-    return FOLDER / digest_with_imports(TARGET, source, *further)
+    """Return the folder of a file's code.
+
+    Args:
+        source: The file. If it is of other people, its place counts, too.
+        further: Others that its code depends on beside what it imports.
+    """
+    return FOLDER / _digest_with_imports(source, *further)
+
+
+@remembered
+def _digest_with_imports(source: Path, *further: Path) -> str:
+    known = code_digests()
+    before = len(known)
+    place = source.relative_to(ROOT) if source.is_relative_to(ROOT) else source
+    compiled_by = Path(__file__).with_name("compiler.py")
+    files = (compiled_by, *with_imports(source, *further))
+    digest = joint_digest([_code_digest(file, known) for file in files], f"{place} {TARGET}")
+    if len(known) > before and OBSTACLE is None:
+        _keep(known)
+    return digest[:16]
+
+
+def _code_digest(source: Path, known: dict[str, str]) -> bytes:
+    """Return a digest of a file's name and code; of other people's files lines count, too.
+
+    Args:
+        source: The file.
+        known: Such digests by those of the files' content, to which it is added.
+    """
+    whole = content_digest(source).hex()
+    if not is_ours(source) or source.suffix != ".py":
+        return bytes.fromhex(whole)
+    if whole not in known:
+        content = source.read_bytes()  # it may have changed
+        whole = digest_of(source, content).hex()
+        known[whole] = digest_of(source, _bare(content)).hex()
+    return bytes.fromhex(known[whole])
+
+
+def _bare(content: bytes) -> bytes:
+    """Return a text for the code of a file, the same without comments, docstrings and layout."""
+    try:
+        tree = ast.parse(content)
+    except SyntaxError:  # a template
+        return content
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            node.body = [one for one in node.body if not _is_text(one)]
+    return ast.dump(tree).encode()
+
+
+def _is_text(statement: ast.stmt) -> bool:
+    if not isinstance(statement, ast.Expr) or not isinstance(statement.value, ast.Constant):
+        return False
+    return isinstance(statement.value.value, str)
+
+
+@functools.cache
+def code_digests() -> dict[str, str]:
+    """Return the digests of code that were made before: to parse all files takes a second."""
+    with contextlib.suppress(OSError, ValueError):
+        known: dict[str, str] = json.loads(_digests_file().read_text(encoding="ascii"))
+        return known
+    return {}
+
+
+def _keep(known: dict[str, str]) -> None:
+    """Keep digests of code for other processes; one that does so at the same time wins."""
+    part = _digests_file().with_suffix(f".{os.getpid()}")
+    with contextlib.suppress(OSError):
+        part.write_text(json.dumps(dict([*known.items()][-_KEPT_DIGESTS:])), encoding="ascii")
+        part.replace(_digests_file())
+
+
+def _digests_file() -> Path:
+    return FOLDER / f"digests-{sys.implementation.cache_tag}.json"
 
 
 def _warm_mark(part: str) -> Path:
@@ -92,7 +180,7 @@ def _warm_mark(part: str) -> Path:
 
 @functools.cache
 def _digest_of_all() -> str:
-    digests = "".join(digest_with_imports(TARGET, one) for one in compiled_sources())
+    digests = "".join(map(_digest_with_imports, compiled_sources()))
     return hashlib.sha256(digests.encode()).hexdigest()[:16]
 
 
@@ -138,10 +226,5 @@ FOLDER = _find_cache_folder()
 OBSTACLE = _find_obstacle()
 """Why the cache cannot be written; None if it can."""
 CPU = _cpu()
-TARGET = " ".join(
-    (
-        f"{sys.implementation.cache_tag} {sys.platform} {platform.machine()} {CPU}",
-        content_digest(Path(__file__).with_name("compiler.py")).hex(),
-    )
-)
+TARGET = f"{sys.implementation.cache_tag} {sys.platform} {platform.machine()} {CPU}"
 """What code depends on beside its source."""

@@ -4,14 +4,17 @@ Numba's own cache checks only the file that a function is in, so a caller contin
 running the old code of a function that it calls from another file. Here every file has a cache
 folder of its own, whose name is a digest of that file, of every file that it imports, directly or
 not, of the versions of Python, numba and numpy, and of the processor that the code is made for.
-After a change only what depends on it is compiled again. Equal sources share their code, wherever
+After a change only what depends on it is compiled again; comments, docstrings and layout of our own
+files do not count, so that a function may stand in another line than when it was compiled. Equal sources share their code, wherever
 they lie. A file of another project counts with what it imports of its own package or from beside
 it.
 """
 
+import hashlib
 import pickle
 from collections.abc import Callable
 from pathlib import Path
+from types import CodeType
 from typing import Any
 
 import numba
@@ -38,6 +41,7 @@ class DigestLocator(_UserProvidedCacheLocator):
         """Locate the code of a function that is in a file."""
         super().__init__(function, file)
         self._folder = folder_of(resolved(file), *_functions[function])
+        self._digest = _digest_of(function)
 
     @classmethod
     def from_function(cls, function: Callable[..., object], file: str) -> "DigestLocator | None":
@@ -47,6 +51,10 @@ class DigestLocator(_UserProvidedCacheLocator):
     def get_cache_path(self) -> str:
         """Return the folder with its code."""
         return str(self._folder)
+
+    def get_disambiguator(self) -> str:
+        """Return what distinguishes the function from others of its name; numba takes its line."""
+        return self._digest
 
     def get_source_stamp(self) -> str:
         """Return what distinguishes fresh code from stale: nothing beside the folder."""
@@ -68,6 +76,14 @@ def add_to_cache(*variants: Callable[..., object], further: tuple[Path, ...] = (
         return False
     _functions.update(dict.fromkeys(variants, further))
     return True
+
+
+def _digest_of(function: Callable[..., object]) -> str:
+    """Return a digest of a function's own code, wherever it stands."""
+    code = function.__code__
+    numbers = [one for one in code.co_consts if not isinstance(one, str | CodeType)]
+    text = repr((code.co_code, code.co_names, numbers))
+    return hashlib.sha256(text.encode()).hexdigest()[:8]
 
 
 def _text_of(annotation: Any) -> str:

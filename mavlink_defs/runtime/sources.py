@@ -11,14 +11,24 @@ import importlib.metadata
 import importlib.util
 import os
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from typing import Any, TypeVar
 
+_F = TypeVar("_F", bound=Callable[..., Any])
 _PACKAGES = ("mavlink_defs", "sitl_plant", "ftc_autopilot", "gcs", "ftc_lab")
 ROOT = Path(__file__).resolve().parents[2]
 """The folder of our packages."""
 _GENERATED = {ROOT / "mavlink_defs" / "dialect.py": ROOT / "mavlink_defs" / "ftc.xml"}
 _IMPORT = re.compile(r"^from ([\w.]+) import (\([^)]*\)|.*)|^import ([\w.]+)", re.MULTILINE)
+_forget: list[Callable[[], None]] = []
+
+
+def remembered(function: _F) -> _F:
+    """Decorate what is computed once for each file, until `forget_sources`."""
+    known: Any = functools.cache(function)
+    _forget.append(known.cache_clear)
+    return known  # type: ignore[no-any-return] - it is called as the function is
 
 
 def sources_of(file: Path) -> list[Path]:
@@ -26,21 +36,26 @@ def sources_of(file: Path) -> list[Path]:
 
     What it imports must have been imported.
     """
-    return [path for path in with_imports(file) if not _is_ours(path)]
+    return [path for path in with_imports(file) if not is_ours(path)]
 
 
 def forget_sources() -> None:
     """Read files again: one of another project has changed while this process runs."""
-    for known in (content_digest, digest_with_imports, _imports):
-        known.cache_clear()
+    for forget in _forget:
+        forget()
 
 
-def source_digest(sources: Iterable[Path], place: str = "") -> str:
-    """Return a digest of source files, a place, and the versions of numba and numpy."""
-    digest = hashlib.sha256(f"{version_of('numba')} {version_of('numpy')} {place}".encode())
-    for source in sources:
-        digest.update(content_digest(source))
-    return digest.hexdigest()
+def source_digest(sources: Iterable[Path]) -> str:
+    """Return a digest of source files and of the versions of numba and numpy."""
+    return joint_digest(map(content_digest, sources))
+
+
+def joint_digest(digests: Iterable[bytes], place: str = "") -> str:
+    """Return a digest of digests, a place, and the versions of numba and numpy."""
+    joint = hashlib.sha256(f"{version_of('numba')} {version_of('numpy')} {place}".encode())
+    for digest in digests:
+        joint.update(digest)
+    return joint.hexdigest()
 
 
 @functools.cache
@@ -52,32 +67,21 @@ def version_of(package: str) -> str:
         return "not installed"
 
 
-@functools.cache
+@remembered
 def content_digest(source: Path) -> bytes:
     """Return a digest of one file and its name."""
-    return hashlib.sha256(source.name.encode() + source.read_bytes()).digest()
+    return digest_of(source, source.read_bytes())
+
+
+def digest_of(source: Path, content: bytes) -> bytes:
+    """Return the digest of a file's content and its name."""
+    return hashlib.sha256(source.name.encode() + content).digest()
 
 
 @functools.cache
 def resolved(name: str) -> Path:
     """Return the path of a file without links."""
     return Path(name).resolve()
-
-
-@functools.cache
-def digest_with_imports(target: str, source: Path, *further: Path) -> str:
-    """Return a digest of a file and of all files of this project that its code depends on.
-
-    Of other people's files the place counts, too.
-
-    Args:
-        target: What the code is made for.
-        source: The file.
-        further: Others that its code depends on.
-    """
-    place = source.relative_to(ROOT) if source.is_relative_to(ROOT) else source
-    files = with_imports(source, *further)
-    return source_digest(files, f"{place} {target}")[:16]
 
 
 def with_imports(*sources: Path) -> list[Path]:
@@ -92,11 +96,12 @@ def with_imports(*sources: Path) -> list[Path]:
     return sorted(_GENERATED.get(path, path) for path in found)
 
 
-def _is_ours(source: Path) -> bool:
+def is_ours(source: Path) -> bool:
+    """Return whether a file is of our packages."""
     return any(source.is_relative_to(ROOT / package) for package in _PACKAGES)
 
 
-@functools.cache
+@remembered
 def _imports(source: Path) -> list[Path]:
     """Return the files that a file imports of this project, and of its own one."""
     if source in _GENERATED or source.suffix != ".py":
@@ -109,7 +114,7 @@ def _imports(source: Path) -> list[Path]:
     own = (name.replace(".", "/") for name in names if name.partition(".")[0] in _PACKAGES)
     files = [f"{ROOT}/{name}{end}" for name in own for end in (".py", "/__init__.py")]
     found = [Path(file) for file in files if os.path.isfile(file)]
-    return found if _is_ours(source) else [*found, *_imports_of_its_project(source, text)]
+    return found if is_ours(source) else [*found, *_imports_of_its_project(source, text)]
 
 
 def _imports_of_its_project(source: Path, text: str) -> Iterator[Path]:

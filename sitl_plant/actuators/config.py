@@ -10,40 +10,43 @@ from mavlink_defs.config.quantity import quantity
 
 
 class Servo(Model):
-    """What a servo of either kind has."""
+    """What a servo of either kind has.
 
-    lag_s: float = quantity(
-        "s", "Time constant of the first-order lag; 0: none.", 0.0, ge=0.0, le=10.0
-    )
-    dead_time_s: float = quantity(
-        "s", "Delay of every command, whole control periods.", 0.0, ge=0.0, le=1.0
-    )
+    Attributes:
+        lag_s: Time constant of the first-order lag; 0: none.
+        dead_time_s: Delay of every command, whole control periods.
+    """
+
+    lag_s: float = quantity("s", default=0.0, ge=0.0, le=10.0)
+    dead_time_s: float = quantity("s", default=0.0, ge=0.0, le=1.0)
 
 
 class SurfaceServo(Servo):
-    """Servo of a control surface; angles are the surface's."""
+    """Servo of a control surface; angles are the surface's.
 
-    rate_limit_deg_s: float | None = quantity(
-        "deg/s", "Highest rate; without it, unlimited.", None, gt=0.0
-    )
-    backlash_deg: float = quantity(
-        "deg", "Full width of the play between servo and surface.", 0.0, ge=0.0, le=45.0
-    )
-    resolution_deg: float = quantity(
-        "deg", "Step to which commands are rounded; 0: none.", 0.0, ge=0.0, le=45.0
-    )
+    Attributes:
+        rate_limit_deg_s: Highest rate; without it, unlimited.
+        backlash_deg: Full width of the play between servo and surface.
+        resolution_deg: Step to which commands are rounded; 0: none.
+    """
+
+    rate_limit_deg_s: float | None = quantity("deg/s", default=None, gt=0.0)
+    backlash_deg: float = quantity("deg", default=0.0, ge=0.0, le=45.0)
+    resolution_deg: float = quantity("deg", default=0.0, ge=0.0, le=45.0)
 
 
 class EngineServo(Servo):
     """Throttle, engine and propeller, from the commanded thrust to the real one.
 
     The lag is the larger one of this and the aircraft's own, `propulsion.lag_s`.
+
+    Attributes:
+        rate_limit_n_s: Highest rate of thrust; without it, unlimited.
+        resolution_n: Step to which commands are rounded; 0: none.
     """
 
-    rate_limit_n_s: float | None = quantity(
-        "N/s", "Highest rate of thrust; without it, unlimited.", None, gt=0.0
-    )
-    resolution_n: float = quantity("N", "Step to which commands are rounded; 0: none.", 0.0, ge=0.0)
+    rate_limit_n_s: float | None = quantity("N/s", default=None, gt=0.0)
+    resolution_n: float = quantity("N", default=0.0, ge=0.0)
 
 
 class ActuatorServos(Model):

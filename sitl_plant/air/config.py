@@ -9,11 +9,17 @@ from mavlink_defs.config.quantity import quantity
 
 
 class Sinusoid(Model):
-    """sin * sin(rate t) + cos * cos(rate t), in the unit of the disturbance it belongs to."""
+    """sin * sin(rate t) + cos * cos(rate t), in the unit of the disturbance it belongs to.
 
-    sin: float = quantity("", "Amplitude of the sine.", 0.0)
-    cos: float = quantity("", "Amplitude of the cosine.", 0.0)
-    rate_rad_s: float = quantity("rad/s", "Angular frequency; 0: constant.", ge=0.0)
+    Attributes:
+        sin: Amplitude of the sine.
+        cos: Amplitude of the cosine.
+        rate_rad_s: Angular frequency; 0: constant.
+    """
+
+    sin: float = quantity("", default=0.0)
+    cos: float = quantity("", default=0.0)
+    rate_rad_s: float = quantity("rad/s", ge=0.0)
 
 
 _NONE = Sinusoid(rate_rad_s=0.0)
@@ -46,44 +52,69 @@ class Disturbance(Model):
 
 
 class SteadyWind(Model):
-    """Wind that does not change, as the velocity of the air: a wind from the west blows east."""
+    """Wind that does not change, as the velocity of the air: a wind from the west blows east.
 
-    north_m_s: float = quantity("m/s", "To the north.", 0.0, ge=-100.0, le=100.0)
-    east_m_s: float = quantity("m/s", "To the east.", 0.0, ge=-100.0, le=100.0)
-    down_m_s: float = quantity("m/s", "Downwards.", 0.0, ge=-100.0, le=100.0)
+    Attributes:
+        north_m_s: To the north.
+        east_m_s: To the east.
+        down_m_s: Downwards.
+    """
+
+    north_m_s: float = quantity("m/s", default=0.0, ge=-100.0, le=100.0)
+    east_m_s: float = quantity("m/s", default=0.0, ge=-100.0, le=100.0)
+    down_m_s: float = quantity("m/s", default=0.0, ge=-100.0, le=100.0)
 
 
 class Shear(Model):
-    """Wind that grows linearly with altitude."""
+    """Wind that grows linearly with altitude.
 
-    north_1_s: float = quantity(
-        "1/s", "Wind to the north per metre of altitude.", 0.0, ge=-10.0, le=10.0
-    )
-    east_1_s: float = quantity(
-        "1/s", "Wind to the east per metre of altitude.", 0.0, ge=-10.0, le=10.0
-    )
-    altitude_m: float = quantity("m", "Altitude at which the shear adds nothing.", 0.0)
+    Attributes:
+        north_1_s: Wind to the north per metre of altitude.
+        east_1_s: Wind to the east per metre of altitude.
+        altitude_m: Altitude at which the shear adds nothing.
+    """
+
+    north_1_s: float = quantity("1/s", default=0.0, ge=-10.0, le=10.0)
+    east_1_s: float = quantity("1/s", default=0.0, ge=-10.0, le=10.0)
+    altitude_m: float = quantity("m", default=0.0)
 
 
 class Gust(Model):
-    """One gust of the form 1 - cos, for all aircraft at the same time."""
+    """One gust of the form 1 - cos, for all aircraft at the same time.
 
-    start_s: float = quantity("s", "Simulation time of its beginning.", ge=0.0)
-    duration_s: float = quantity("s", "From nothing over the peak to nothing.", gt=0.0)
-    north_m_s: float = quantity("m/s", "Peak, to the north.", 0.0, ge=-100.0, le=100.0)
-    east_m_s: float = quantity("m/s", "Peak, to the east.", 0.0, ge=-100.0, le=100.0)
-    down_m_s: float = quantity("m/s", "Peak, downwards.", 0.0, ge=-100.0, le=100.0)
+    Attributes:
+        start_s: Simulation time of its beginning.
+        duration_s: From nothing over the peak to nothing.
+        north_m_s: Peak, to the north.
+        east_m_s: Peak, to the east.
+        down_m_s: Peak, downwards.
+    """
+
+    start_s: float = quantity("s", ge=0.0)
+    duration_s: float = quantity("s", gt=0.0)
+    north_m_s: float = quantity("m/s", default=0.0, ge=-100.0, le=100.0)
+    east_m_s: float = quantity("m/s", default=0.0, ge=-100.0, le=100.0)
+    down_m_s: float = quantity("m/s", default=0.0, ge=-100.0, le=100.0)
 
 
 class Dryden(Model):
-    """Dryden turbulence with parameters of one's own, along the axes of the body."""
+    """Dryden turbulence with parameters of one's own, along the axes of the body.
 
-    sigma_u_m_s: float = quantity("m/s", "Standard deviation along x.", ge=0.0, le=50.0)
-    sigma_v_m_s: float = quantity("m/s", "Standard deviation along y.", ge=0.0, le=50.0)
-    sigma_w_m_s: float = quantity("m/s", "Standard deviation along z.", ge=0.0, le=50.0)
-    length_u_m: float = quantity("m", "Scale length along x.", ge=1.0)
-    length_v_m: float = quantity("m", "Scale length along y.", ge=1.0)
-    length_w_m: float = quantity("m", "Scale length along z.", ge=1.0)
+    Attributes:
+        sigma_u_m_s: Standard deviation along x.
+        sigma_v_m_s: Standard deviation along y.
+        sigma_w_m_s: Standard deviation along z.
+        length_u_m: Scale length along x.
+        length_v_m: Scale length along y.
+        length_w_m: Scale length along z.
+    """
+
+    sigma_u_m_s: float = quantity("m/s", ge=0.0, le=50.0)
+    sigma_v_m_s: float = quantity("m/s", ge=0.0, le=50.0)
+    sigma_w_m_s: float = quantity("m/s", ge=0.0, le=50.0)
+    length_u_m: float = quantity("m", ge=1.0)
+    length_v_m: float = quantity("m", ge=1.0)
+    length_w_m: float = quantity("m", ge=1.0)
 
 
 def _form(value: object) -> str:

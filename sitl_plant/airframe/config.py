@@ -23,12 +23,19 @@ _ROUNDING = 1e-3
 
 
 class Inertia(Model):
-    """Moments and product of inertia, eq. (5); the other two products are zero."""
+    """Moments and product of inertia, eq. (5); the other two products are zero.
 
-    Jxx: float = quantity("kg m^2", "Moment of inertia about x.", gt=0.0)
-    Jyy: float = quantity("kg m^2", "Moment of inertia about y.", gt=0.0)
-    Jzz: float = quantity("kg m^2", "Moment of inertia about z.", gt=0.0)
-    Jxz: float = quantity("kg m^2", "Product of inertia.")
+    Attributes:
+        Jxx: Moment of inertia about x.
+        Jyy: Moment of inertia about y.
+        Jzz: Moment of inertia about z.
+        Jxz: Product of inertia.
+    """
+
+    Jxx: float = quantity("kg m^2", gt=0.0)
+    Jyy: float = quantity("kg m^2", gt=0.0)
+    Jzz: float = quantity("kg m^2", gt=0.0)
+    Jxz: float = quantity("kg m^2")
 
     @model_validator(mode="after")
     def _positive_definite(self) -> "Inertia":
@@ -64,84 +71,94 @@ class Coefficients(Model):
 
     Those beyond the paper's are 0 unless given: it has no drag but a constant, and no forces of
     surfaces and rates.
+
+    Attributes:
+        cL0: Lift at zero angle of attack.
+        cL_alpha: Lift due to angle of attack.
+        cD0: Drag.
+        cY_beta: Side force due to sideslip.
+        cl0: Rolling moment.
+        cl_beta: Rolling moment due to sideslip.
+        cl_p: Rolling moment due to roll rate.
+        cl_r: Rolling moment due to yaw rate.
+        cl_da: Rolling moment due to aileron.
+        cl_dr: Rolling moment due to rudder.
+        cm0: Pitching moment.
+        cm_alpha: Pitching moment due to angle of attack.
+        cm_q: Pitching moment due to pitch rate.
+        cm_de: Pitching moment due to elevator.
+        cn0: Yawing moment.
+        cn_beta: Yawing moment due to sideslip.
+        cn_p: Yawing moment due to roll rate.
+        cn_r: Yawing moment due to yaw rate.
+        cn_da: Yawing moment due to aileron.
+        cn_dr: Yawing moment due to rudder.
+        cL_q: Lift due to pitch rate.
+        cL_de: Lift due to elevator.
+        cD_alpha: Drag due to angle of attack.
+        cD_alpha2: Drag due to its square.
+        cD_beta: Drag due to sideslip.
+        cD_beta2: Drag due to its square.
+        cD_de: Drag due to elevator.
+        cD_de2: Drag due to its square.
+        cY0: Side force.
+        cY_p: Side force due to roll rate.
+        cY_r: Side force due to yaw rate.
+        cY_da: Side force due to aileron.
+        cY_dr: Side force due to rudder.
     """
 
-    cL0: float = quantity("", "Lift at zero angle of attack.")
-    cL_alpha: float = quantity("1/rad", "Lift due to angle of attack.")
-    cD0: float = quantity("", "Drag.", ge=0.0)
-    cY_beta: float = quantity("1/rad", "Side force due to sideslip.")
-    cl0: float = quantity("", "Rolling moment.")
-    cl_beta: float = quantity("1/rad", "Rolling moment due to sideslip.")
-    cl_p: float = quantity("1/rad", "Rolling moment due to roll rate.")
-    cl_r: float = quantity("1/rad", "Rolling moment due to yaw rate.")
-    cl_da: float = quantity("1/rad", "Rolling moment due to aileron.")
-    cl_dr: float = quantity("1/rad", "Rolling moment due to rudder.")
-    cm0: float = quantity("", "Pitching moment.")
-    cm_alpha: float = quantity("1/rad", "Pitching moment due to angle of attack.")
-    cm_q: float = quantity("1/rad", "Pitching moment due to pitch rate.")
-    cm_de: float = quantity("1/rad", "Pitching moment due to elevator.")
-    cn0: float = quantity("", "Yawing moment.")
-    cn_beta: float = quantity("1/rad", "Yawing moment due to sideslip.")
-    cn_p: float = quantity("1/rad", "Yawing moment due to roll rate.")
-    cn_r: float = quantity("1/rad", "Yawing moment due to yaw rate.")
-    cn_da: float = quantity("1/rad", "Yawing moment due to aileron.")
-    cn_dr: float = quantity("1/rad", "Yawing moment due to rudder.")
+    cL0: float = quantity("")
+    cL_alpha: float = quantity("1/rad")
+    cD0: float = quantity("", ge=0.0)
+    cY_beta: float = quantity("1/rad")
+    cl0: float = quantity("")
+    cl_beta: float = quantity("1/rad")
+    cl_p: float = quantity("1/rad")
+    cl_r: float = quantity("1/rad")
+    cl_da: float = quantity("1/rad")
+    cl_dr: float = quantity("1/rad")
+    cm0: float = quantity("")
+    cm_alpha: float = quantity("1/rad")
+    cm_q: float = quantity("1/rad")
+    cm_de: float = quantity("1/rad")
+    cn0: float = quantity("")
+    cn_beta: float = quantity("1/rad")
+    cn_p: float = quantity("1/rad")
+    cn_r: float = quantity("1/rad")
+    cn_da: float = quantity("1/rad")
+    cn_dr: float = quantity("1/rad")
     # beyond Table I
-    cL_q: float = quantity("1/rad", "Lift due to pitch rate.", 0.0)
-    cL_de: float = quantity("1/rad", "Lift due to elevator.", 0.0)
-    cD_alpha: float = quantity("1/rad", "Drag due to angle of attack.", 0.0)
-    cD_alpha2: float = quantity("1/rad^2", "Drag due to its square.", 0.0)
-    cD_beta: float = quantity("1/rad", "Drag due to sideslip.", 0.0)
-    cD_beta2: float = quantity("1/rad^2", "Drag due to its square.", 0.0)
-    cD_de: float = quantity("1/rad", "Drag due to elevator.", 0.0)
-    cD_de2: float = quantity("1/rad^2", "Drag due to its square.", 0.0)
-    cY0: float = quantity("", "Side force.", 0.0)
-    cY_p: float = quantity("1/rad", "Side force due to roll rate.", 0.0)
-    cY_r: float = quantity("1/rad", "Side force due to yaw rate.", 0.0)
-    cY_da: float = quantity("1/rad", "Side force due to aileron.", 0.0)
-    cY_dr: float = quantity("1/rad", "Side force due to rudder.", 0.0)
+    cL_q: float = quantity("1/rad", default=0.0)
+    cL_de: float = quantity("1/rad", default=0.0)
+    cD_alpha: float = quantity("1/rad", default=0.0)
+    cD_alpha2: float = quantity("1/rad^2", default=0.0)
+    cD_beta: float = quantity("1/rad", default=0.0)
+    cD_beta2: float = quantity("1/rad^2", default=0.0)
+    cD_de: float = quantity("1/rad", default=0.0)
+    cD_de2: float = quantity("1/rad^2", default=0.0)
+    cY0: float = quantity("", default=0.0)
+    cY_p: float = quantity("1/rad", default=0.0)
+    cY_r: float = quantity("1/rad", default=0.0)
+    cY_da: float = quantity("1/rad", default=0.0)
+    cY_dr: float = quantity("1/rad", default=0.0)
 
     def without_side_force(self) -> "Coefficients":
         """Return them with a side force that says nothing of sideslip."""
         return self.model_copy(update={"cY_beta": 0.0})
 
 
+_FACTORS = {
+    "cL": "alpha q de",
+    "cD": "alpha alpha2 beta beta2 de de2",
+    "cY": "beta p r da dr",
+    "cl": "beta p r da dr",
+    "cm": "alpha q de",
+    "cn": "beta p r da dr",
+}
 TERMS = {
-    "cL": {"cL0": "1", "cL_alpha": "alpha", "cL_q": "q", "cL_de": "de"},
-    "cD": {
-        "cD0": "1",
-        "cD_alpha": "alpha",
-        "cD_alpha2": "alpha2",
-        "cD_beta": "beta",
-        "cD_beta2": "beta2",
-        "cD_de": "de",
-        "cD_de2": "de2",
-    },
-    "cY": {
-        "cY0": "1",
-        "cY_beta": "beta",
-        "cY_p": "p",
-        "cY_r": "r",
-        "cY_da": "da",
-        "cY_dr": "dr",
-    },
-    "cl": {
-        "cl0": "1",
-        "cl_beta": "beta",
-        "cl_p": "p",
-        "cl_r": "r",
-        "cl_da": "da",
-        "cl_dr": "dr",
-    },
-    "cm": {"cm0": "1", "cm_alpha": "alpha", "cm_q": "q", "cm_de": "de"},
-    "cn": {
-        "cn0": "1",
-        "cn_beta": "beta",
-        "cn_p": "p",
-        "cn_r": "r",
-        "cn_da": "da",
-        "cn_dr": "dr",
-    },
+    name: {f"{name}0": "1"} | {f"{name}_{factor}": factor for factor in factors.split()}
+    for name, factors in _FACTORS.items()
 }
 """What each coefficient of a force or moment is multiplied by; "alpha2" is a square, p, q and r are
 nondimensional."""
@@ -181,63 +198,66 @@ class SurfaceLimits(Model):
     """Stops of each surface: `[least, largest]`, one angle for both sides, or `none`.
 
     `none` means that the aircraft has no such surface; its derivatives then count as 0.
+
+    Attributes:
+        aileron: Of the aileron [deg].
+        elevator: Of the elevator [deg].
+        rudder: Of the rudder [deg].
     """
 
-    aileron: _Stops | None = Field(default=None, description="Of the aileron [deg].")
-    elevator: _Stops | None = Field(default=None, description="Of the elevator [deg].")
-    rudder: _Stops | None = Field(default=None, description="Of the rudder [deg].")
+    aileron: _Stops | None = None
+    elevator: _Stops | None = None
+    rudder: _Stops | None = None
 
 
 class Aircraft(Model):
-    """One aircraft type; of a plant the true one, of a controller the nominal one."""
+    """One aircraft type; of a plant the true one, of a controller the nominal one.
 
-    source: Prose = Field(default="", description="Where the numbers are from.")
-    mass_kg: float = quantity("kg", "Mass m.", gt=0.0)
-    wing_area_m2: float = quantity("m^2", "Reference area S.", gt=0.0)
-    wing_span_m: float = quantity("m", "Wing span b.", gt=0.0)
-    mean_chord_m: float = quantity("m", "Mean aerodynamic chord c.", gt=0.0)
-    air_density_kg_m3: float = quantity("kg/m^3", "Air density rho.", gt=0.0)
-    gravity_m_s2: float = quantity("m/s^2", "Acceleration of gravity g.", ge=0.0)
-    inertia_kg_m2: Inertia = Field(description="Inertia J.")
-    any_inertia: bool = Field(
-        default=False,
-        strict=True,
-        description="Whether to fly an inertia that no rigid body can have, as some publish.",
-    )
-    coefficients: Coefficients = Field(description="Aerodynamic coefficients.")
-    rate_derivatives: Literal["nondimensional", "per_rad_s"] = Field(
-        default="nondimensional",
-        description="Whether cl_p and the like are per p b/2V, or per rad/s.",
-    )
-    stall_deg: float | None = quantity(
-        "deg", "Angle of attack of the stall; none: no stall.", None, gt=0.0, lt=90.0
-    )
-    stall_sharpness: float = quantity(
-        "1/rad",
-        "Sharpness M of the blend from attached flow to a flat plate at the stall.",
-        50.0,
-        gt=0.0,
-        le=200.0,
-    )
-    thrust_limit_n: float = quantity("N", "Thrust is within 0 and this.", gt=0.0)
-    propulsion: Propulsion | None = Field(
-        default=None, description="Thrust by airspeed, its lag and moments; none: any at once."
-    )
-    surface_limit_deg: float | None = quantity(
-        "deg", "Stop on both sides of all surfaces.", None, gt=0.0, lt=90.0
-    )
-    surface_limits_deg: SurfaceLimits = Field(
-        default=SurfaceLimits(), description="Stops of single surfaces, in place of it [deg]."
-    )
-    gear: Gear | None = Field(
-        default=None,
-        description="What it touches the ground with; none: a touch ends its flight.",
-    )
-    airspeed_min_m_s: float = quantity("m/s", "Lowest airspeed command accepted.", gt=0.0)
-    airspeed_max_m_s: float = quantity("m/s", "Highest airspeed command accepted.", gt=0.0)
-    cruise_m_s: float | None = quantity(
-        "m/s", "Airspeed that a design is for; none: mid-range.", None, gt=0.0
-    )
+    Attributes:
+        source: Where the numbers are from.
+        mass_kg: Mass m.
+        wing_area_m2: Reference area S.
+        wing_span_m: Wing span b.
+        mean_chord_m: Mean aerodynamic chord c.
+        air_density_kg_m3: Air density rho.
+        gravity_m_s2: Acceleration of gravity g.
+        inertia_kg_m2: Inertia J.
+        any_inertia: Whether to fly an inertia that no rigid body can have, as some publish.
+        coefficients: Aerodynamic coefficients.
+        rate_derivatives: Whether cl_p and the like are per p b/2V, or per rad/s.
+        stall_deg: Angle of attack of the stall; none: no stall.
+        stall_sharpness: Sharpness M of the blend from attached flow to a flat plate at the stall.
+        thrust_limit_n: Thrust is within 0 and this.
+        propulsion: Thrust by airspeed, its lag and moments; none: any at once.
+        surface_limit_deg: Stop on both sides of all surfaces.
+        surface_limits_deg: Stops of single surfaces, in place of it [deg].
+        gear: What it touches the ground with; none: a touch ends its flight.
+        airspeed_min_m_s: Lowest airspeed command accepted.
+        airspeed_max_m_s: Highest airspeed command accepted.
+        cruise_m_s: Airspeed that a design is for; none: mid-range.
+    """
+
+    source: Prose = ""
+    mass_kg: float = quantity("kg", gt=0.0)
+    wing_area_m2: float = quantity("m^2", gt=0.0)
+    wing_span_m: float = quantity("m", gt=0.0)
+    mean_chord_m: float = quantity("m", gt=0.0)
+    air_density_kg_m3: float = quantity("kg/m^3", gt=0.0)
+    gravity_m_s2: float = quantity("m/s^2", ge=0.0)
+    inertia_kg_m2: Inertia
+    any_inertia: bool = Field(default=False, strict=True)
+    coefficients: Coefficients
+    rate_derivatives: Literal["nondimensional", "per_rad_s"] = "nondimensional"
+    stall_deg: float | None = quantity("deg", default=None, gt=0.0, lt=90.0)
+    stall_sharpness: float = quantity("1/rad", default=50.0, gt=0.0, le=200.0)
+    thrust_limit_n: float = quantity("N", gt=0.0)
+    propulsion: Propulsion | None = None
+    surface_limit_deg: float | None = quantity("deg", default=None, gt=0.0, lt=90.0)
+    surface_limits_deg: SurfaceLimits = SurfaceLimits()
+    gear: Gear | None = None
+    airspeed_min_m_s: float = quantity("m/s", gt=0.0)
+    airspeed_max_m_s: float = quantity("m/s", gt=0.0)
+    cruise_m_s: float | None = quantity("m/s", default=None, gt=0.0)
 
     @model_validator(mode="after")
     def _airspeeds_in_order(self) -> "Aircraft":
@@ -345,14 +365,19 @@ class Uncertainty(Model):
     """Modelling uncertainty: true value = factor * nominal value, factors 1 unless given.
 
     One factor of the inertia scales it as a whole, so that it stays positive definite.
+
+    Attributes:
+        mass: Factor of the mass.
+        inertia: One factor, or factors by name: Jxx, ...
+        coefficients: One factor, or factors by name: cL0, ...
     """
 
-    mass: float = quantity("", "Factor of the mass.", 1.0, gt=0.0)
+    mass: float = quantity("", default=1.0, gt=0.0)
     inertia: Annotated[Annotated[_Scale, Tag("<all>")] | _ByName, Discriminator(_form)] = Field(
-        default={}, description="One factor, or factors by name: Jxx, ..."
+        default={}
     )
     coefficients: Annotated[Annotated[_Factor, Tag("<all>")] | _ByName, Discriminator(_form)] = (
-        Field(default={}, description="One factor, or factors by name: cL0, ...")
+        Field(default={})
     )
 
     @model_validator(mode="after")

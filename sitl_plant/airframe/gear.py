@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from mavlink_defs.config.models import Model, Problems
 from mavlink_defs.config.quantity import quantity
@@ -63,79 +63,62 @@ class Launcher(Model):
     """A hand or a rail, which throws the aircraft into the air along its x axis.
 
     It lets go once more than half of the largest thrust is commanded.
+
+    Attributes:
+        speed_m_s: Speed over the ground at its end.
+        pitch_deg: Pitch angle.
+        length_m: Way along which it accelerates.
+        height_m: Height of the centre of gravity above the ground, at its start.
     """
 
-    speed_m_s: float = quantity("m/s", "Speed over the ground at its end.", gt=0.0, le=300.0)
-    pitch_deg: float = quantity("deg", "Pitch angle.", 10.0, ge=0.0, le=60.0)
-    length_m: float = quantity("m", "Way along which it accelerates.", 2.0, gt=0.0, le=100.0)
-    height_m: float = quantity(
-        "m", "Height of the centre of gravity above the ground, at its start.", 1.5, gt=0.0
-    )
+    speed_m_s: float = quantity("m/s", gt=0.0, le=300.0)
+    pitch_deg: float = quantity("deg", default=10.0, ge=0.0, le=60.0)
+    length_m: float = quantity("m", default=2.0, gt=0.0, le=100.0)
+    height_m: float = quantity("m", default=1.5, gt=0.0)
 
 
 class Gear(Model):
-    """What the aircraft touches the ground with: three wheels, or three points of its belly."""
+    """What the aircraft touches the ground with: three wheels, or three points of its belly.
 
-    kind: Literal["tricycle", "tailwheel", "belly"] = Field(
-        description="Main wheels and a nose wheel, or a tail wheel; or a belly with a keel."
-    )
-    main_m: _Place | None = Field(
-        default=None, description="Place of the right main wheel, of the left one mirrored [m]."
-    )
-    third_m: _Place | None = Field(
-        default=None, description="Place of the nose or tail wheel, or of the keel's front [m]."
-    )
-    wing_tip_m: _Place | None = Field(
-        default=None, description="Place of the right wing tip, of the left one mirrored [m]."
-    )
-    nose_m: _Place | None = Field(
-        default=None, description="Lowest place of the nose, a propeller's perhaps [m]."
-    )
-    tail_m: _Place | None = Field(default=None, description="Place of the tail [m].")
-    static_deflection_m: float | None = quantity(
-        "m",
-        "How far wheels give way under the weight; none: 10 % of the height, 5 % of a belly's.",
-        None,
-        gt=0.0,
-        le=1.0,
-    )
-    damping_ratio: float = quantity(
-        "", "Damping of the heave on them as a share of the critical one.", 0.7, ge=0.05, le=2.0
-    )
-    rolling_friction: float | None = quantity(
-        "", "Friction of rolling wheels, or of a belly; none: 0.03, or 0.4.", None, ge=0.0, le=2.0
-    )
-    side_friction: float | None = quantity(
-        "", "Friction of wheels, or of a belly, across; none: 0.6, or 0.4.", None, ge=0.0, le=2.0
-    )
-    brake_friction: float | None = quantity(
-        "", "Friction of the main wheels at full brake; none: 0.4.", None, ge=0.0, le=2.0
-    )
-    steer_deg: float | None = quantity(
-        "deg",
-        "Angle of the nose or tail wheel at the rudder's stop; none: 20, or 0 of a belly.",
-        None,
-        ge=0.0,
-        le=80.0,
-    )
-    sink_hard_m_s: float | None = quantity(
-        "m/s",
-        "Sink rate above which a landing is a hard one; none: 4.4 (W/S)^1/4 of CS-23.473.",
-        None,
-        gt=0.0,
-    )
-    sink_max_m_s: float | None = quantity(
-        "m/s", "Sink rate above which it is a crash; none: 1.2 times sink_hard_m_s.", None, gt=0.0
-    )
-    bank_max_deg: float | None = quantity(
-        "deg", "Bank at touchdown above which it is a crash; none: any.", None, gt=0.0, le=90.0
-    )
-    drift_max_m_s: float | None = quantity(
-        "m/s", "Speed across at touchdown above which it is a crash; none: any.", None, gt=0.0
-    )
-    launcher: Launcher | None = Field(
-        default=None, description="What it starts from; none: from its wheels."
-    )
+    Attributes:
+        kind: Main wheels and a nose wheel, or a tail wheel; or a belly with a keel.
+        main_m: Place of the right main wheel, of the left one mirrored [m].
+        third_m: Place of the nose or tail wheel, or of the keel's front [m].
+        wing_tip_m: Place of the right wing tip, of the left one mirrored [m].
+        nose_m: Lowest place of the nose, a propeller's perhaps [m].
+        tail_m: Place of the tail [m].
+        static_deflection_m: How far wheels give way under the weight; none: 10 % of the height, 5 %
+            of a belly's.
+        damping_ratio: Damping of the heave on them as a share of the critical one.
+        rolling_friction: Friction of rolling wheels, or of a belly; none: 0.03, or 0.4.
+        side_friction: Friction of wheels, or of a belly, across; none: 0.6, or 0.4.
+        brake_friction: Friction of the main wheels at full brake; none: 0.4.
+        steer_deg: Angle of the nose or tail wheel at the rudder's stop; none: 20, or 0 of a belly.
+        sink_hard_m_s: Sink rate above which a landing is a hard one; none: 4.4 (W/S)^1/4 of
+            CS-23.473.
+        sink_max_m_s: Sink rate above which it is a crash; none: 1.2 times sink_hard_m_s.
+        bank_max_deg: Bank at touchdown above which it is a crash; none: any.
+        drift_max_m_s: Speed across at touchdown above which it is a crash; none: any.
+        launcher: What it starts from; none: from its wheels.
+    """
+
+    kind: Literal["tricycle", "tailwheel", "belly"]
+    main_m: _Place | None = None
+    third_m: _Place | None = None
+    wing_tip_m: _Place | None = None
+    nose_m: _Place | None = None
+    tail_m: _Place | None = None
+    static_deflection_m: float | None = quantity("m", default=None, gt=0.0, le=1.0)
+    damping_ratio: float = quantity("", default=0.7, ge=0.05, le=2.0)
+    rolling_friction: float | None = quantity("", default=None, ge=0.0, le=2.0)
+    side_friction: float | None = quantity("", default=None, ge=0.0, le=2.0)
+    brake_friction: float | None = quantity("", default=None, ge=0.0, le=2.0)
+    steer_deg: float | None = quantity("deg", default=None, ge=0.0, le=80.0)
+    sink_hard_m_s: float | None = quantity("m/s", default=None, gt=0.0)
+    sink_max_m_s: float | None = quantity("m/s", default=None, gt=0.0)
+    bank_max_deg: float | None = quantity("deg", default=None, gt=0.0, le=90.0)
+    drift_max_m_s: float | None = quantity("m/s", default=None, gt=0.0)
+    launcher: Launcher | None = None
 
     @model_validator(mode="after")
     def _in_order(self) -> "Gear":
@@ -224,12 +207,15 @@ class Gear(Model):
 
 
 class Ground(Model):
-    """The ground: a plane through the origin."""
+    """The ground: a plane through the origin.
 
-    slope_deg: float = quantity("deg", "How steep it is.", 0.0, ge=0.0, le=20.0)
-    uphill_deg: float = quantity(
-        "deg", "Direction, from north to east, in which it rises.", 0.0, ge=-360.0, le=360.0
-    )
+    Attributes:
+        slope_deg: How steep it is.
+        uphill_deg: Direction, from north to east, in which it rises.
+    """
+
+    slope_deg: float = quantity("deg", default=0.0, ge=0.0, le=20.0)
+    uphill_deg: float = quantity("deg", default=0.0, ge=-360.0, le=360.0)
 
     @property
     def normal(self) -> np.ndarray:
@@ -245,13 +231,21 @@ class Ground(Model):
 
 
 class Runway(Model):
-    """A runway on the ground: a rectangle from its threshold on."""
+    """A runway on the ground: a rectangle from its threshold on.
 
-    north_m: float = quantity("m", "North of the middle of its threshold.", 0.0)
-    east_m: float = quantity("m", "East of the middle of its threshold.", 0.0)
-    heading_deg: float = quantity("deg", "Heading along it.", ge=-360.0, le=360.0)
-    length_m: float = quantity("m", "Length.", gt=0.0, le=10_000.0)
-    width_m: float = quantity("m", "Width.", gt=0.0, le=1000.0)
+    Attributes:
+        north_m: North of the middle of its threshold.
+        east_m: East of the middle of its threshold.
+        heading_deg: Heading along it.
+        length_m: Length.
+        width_m: Width.
+    """
+
+    north_m: float = quantity("m", default=0.0)
+    east_m: float = quantity("m", default=0.0)
+    heading_deg: float = quantity("deg", ge=-360.0, le=360.0)
+    length_m: float = quantity("m", gt=0.0, le=10_000.0)
+    width_m: float = quantity("m", gt=0.0, le=1000.0)
 
     def along_and_across(
         self, north_m: float | np.ndarray, east_m: float | np.ndarray

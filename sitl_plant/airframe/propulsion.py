@@ -8,7 +8,7 @@ import math
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from mavlink_defs.config.models import AtMost, Model, Problems
 from mavlink_defs.config.quantity import quantity
@@ -22,10 +22,15 @@ _Coefficient = Annotated[float, quantity("", "Coefficient of a power of J.")]
 
 
 class ThrustRow(Model):
-    """Largest thrust at an airspeed."""
+    """Largest thrust at an airspeed.
 
-    airspeed_m_s: float = quantity("m/s", "Airspeed.", ge=0.0, le=300.0)
-    thrust_n: float = quantity("N", "Largest thrust there.", ge=0.0)
+    Attributes:
+        airspeed_m_s: Airspeed.
+        thrust_n: Largest thrust there.
+    """
+
+    airspeed_m_s: float = quantity("m/s", ge=0.0, le=300.0)
+    thrust_n: float = quantity("N", ge=0.0)
 
 
 class Operation(NamedTuple):
@@ -41,22 +46,26 @@ class Propeller(Model):
 
     Coefficients are C_0 + C_1 J + C_2 J² in the advance ratio J = V/(n D), with n in revolutions
     per second: thrust = ρ n² D⁴ C_T, torque = ρ n² D⁵ C_Q.
+
+    Attributes:
+        diameter_m: Diameter D.
+        thrust_coefficients: C_T: constant, linear and quadratic in the advance ratio.
+        torque_coefficients: C_Q: constant, linear and quadratic in the advance ratio.
+        kv_rpm_v: Speed constant of the motor.
+        resistance_ohm: Resistance of its winding.
+        no_load_current_a: Current without load.
+        voltage_v: Voltage at full throttle.
+        turns: Sense of rotation as seen from behind.
     """
 
-    diameter_m: float = quantity("m", "Diameter D.", gt=0.0)
-    thrust_coefficients: tuple[_Coefficient, _Coefficient, _Coefficient] = Field(
-        description="C_T: constant, linear and quadratic in the advance ratio."
-    )
-    torque_coefficients: tuple[_Coefficient, _Coefficient, _Coefficient] = Field(
-        description="C_Q: constant, linear and quadratic in the advance ratio."
-    )
-    kv_rpm_v: float = quantity("rpm/V", "Speed constant of the motor.", gt=0.0)
-    resistance_ohm: float = quantity("ohm", "Resistance of its winding.", gt=0.0)
-    no_load_current_a: float = quantity("A", "Current without load.", ge=0.0)
-    voltage_v: float = quantity("V", "Voltage at full throttle.", gt=0.0)
-    turns: Literal["clockwise", "counterclockwise"] = Field(
-        default="clockwise", description="Sense of rotation as seen from behind."
-    )
+    diameter_m: float = quantity("m", gt=0.0)
+    thrust_coefficients: tuple[_Coefficient, _Coefficient, _Coefficient]
+    torque_coefficients: tuple[_Coefficient, _Coefficient, _Coefficient]
+    kv_rpm_v: float = quantity("rpm/V", gt=0.0)
+    resistance_ohm: float = quantity("ohm", gt=0.0)
+    no_load_current_a: float = quantity("A", ge=0.0)
+    voltage_v: float = quantity("V", gt=0.0)
+    turns: Literal["clockwise", "counterclockwise"] = "clockwise"
 
     @model_validator(mode="after")
     def _pulls(self) -> "Propeller":
@@ -120,33 +129,24 @@ class Propeller(Model):
 
 
 class Propulsion(Model):
-    """What makes the thrust, which a command asks for in N; without it, any thrust at once."""
+    """What makes the thrust, which a command asks for in N; without it, any thrust at once.
 
-    thrust: Annotated[tuple[ThrustRow, ...] | None, AtMost(MAX_ROWS, "row")] = Field(
-        default=None,
-        description="Largest thrust by airspeed, linear in between, constant beyond the ends.",
-    )
-    propeller: Propeller | None = Field(
-        default=None, description="In place of `thrust`: what it follows from."
-    )
-    lag_s: float = quantity(
-        "s",
-        "Time constant of the thrust; of it and `servos.throttle.lag_s` the larger one counts.",
-        0.0,
-        ge=0.0,
-        le=10.0,
-    )
-    torque_arm_m: float | None = quantity(
-        "m",
-        "Rolling moment by thrust, from the propeller's torque; none: `propeller`'s, or 0.",
-        None,
-    )
-    pitch_arm_m: float = quantity(
-        "m", "Pitching moment by thrust: how far below the centre of gravity it is.", 0.0
-    )
-    yaw_arm_m: float = quantity(
-        "m", "Yawing moment by thrust: how far left of the centre of gravity it is.", 0.0
-    )
+    Attributes:
+        thrust: Largest thrust by airspeed, linear in between, constant beyond the ends.
+        propeller: In place of `thrust`: what it follows from.
+        lag_s: Time constant of the thrust; of it and `servos.throttle.lag_s` the larger one counts.
+        torque_arm_m: Rolling moment by thrust, from the propeller's torque; none: `propeller`'s, or
+            0.
+        pitch_arm_m: Pitching moment by thrust: how far below the centre of gravity it is.
+        yaw_arm_m: Yawing moment by thrust: how far left of the centre of gravity it is.
+    """
+
+    thrust: Annotated[tuple[ThrustRow, ...] | None, AtMost(MAX_ROWS, "row")] = None
+    propeller: Propeller | None = None
+    lag_s: float = quantity("s", default=0.0, ge=0.0, le=10.0)
+    torque_arm_m: float | None = quantity("m", default=None)
+    pitch_arm_m: float = quantity("m", default=0.0)
+    yaw_arm_m: float = quantity("m", default=0.0)
 
     @model_validator(mode="after")
     def _one_form(self) -> "Propulsion":

@@ -81,15 +81,14 @@ class ArduPilot(Model):
         elevator: Output of the elevator.
         rudder: Output of the rudder.
         throttle: Output of the throttle.
+        launch_acceleration_m_s2: Acceleration of the launch.
     """
 
     aileron: SurfaceOutput = SurfaceOutput(channel=1)
     elevator: SurfaceOutput = SurfaceOutput(channel=2)
     rudder: SurfaceOutput = SurfaceOutput(channel=4)
     throttle: ThrottleOutput = ThrottleOutput()
-    launch_acceleration_m_s2: float = quantity(
-        "m/s^2", "Acceleration of the launch.", 15.0, gt=0.0, le=1000.0
-    )
+    launch_acceleration_m_s2: float = quantity("m/s^2", default=15.0, gt=0.0, le=1000.0)
 
     @model_validator(mode="before")
     @classmethod

@@ -10,9 +10,11 @@ import secrets
 import socket
 import sys
 import time
+from argparse import Namespace
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -269,8 +271,20 @@ class Plant:
         return bool(((link.peers["done"] < self._state["step"]) & (link.peers["known"] == 1)).any())
 
 
-def main(arguments: list[str] | None = None) -> None:
-    """Run the plant process and exit."""
+class Prepared(NamedTuple):
+    """What a process has before it opens its socket; one that is forked may begin with it."""
+
+    options: Namespace
+    config: PlantConfig
+    key_file: KeyFile | None
+
+
+def prepare(arguments: list[str] | None = None) -> Prepared:
+    """Read the configuration.
+
+    Raises:
+        ConfigError, SigningError: It cannot be used.
+    """
     parser = ArgumentParser(
         prog="sitl-plant",
         description="Simulate the aircraft of one fleet; autopilots connect over MAVLink.",
@@ -287,13 +301,19 @@ def main(arguments: list[str] | None = None) -> None:
         "--exit-with-parent", type=int, metavar="PID", help="stop when this parent process is gone"
     )
     options = parser.parse_args(arguments)
+    config = load(options.config, PlantConfig)
+    if options.record and config.duration_s is None and not options.record_optional:
+        raise ConfigError(
+            options.config, [Problem(("duration_s",), "missing; --record needs an end")]
+        )
+    key_file = KeyFile(config.signing_key, _log) if config.signing_key else None
+    return Prepared(options, config, key_file)
+
+
+def main(arguments: list[str] | None = None, prepared: Prepared | None = None) -> None:
+    """Run the plant process and exit; `prepared` of the same arguments, if it is there."""
     try:
-        config = load(options.config, PlantConfig)
-        if options.record and config.duration_s is None and not options.record_optional:
-            raise ConfigError(
-                options.config, [Problem(("duration_s",), "missing; --record needs an end")]
-            )
-        key_file = KeyFile(config.signing_key, _log) if config.signing_key else None
+        options, config, key_file = prepared or prepare(arguments)
         address = endpoint.parse_address(config.bind)
         sock = endpoint.bind_udp(address, "plant", "change `bind`")
     except (ConfigError, endpoint.EndpointError, SigningError) as problem:

@@ -28,8 +28,8 @@ class MotorOutput(Model):
     """
 
     output: Output = 5
-    off: float = quantity("", "Value.", 0.0, ge=-1.0, le=1.0)
-    full: float = quantity("", "Value.", 1.0, ge=-1.0, le=1.0)
+    off: float = quantity("", default=0.0, ge=-1.0, le=1.0)
+    full: float = quantity("", default=1.0, ge=-1.0, le=1.0)
 
     @model_validator(mode="after")
     def _in_order(self) -> "MotorOutput":
@@ -50,9 +50,9 @@ class ServoOutput(Model):
     """
 
     output: Output
-    least: float = quantity("", "Value.", -1.0, ge=-1.0, le=1.0)
-    middle: float = quantity("", "Value.", 0.0, ge=-1.0, le=1.0)
-    greatest: float = quantity("", "Value.", 1.0, ge=-1.0, le=1.0)
+    least: float = quantity("", default=-1.0, ge=-1.0, le=1.0)
+    middle: float = quantity("", default=0.0, ge=-1.0, le=1.0)
+    greatest: float = quantity("", default=1.0, ge=-1.0, le=1.0)
     reversed: bool = Field(default=False, strict=True)
 
     @model_validator(mode="after")

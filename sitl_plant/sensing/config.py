@@ -160,7 +160,13 @@ class Pitot(Model):
 
 
 class Gnss(Model):
-    """A GNSS receiver; errors are the same to the north and to the east."""
+    """A GNSS receiver; errors are the same to the north and to the east.
+
+    Attributes:
+        hdop: Dilution of precision, reported.
+        vdop: The same of the height.
+        satellites: Visible satellites, reported.
+    """
 
     fitted: bool = _fitted()
     horizontal_error_m: float = _size(
@@ -174,9 +180,9 @@ class Gnss(Model):
         "m/s", 0.05, "Standard deviation of the noise of the velocity, of each axis."
     )
     vertical_velocity_noise_m_s: float = _size("m/s", 0.075, "The same of the vertical velocity.")
-    hdop: float = quantity("", "Dilution of precision, reported.", 0.8, ge=0.0, le=99.0)
-    vdop: float = quantity("", "The same of the height.", 1.2, ge=0.0, le=99.0)
-    satellites: int = whole("", "Visible satellites, reported.", 14, ge=4, le=254)
+    hdop: float = quantity("", default=0.8, ge=0.0, le=99.0)
+    vdop: float = quantity("", default=1.2, ge=0.0, le=99.0)
+    satellites: int = whole("", default=14, ge=4, le=254)
     rate_hz: float | None = _rate(10.0)
     latency_s: float = _latency(0.2)
 
@@ -236,6 +242,7 @@ class NavigationSensors(Model):
 
     Attributes:
         grade: Class of the sensors: consumer, tactical, or ideal, which have no errors.
+        imus: IMUs, each a gyro and accelerometer.
         gyro: The gyro of each IMU.
         accelerometer: The accelerometer of each IMU.
         magnetometer: The magnetometer.
@@ -245,7 +252,7 @@ class NavigationSensors(Model):
     """
 
     grade: Grade = "consumer"
-    imus: int = whole("", "IMUs, each a gyro and accelerometer.", 2, ge=1, le=MAX_IMUS)
+    imus: int = whole("", default=2, ge=1, le=MAX_IMUS)
     gyro: Gyro = Gyro()
     accelerometer: Accelerometer = Accelerometer()
     magnetometer: Magnetometer = Magnetometer()
@@ -283,20 +290,23 @@ def _grade(grade: object) -> Mapping[str, Mapping[str, float]]:
 
 
 class Sensor(Model):
-    """Errors of one sensor, the same for each of its axes, in the unit of the sensor's key."""
+    """Errors of one sensor, the same for each of its axes, in the unit of the sensor's key.
 
-    noise_rms: float = quantity(
-        "", "Standard deviation of the white noise of a sample.", 0.0, ge=0.0
-    )
-    bias: float = quantity("", "Constant error.", 0.0)
-    bias_drift: float = quantity(
-        "", "Random walk of the bias: its standard deviation after 1 s.", 0.0, ge=0.0
-    )
-    resolution: float = quantity("", "Step to which samples are rounded; 0: none.", 0.0, ge=0.0)
-    rate_hz: float | None = quantity(
-        "Hz", "Samples per second; without it, one each control period.", None, gt=0.0
-    )
-    latency_s: float = quantity("s", "Age of a sample, whole control periods.", 0.0, ge=0.0, le=1.0)
+    Attributes:
+        noise_rms: Standard deviation of the white noise of a sample.
+        bias: Constant error.
+        bias_drift: Random walk of the bias: its standard deviation after 1 s.
+        resolution: Step to which samples are rounded; 0: none.
+        rate_hz: Samples per second; without it, one each control period.
+        latency_s: Age of a sample, whole control periods.
+    """
+
+    noise_rms: float = quantity("", default=0.0, ge=0.0)
+    bias: float = quantity("", default=0.0)
+    bias_drift: float = quantity("", default=0.0, ge=0.0)
+    resolution: float = quantity("", default=0.0, ge=0.0)
+    rate_hz: float | None = quantity("Hz", default=None, gt=0.0)
+    latency_s: float = quantity("s", default=0.0, ge=0.0, le=1.0)
 
 
 class Sensors(Model):

@@ -47,6 +47,7 @@ class JsbSimPlant(Model):
         aircraft: One that comes with JSBSim, such as c172p, or one's own: a folder ./NAME with
             NAME.xml in it, or the file.
         thrust: A force along x at the centre of gravity, or JSBSim's engine by its throttle.
+        step_us: Step of JSBSim; none: the control period.
         patch: Elements of the file to change, or an attribute (@unit) of one: path under
             fdm_config, and the new value.
     """
@@ -54,9 +55,7 @@ class JsbSimPlant(Model):
     kind: Literal["jsbsim"]
     aircraft: Title = Field(min_length=1)
     thrust: Literal["force", "engine"] = "force"
-    step_us: int | None = whole(
-        "us", "Step of JSBSim; none: the control period.", None, ge=1, le=100_000
-    )
+    step_us: int | None = whole("us", default=None, ge=1, le=100_000)
     patch: Annotated[dict[str, _Replaced], AtMost(100)] = Field(default={})
 
 
@@ -66,12 +65,13 @@ class PluginPlant(Model):
     Attributes:
         kind: A simulator of another package.
         name: Name under which it is registered.
+        step_us: Its step; none: the control period.
         options: What it takes, as its documentation says.
     """
 
     kind: Literal["plugin"]
     name: Title = Field(min_length=1)
-    step_us: int | None = whole("us", "Its step; none: the control period.", None, ge=1, le=100_000)
+    step_us: int | None = whole("us", default=None, ge=1, le=100_000)
     options: Annotated[dict[str, Any], AtMost(100)] = Field(default={})
 
 

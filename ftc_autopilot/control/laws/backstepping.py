@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from typing import ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
 
 from ftc_autopilot.common.schedule import Schedule, schedule, scheduled
 from ftc_autopilot.control.attitude import filtered_derivative, virtual_control, zeta
@@ -27,17 +26,24 @@ class Backstepping(LawParameters):
     """Backstepping by the inverse of the nominal model, not adaptive: the paper's comparator.
 
     Choose it to see what the adaptation of `proposed` is worth; its gains are the same.
+
+    Attributes:
+        kind: Name of the law.
+        c_v: Gain of the speed error.
+        K1: Gains of the attitude errors (57) [1/s].
+        K2: Gains of the rate errors [1/s].
+        tau_omega_d_s: Filter of omega_d (57).
     """
 
     PAGE: ClassVar[str] = "explanation/controllers.md"
     STATE: ClassVar[np.dtype] = np.dtype([("omega_d_filtered", "f8", (3,))])  # rad/s
 
-    kind: Literal["backstepping"] = Field(default="backstepping", description="Name of the law.")
+    kind: Literal["backstepping"] = "backstepping"
 
-    c_v: float = quantity("1/s", "Gain of the speed error.", 10.0, gt=0.0)
-    K1: Schedule[Gains] = schedule(TABLE_III_K1, doc="Gains of the attitude errors (57) [1/s].")
-    K2: Schedule[Gains] = schedule(TABLE_III_K2, doc="Gains of the rate errors [1/s].")
-    tau_omega_d_s: float = quantity("s", "Filter of omega_d (57).", 0.015, gt=0.0)
+    c_v: float = quantity("1/s", default=10.0, gt=0.0)
+    K1: Schedule[Gains] = schedule(TABLE_III_K1)
+    K2: Schedule[Gains] = schedule(TABLE_III_K2)
+    tau_omega_d_s: float = quantity("s", default=0.015, gt=0.0)
 
     def misfits(self, aircraft: Aircraft) -> Iterator[str]:
         """Yield why the law cannot fly a nominal aircraft: its surfaces cannot be inverted."""

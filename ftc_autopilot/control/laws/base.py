@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from typing import Annotated, ClassVar, Self, TypeAlias
 
 import numpy as np
-from pydantic import Field
 
 from ftc_autopilot.common.records import fill, in_si, record_dtype
 from ftc_autopilot.control.triggers import trigger_of
@@ -42,6 +41,19 @@ class LawParameters(Model):
         LIBRARY: Of a plug-in: file of the shared library with its function, beside the class.
         PAGE: Page of the documentation, or address, that has more. The text of the class says what
             it is, and in its second paragraph when to choose it.
+        kind: Name of the law.
+        lambda1: Weight of the own speed error (31).
+        lambda2: Weight of speed differences (31).
+        lambda3: Weight of the own attitude error (32).
+        lambda4: Weight of attitude differences (32).
+        neighbour_speed_limit_m_s: Largest speed difference to a neighbour that counts.
+        neighbour_acceleration_limit_m_s2: Largest acceleration of a neighbour's error that counts.
+        neighbour_angle_limit_deg: Largest angle to a neighbour that counts.
+        neighbour_rate_limit_deg_s: Largest angle rate of a neighbour's error that counts.
+        reference_bandwidth_rad_s: Triple pole of the reference filter (Assumption 4).
+        gyro_filter_s: Low-pass of the angular velocities; 0: none.
+        delay_s: Known delay of sensors and servos, predicted over.
+        predicted_lag_s: Lag of the servos in that prediction; from `servos` unless given.
     """
 
     STATE: ClassVar[np.dtype] = np.dtype([])
@@ -87,40 +99,20 @@ class LawParameters(Model):
         """Return why the law holds the heading of an aircraft by bank; None: by the rudder."""
         return None
 
-    kind: str = Field(description="Name of the law.")
+    kind: str
 
-    lambda1: float = quantity("", "Weight of the own speed error (31).", 0.46, gt=0.0)
-    lambda2: float = quantity("", "Weight of speed differences (31).", 0.17, ge=0.0)
-    lambda3: float = quantity("", "Weight of the own attitude error (32).", 5.0, gt=0.0)
-    lambda4: float = quantity("", "Weight of attitude differences (32).", 0.2, ge=0.0)
-    neighbour_speed_limit_m_s: float = quantity(
-        "m/s", "Largest speed difference to a neighbour that counts.", 1e3, gt=0.0
-    )
-    neighbour_acceleration_limit_m_s2: float = quantity(
-        "m/s^2", "Largest acceleration of a neighbour's error that counts.", 1e6, gt=0.0
-    )
-    neighbour_angle_limit_deg: float = quantity(
-        "deg", "Largest angle to a neighbour that counts.", 180.0, gt=0.0, le=180.0
-    )
-    neighbour_rate_limit_deg_s: float = quantity(
-        "deg/s", "Largest angle rate of a neighbour's error that counts.", 1e6, gt=0.0
-    )
-    reference_bandwidth_rad_s: float = quantity(
-        "rad/s", "Triple pole of the reference filter (Assumption 4).", 2.5, gt=0.0
-    )
-    gyro_filter_s: float = quantity(
-        "s", "Low-pass of the angular velocities; 0: none.", 0.0, ge=0.0, le=1.0
-    )
-    delay_s: float = quantity(
-        "s", "Known delay of sensors and servos, predicted over.", 0.0, ge=0.0, le=0.1
-    )
-    predicted_lag_s: float | None = quantity(
-        "s",
-        "Lag of the servos in that prediction; from `servos` unless given.",
-        None,
-        ge=0.0,
-        le=10.0,
-    )
+    lambda1: float = quantity("", default=0.46, gt=0.0)
+    lambda2: float = quantity("", default=0.17, ge=0.0)
+    lambda3: float = quantity("", default=5.0, gt=0.0)
+    lambda4: float = quantity("", default=0.2, ge=0.0)
+    neighbour_speed_limit_m_s: float = quantity("m/s", default=1e3, gt=0.0)
+    neighbour_acceleration_limit_m_s2: float = quantity("m/s^2", default=1e6, gt=0.0)
+    neighbour_angle_limit_deg: float = quantity("deg", default=180.0, gt=0.0, le=180.0)
+    neighbour_rate_limit_deg_s: float = quantity("deg/s", default=1e6, gt=0.0)
+    reference_bandwidth_rad_s: float = quantity("rad/s", default=2.5, gt=0.0)
+    gyro_filter_s: float = quantity("s", default=0.0, ge=0.0, le=1.0)
+    delay_s: float = quantity("s", default=0.0, ge=0.0, le=0.1)
+    predicted_lag_s: float | None = quantity("s", default=None, ge=0.0, le=10.0)
 
     @classmethod
     def goes_with(cls, mode: str) -> bool:

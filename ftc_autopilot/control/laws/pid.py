@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
 
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.control.step import ALL, Command, Step
@@ -39,6 +38,19 @@ class Pid(LawParameters):
     gains are positive. The defaults give the rate loops of the paper's aircraft the bandwidth
     of Table III's K2 at 45 m/s (45 rad/s), the speed loop the one of c_v (10 rad/s), feed-forward
     against the damping, and integrals a tenth of a second (speed: half a second).
+
+    Attributes:
+        kind: Name of the law.
+        time_constant_s: Time constants of the attitude loops [s].
+        rate_limit_deg_s: Limits of the Euler angle rates [deg/s].
+        rate_ff: Deflection per commanded rate [rad per rad/s].
+        rate_p: Deflection per rate error [rad per rad/s].
+        rate_i: Deflection per integrated rate error [rad per rad].
+        integral_limit_deg: Limits of the integrals' deflections [deg].
+        trim_airspeed_m_s: Airspeed at which the rate gains hold.
+        thrust_trim_n: Thrust in cruise.
+        speed_p_n_s_m: Gain of the speed error.
+        speed_i_n_m: Gain of its integral.
     """
 
     PAGE: ClassVar[str] = "explanation/controllers.md"
@@ -46,34 +58,26 @@ class Pid(LawParameters):
         [("integral", "f8", (3,)), ("thrust_integral", "f8")]  # rad, N
     )
 
-    kind: Literal["pid"] = Field(default="pid", description="Name of the law.")
+    kind: Literal["pid"] = "pid"
 
-    time_constant_s: tuple[_TimeConstant, _TimeConstant, _TimeConstant] = Field(
-        default=(0.2, 0.2, 0.2),  # the least that PX4 permits
-        description="Time constants of the attitude loops [s].",
-    )
-    rate_limit_deg_s: tuple[_RateLimit, _RateLimit, _RateLimit] = Field(
-        default=(60.0, 60.0, 60.0), description="Limits of the Euler angle rates [deg/s]."
-    )
-    rate_ff: tuple[_RateGain, _RateGain, _RateGain] = Field(
-        default=(0.08, 0.08, 0.08), description="Deflection per commanded rate [rad per rad/s]."
-    )
-    rate_p: tuple[_RateGain, _RateGain, _RateGain] = Field(
-        default=(0.37, 0.68, 1.67), description="Deflection per rate error [rad per rad/s]."
-    )
-    rate_i: tuple[_IntegralGain, _IntegralGain, _IntegralGain] = Field(
-        default=(3.7, 6.8, 16.7), description="Deflection per integrated rate error [rad per rad]."
-    )
-    integral_limit_deg: tuple[_IntegralLimit, _IntegralLimit, _IntegralLimit] = Field(
-        default=(30.0, 30.0, 30.0),  # the rudder's trim is 20.3 deg
-        description="Limits of the integrals' deflections [deg].",
-    )
-    trim_airspeed_m_s: float = quantity(
-        "m/s", "Airspeed at which the rate gains hold.", 45.0, gt=0.0
-    )
-    thrust_trim_n: float = quantity("N", "Thrust in cruise.", 900.0, ge=0.0)
-    speed_p_n_s_m: float = quantity("N s/m", "Gain of the speed error.", 206.0, ge=0.0)
-    speed_i_n_m: float = quantity("N/m", "Gain of its integral.", 400.0, ge=0.0)
+    time_constant_s: tuple[_TimeConstant, _TimeConstant, _TimeConstant] = (
+        0.2,
+        0.2,
+        0.2,
+    )  # the least that PX4 permits
+    rate_limit_deg_s: tuple[_RateLimit, _RateLimit, _RateLimit] = (60.0, 60.0, 60.0)
+    rate_ff: tuple[_RateGain, _RateGain, _RateGain] = (0.08, 0.08, 0.08)
+    rate_p: tuple[_RateGain, _RateGain, _RateGain] = (0.37, 0.68, 1.67)
+    rate_i: tuple[_IntegralGain, _IntegralGain, _IntegralGain] = (3.7, 6.8, 16.7)
+    integral_limit_deg: tuple[_IntegralLimit, _IntegralLimit, _IntegralLimit] = (
+        30.0,
+        30.0,
+        30.0,
+    )  # the rudder's trim is 20.3 deg
+    trim_airspeed_m_s: float = quantity("m/s", default=45.0, gt=0.0)
+    thrust_trim_n: float = quantity("N", default=900.0, ge=0.0)
+    speed_p_n_s_m: float = quantity("N s/m", default=206.0, ge=0.0)
+    speed_i_n_m: float = quantity("N/m", default=400.0, ge=0.0)
 
     def misfits(self, aircraft: Aircraft) -> Iterator[str]:
         """Yield why the law cannot fly a nominal aircraft: it holds the heading by a rudder."""

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from typing import ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
 
 from ftc_autopilot.common.schedule import Schedule, schedule, scheduled
 from ftc_autopilot.control.attitude import (
@@ -30,6 +29,38 @@ class Proposed(LawParameters):
 
     Choose it to reproduce the paper, or where an actuator gets weak but does not fail. Its
     equations are (31) to (39) and (57).
+
+    Attributes:
+        kind: Name of the law.
+        c_v: Gain of the speed law (33).
+        eps_v: Smoothing of the speed law (33).
+        gamma_v1: Rate of Phi_v (34).
+        gamma_v2: Rate of g_v (35).
+        gamma_v3: Rate of beta_v (36).
+        sigma_v1: Leakage of Phi_v (34).
+        sigma_v2: Leakage of g_v (35).
+        sigma_v3: Leakage of beta_v (36).
+        h_v1: Weight of the network (33), (34).
+        h_v2: Weight of the robust term (33).
+        K1: Gains of the attitude errors (57) [1/s].
+        K2: Gains of the rate errors [1/s].
+        eps_omega: Smoothing of the attitude law (37).
+        gamma_omega1: Rate of Phi_omega (38).
+        gamma_omega2: Rate of beta_omega (39).
+        sigma_omega1: Leakage of Phi_omega (38).
+        sigma_omega2: Leakage of beta_omega (39).
+        h_omega1: Weight of the network (37), (38).
+        h_omega2: Weight of the robust term (37).
+        gain_floor: Least beta_omega^2 |zeta_omega|^2 in (37); 0: the paper's law.
+        tau_omega_d_s: Filter of omega_d (57).
+        omega_d_limit_deg_s: Limit of each component of omega_d (57); 0: none.
+        tau_delta_s: Filter of delta_0 (23).
+        phi_v0: Phi_v at t = 0.
+        g_v0: g_v at t = 0.
+        beta_v0: beta_v at t = 0.
+        phi_omega0: Phi_omega at t = 0.
+        beta_omega0: beta_omega at t = 0.
+        rbf: The network's radial basis functions.
     """
 
     PAGE: ClassVar[str] = "explanation/method.md"
@@ -45,44 +76,40 @@ class Proposed(LawParameters):
         ]
     )
 
-    kind: Literal["proposed"] = Field(default="proposed", description="Name of the law.")
+    kind: Literal["proposed"] = "proposed"
 
-    c_v: float = quantity("1/s", "Gain of the speed law (33).", 10.0, gt=0.0)
-    eps_v: float = quantity("", "Smoothing of the speed law (33).", 0.1, gt=0.0)
-    gamma_v1: float = quantity("", "Rate of Phi_v (34).", 0.0037, gt=0.0)
-    gamma_v2: float = quantity("", "Rate of g_v (35).", 0.0094, gt=0.0)
-    gamma_v3: float = quantity("", "Rate of beta_v (36).", 0.052, gt=0.0)
-    sigma_v1: float = quantity("1/s", "Leakage of Phi_v (34).", 0.11, ge=0.0)
-    sigma_v2: float = quantity("1/s", "Leakage of g_v (35).", 0.06, ge=0.0)
-    sigma_v3: float = quantity("1/s", "Leakage of beta_v (36).", 0.14, ge=0.0)
-    h_v1: float = quantity("", "Weight of the network (33), (34).", 0.93, gt=0.0)
-    h_v2: float = quantity("", "Weight of the robust term (33).", 9.2, gt=0.0)
+    c_v: float = quantity("1/s", default=10.0, gt=0.0)
+    eps_v: float = quantity("", default=0.1, gt=0.0)
+    gamma_v1: float = quantity("", default=0.0037, gt=0.0)
+    gamma_v2: float = quantity("", default=0.0094, gt=0.0)
+    gamma_v3: float = quantity("", default=0.052, gt=0.0)
+    sigma_v1: float = quantity("1/s", default=0.11, ge=0.0)
+    sigma_v2: float = quantity("1/s", default=0.06, ge=0.0)
+    sigma_v3: float = quantity("1/s", default=0.14, ge=0.0)
+    h_v1: float = quantity("", default=0.93, gt=0.0)
+    h_v2: float = quantity("", default=9.2, gt=0.0)
 
-    K1: Schedule[Gains] = schedule(TABLE_III_K1, doc="Gains of the attitude errors (57) [1/s].")
-    K2: Schedule[Gains] = schedule(TABLE_III_K2, doc="Gains of the rate errors [1/s].")
-    eps_omega: float = quantity("", "Smoothing of the attitude law (37).", 1.0, gt=0.0)
-    gamma_omega1: float = quantity("", "Rate of Phi_omega (38).", 0.01, gt=0.0)
-    gamma_omega2: float = quantity("", "Rate of beta_omega (39).", 0.01, gt=0.0)
-    sigma_omega1: float = quantity("1/s", "Leakage of Phi_omega (38).", 25.0, ge=0.0)
-    sigma_omega2: float = quantity("1/s", "Leakage of beta_omega (39).", 25.0, ge=0.0)
-    h_omega1: float = quantity("", "Weight of the network (37), (38).", 0.28, gt=0.0)
-    h_omega2: float = quantity("", "Weight of the robust term (37).", 3.4, gt=0.0)
-    gain_floor: float = quantity(
-        "", "Least beta_omega^2 |zeta_omega|^2 in (37); 0: the paper's law.", 0.0, ge=0.0, le=100.0
-    )
-    tau_omega_d_s: float = quantity("s", "Filter of omega_d (57).", 0.015, gt=0.0)
-    omega_d_limit_deg_s: float = quantity(
-        "deg/s", "Limit of each component of omega_d (57); 0: none.", 0.0, ge=0.0, le=3600.0
-    )
-    tau_delta_s: float = quantity("s", "Filter of delta_0 (23).", 0.01, gt=0.0)
+    K1: Schedule[Gains] = schedule(TABLE_III_K1)
+    K2: Schedule[Gains] = schedule(TABLE_III_K2)
+    eps_omega: float = quantity("", default=1.0, gt=0.0)
+    gamma_omega1: float = quantity("", default=0.01, gt=0.0)
+    gamma_omega2: float = quantity("", default=0.01, gt=0.0)
+    sigma_omega1: float = quantity("1/s", default=25.0, ge=0.0)
+    sigma_omega2: float = quantity("1/s", default=25.0, ge=0.0)
+    h_omega1: float = quantity("", default=0.28, gt=0.0)
+    h_omega2: float = quantity("", default=3.4, gt=0.0)
+    gain_floor: float = quantity("", default=0.0, ge=0.0, le=100.0)
+    tau_omega_d_s: float = quantity("s", default=0.015, gt=0.0)
+    omega_d_limit_deg_s: float = quantity("deg/s", default=0.0, ge=0.0, le=3600.0)
+    tau_delta_s: float = quantity("s", default=0.01, gt=0.0)
 
-    phi_v0: float = quantity("", "Phi_v at t = 0.", 0.0, ge=0.0, le=100.0)
-    g_v0: float = quantity("", "g_v at t = 0.", 0.0, ge=0.0, le=100.0)
-    beta_v0: float = quantity("", "beta_v at t = 0.", 1.0, ge=0.0)
-    phi_omega0: float = quantity("", "Phi_omega at t = 0.", 0.0, ge=0.0, le=100.0)
-    beta_omega0: float = quantity("", "beta_omega at t = 0.", 0.011, ge=0.0)
+    phi_v0: float = quantity("", default=0.0, ge=0.0, le=100.0)
+    g_v0: float = quantity("", default=0.0, ge=0.0, le=100.0)
+    beta_v0: float = quantity("", default=1.0, ge=0.0)
+    phi_omega0: float = quantity("", default=0.0, ge=0.0, le=100.0)
+    beta_omega0: float = quantity("", default=0.011, ge=0.0)
 
-    rbf: Rbf = Field(default=Rbf(), description="The network's radial basis functions.")
+    rbf: Rbf = Rbf()
 
     def misfits(self, aircraft: Aircraft) -> Iterator[str]:
         """Yield why the law cannot fly a nominal aircraft: it holds the heading by a rudder."""

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
-from pydantic import Field
 
 from ftc_autopilot.common.schedule import Schedule, schedule
 from ftc_autopilot.common.tuples import Four
@@ -24,6 +23,11 @@ class TriggerParameters(Model):
         LIBRARY: Of a plug-in: file of the shared library with its function, beside the class.
         PAGE: Page of the documentation, or address, that has more. The text of the class says what
             it is, and in its second paragraph when to choose it.
+        mode: Name of the trigger.
+        a1: Relative threshold of the thrust, a1 of (25).
+        a2_n: Absolute threshold of the thrust, a2 of (25) [N].
+        b1: Relative threshold of the surfaces, b1 of (29).
+        b2_deg: Absolute threshold of the surfaces, b2 of (29) [deg].
     """
 
     STATE: ClassVar[np.dtype] = np.dtype([])
@@ -33,23 +37,20 @@ class TriggerParameters(Model):
     LIBRARY: ClassVar[str | None] = None
     PAGE: ClassVar[str] = ""
 
-    mode: str = Field(description="Name of the trigger.")
+    mode: str
 
     a1: Schedule[
         Annotated[float, quantity("", "Relative threshold of the thrust.", ge=0.0, lt=1.0)]
-    ] = schedule(0.01, doc="Relative threshold of the thrust, a1 of (25).")
+    ] = schedule(0.01)
     a2_n: Schedule[Annotated[float, quantity("N", "Absolute threshold of the thrust.", ge=0.0)]] = (
-        schedule(
-            [{"until_s": 14.0, "value": 0.5}, {"value": 1.0}],
-            doc="Absolute threshold of the thrust, a2 of (25) [N].",
-        )
+        schedule([{"until_s": 14.0, "value": 0.5}, {"value": 1.0}])
     )
     b1: Schedule[
         Annotated[float, quantity("", "Relative threshold of a surface.", ge=0.0, lt=1.0)]
-    ] = schedule(0.01, doc="Relative threshold of the surfaces, b1 of (29).")
+    ] = schedule(0.01)
     b2_deg: Schedule[
         Annotated[float, quantity("deg", "Absolute threshold of a surface.", ge=0.0)]
-    ] = schedule(1.0, doc="Absolute threshold of the surfaces, b2 of (29) [deg].")
+    ] = schedule(1.0)
 
     def misfits(self, step_us: int) -> Iterator[tuple[Loc, str]]:
         """Yield place and text of what does not fit a control period [µs]: nothing."""

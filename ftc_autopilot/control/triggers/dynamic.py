@@ -15,7 +15,6 @@ from collections.abc import Iterator
 from typing import ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
 
 from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters, threshold
 from mavlink_defs.config.models import Loc
@@ -28,17 +27,20 @@ class Dynamic(TriggerParameters):
     """Lets a command pass its threshold for a while, by a variable that fills in quiet flight.
 
     Choose it for fewer events than `per_channel` at about the same thresholds.
+
+    Attributes:
+        mode: Name of the trigger.
+        decay_hz: Decay λ of the variable.
+        theta_s: Weight θ of the present distance to the threshold.
     """
 
     PAGE: ClassVar[str] = "explanation/triggers.md"
     STATE: ClassVar[np.dtype] = np.dtype([("eta", "f8", (N_CHANNELS,))])  # rad s, rad s, rad s, N s
 
-    mode: Literal["dynamic"] = Field(default="dynamic", description="Name of the trigger.")
+    mode: Literal["dynamic"] = "dynamic"
 
-    decay_hz: float = quantity("1/s", "Decay λ of the variable.", 10.0, ge=0.0)
-    theta_s: float = quantity(
-        "s", "Weight θ of the present distance to the threshold.", 0.01, gt=0.0
-    )
+    decay_hz: float = quantity("1/s", default=10.0, ge=0.0)
+    theta_s: float = quantity("s", default=0.01, gt=0.0)
 
     def misfits(self, step_us: int) -> Iterator[tuple[Loc, str]]:
         """Yield a weight that would let η become negative in a control period [µs]."""

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
-from pydantic import Field
 
 from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters, in_steps
 from mavlink_defs.config.models import Loc
@@ -25,6 +24,9 @@ class Periodic(TriggerParameters):
     """Sends by the clock, whatever the commands are.
 
     Choose it as the yardstick of every saving; each channel may have a period of its own.
+
+    Attributes:
+        mode: Name of the trigger.
     """
 
     PAGE: ClassVar[str] = "explanation/triggers.md"
@@ -32,7 +34,7 @@ class Periodic(TriggerParameters):
     BY_THRESHOLD: ClassVar[bool] = False
     BY_CLOCK: ClassVar[bool] = True
 
-    mode: Literal["periodic"] = Field(default="periodic", description="Name of the trigger.")
+    mode: Literal["periodic"] = "periodic"
 
     period_s: float = _period("Time between transmissions; 0: one in every control period.")
     aileron_period_s: float = _period("The same of the aileron; 0: `period_s`.")

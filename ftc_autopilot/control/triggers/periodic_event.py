@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from typing import ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
 
 from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters, in_steps
 from ftc_autopilot.control.triggers.static import per_channel
@@ -23,16 +22,18 @@ class PeriodicEvent(TriggerParameters):
     """Looks at the thresholds of `per_channel` by a clock only.
 
     Choose it where nothing can be watched all the time; events are at least a check apart.
+
+    Attributes:
+        mode: Name of the trigger.
+        check_s: Time from one check to the next.
     """
 
     PAGE: ClassVar[str] = "explanation/triggers.md"
     STATE: ClassVar[np.dtype] = np.dtype([("steps", "i8")])  # made so far
 
-    mode: Literal["periodic_event"] = Field(
-        default="periodic_event", description="Name of the trigger."
-    )
+    mode: Literal["periodic_event"] = "periodic_event"
 
-    check_s: float = quantity("s", "Time from one check to the next.", 0.01, gt=0.0)
+    check_s: float = quantity("s", default=0.01, gt=0.0)
 
     def misfits(self, step_us: int) -> Iterator[tuple[Loc, str]]:
         """Yield the time if it is no whole number of control periods [µs]."""

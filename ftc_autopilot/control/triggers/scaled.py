@@ -18,7 +18,6 @@ from collections.abc import Iterator
 from typing import ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
 
 from ftc_autopilot.common.tuples import Four
 from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters, in_steps, threshold
@@ -39,6 +38,13 @@ class Scaled(TriggerParameters):
     """Raises the thresholds of `per_channel` with the noise of the commands.
 
     Choose it with noisy sensors, where `per_channel` sends noise.
+
+    Attributes:
+        mode: Name of the trigger.
+        within_s: Time P over which changes are watched: about the period of a clock at which the
+            law tracks as well as at the control rate, and at most a tenth of its loops'
+            oscillation.
+        memory_s: Time constant of the medians.
     """
 
     PAGE: ClassVar[str] = "explanation/triggers.md"
@@ -51,16 +57,10 @@ class Scaled(TriggerParameters):
         ]
     )
 
-    mode: Literal["scaled"] = Field(default="scaled", description="Name of the trigger.")
+    mode: Literal["scaled"] = "scaled"
 
-    within_s: float = quantity(
-        "s",
-        "Time P over which changes are watched: about the period of a clock at which the law "
-        "tracks as well as at the control rate, and at most a tenth of its loops' oscillation.",
-        0.02,
-        gt=0.0,
-    )
-    memory_s: float = quantity("s", "Time constant of the medians.", 1.0, gt=0.0)
+    within_s: float = quantity("s", default=0.02, gt=0.0)
+    memory_s: float = quantity("s", default=1.0, gt=0.0)
 
     def misfits(self, step_us: int) -> Iterator[tuple[Loc, str]]:
         """Yield a time longer than what is remembered, in control periods [µs]."""

@@ -14,7 +14,6 @@ from collections.abc import Iterator
 from typing import ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
 
 from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters, in_steps, threshold
 from mavlink_defs.config.models import Loc
@@ -28,6 +27,12 @@ class SelfTriggered(TriggerParameters):
     """Sets the time of the next transmission at the last one, and watches nothing in between.
 
     Choose it where even the watching costs too much.
+
+    Attributes:
+        mode: Name of the trigger.
+        share: Share of the threshold that the next time aims at.
+        shortest_s: Least time to the next.
+        longest_s: Longest time to the next.
     """
 
     PAGE: ClassVar[str] = "explanation/triggers.md"
@@ -39,13 +44,11 @@ class SelfTriggered(TriggerParameters):
     )
     BY_THRESHOLD: ClassVar[bool] = False
 
-    mode: Literal["self"] = Field(default="self", description="Name of the trigger.")
+    mode: Literal["self"] = "self"
 
-    share: float = quantity(
-        "", "Share of the threshold that the next time aims at.", 0.7, gt=0.0, le=1.0
-    )
-    shortest_s: float = quantity("s", "Least time to the next.", 0.004, gt=0.0)
-    longest_s: float = quantity("s", "Longest time to the next.", 0.05, gt=0.0)
+    share: float = quantity("", default=0.7, gt=0.0, le=1.0)
+    shortest_s: float = quantity("s", default=0.004, gt=0.0)
+    longest_s: float = quantity("s", default=0.05, gt=0.0)
 
     def misfits(self, step_us: int) -> Iterator[tuple[Loc, str]]:
         """Yield times that are no whole number of control periods [µs], or the wrong way round."""

@@ -7,8 +7,6 @@
 
 from typing import ClassVar, Literal
 
-from pydantic import Field
-
 from ftc_autopilot.control.step import ALL
 from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters, fires
 from mavlink_defs.constants import N_CHANNELS, THROTTLE
@@ -21,35 +19,44 @@ class PerChannel(TriggerParameters):
     """Sends a command when it differs from the held one by more than a threshold, each by itself.
 
     Choose it first: it is the paper's, (25) and (29) by surface.
+
+    Attributes:
+        mode: Name of the trigger.
     """
 
     PAGE: ClassVar[str] = "explanation/triggers.md"
 
-    mode: Literal["per_channel"] = Field(default="per_channel", description="Name of the trigger.")
+    mode: Literal["per_channel"] = "per_channel"
 
 
 class Joint(TriggerParameters):
     """Sends all three surfaces when one of them passes its threshold.
 
     Choose it to reproduce (29) as printed, or where a message carries them all anyway.
+
+    Attributes:
+        mode: Name of the trigger.
     """
 
     PAGE: ClassVar[str] = "explanation/triggers.md"
 
-    mode: Literal["joint"] = Field(default="joint", description="Name of the trigger.")
+    mode: Literal["joint"] = "joint"
 
 
 class Consequence(TriggerParameters):
     """Leaves to the law which commands are sent, and when.
 
     Choose it with `tube`, or another law that selects; the law may use the thresholds.
+
+    Attributes:
+        mode: Name of the trigger.
     """
 
     PAGE: ClassVar[str] = "explanation/triggers.md"
     BY_THRESHOLD: ClassVar[bool] = False
     LAW_SELECTS: ClassVar[bool] = True
 
-    mode: Literal["consequence"] = Field(default="consequence", description="Name of the trigger.")
+    mode: Literal["consequence"] = "consequence"
 
 
 @compiled

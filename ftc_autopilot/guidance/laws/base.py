@@ -4,7 +4,7 @@ import math
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from ftc_autopilot.common.motion import MeasuredMotion
 from ftc_autopilot.common.tuples import Four, Rows
@@ -23,74 +23,45 @@ class GuidanceParameters(Model):
         LIBRARY: Of a plug-in: file of the shared library with its function, beside the class.
         PAGE: Page of the documentation, or address, that has more. The text of the class says what
             it is, and in its second paragraph when to choose it.
+        kind: Name of the law.
+        period_s: Simulated time between two updates.
+        bank_max_deg: Largest bank angle commanded.
+        incidence_max_deg: Largest angle of attack that a turn may need; none: 3 deg below the
+            aircraft's stall, at most 15.
+        climb_max_deg: Steepest climb or descent commanded; none: what 0.9 of the aircraft's thrust
+            climbs, at most 20.
+        thrust_share_max: Share of the largest thrust that climb and acceleration may take.
+        cruise_m_s: Airspeed until a mission sets another; none: 8/9 of the aircraft's cruise_m_s,
+            or the geometric mean of its airspeeds.
+        wind_max_m_s: Wind that the turns of a path allow for.
+        airspeed_min_m_s: Lowest airspeed commanded; none: 3/4 of the aircraft's own cruise here,
+            within its limits.
+        airspeed_max_m_s: Highest airspeed commanded; none: 3/2 of the aircraft's own cruise here,
+            within its limits and its thrust.
+        min_altitude_m: Lowest height above home of a place that is flown to.
+        max_altitude_m: Greatest height above home of such a place.
+        acceleration_max_m_s2: Fastest change of the commanded airspeed; none: by the thrust that
+            the aircraft has to spare at its cruise, at most 20.
     """
 
     STATE: ClassVar[np.dtype] = np.dtype([])
     LIBRARY: ClassVar[str | None] = None
     PAGE: ClassVar[str] = ""
 
-    kind: str = Field(description="Name of the law.")
+    kind: str
 
-    period_s: float = quantity("s", "Simulated time between two updates.", 0.02, gt=0.0, le=1.0)
-    bank_max_deg: float = quantity("deg", "Largest bank angle commanded.", 40.0, gt=0.0, le=70.0)
-    incidence_max_deg: float | None = quantity(
-        "deg",
-        "Largest angle of attack that a turn may need; none: 3 deg below the aircraft's stall, "
-        "at most 15.",
-        None,
-        gt=0.0,
-        le=30.0,
-    )
-    climb_max_deg: float | None = quantity(
-        "deg",
-        "Steepest climb or descent commanded; none: what 0.9 of the aircraft's thrust climbs, "
-        "at most 20.",
-        None,
-        gt=0.0,
-        le=45.0,
-    )
-    thrust_share_max: float = quantity(
-        "", "Share of the largest thrust that climb and acceleration may take.", 0.9, gt=0.0, le=1.0
-    )
-    cruise_m_s: float | None = quantity(
-        "m/s",
-        "Airspeed until a mission sets another; none: 8/9 of the aircraft's cruise_m_s, or the "
-        "geometric mean of its airspeeds.",
-        None,
-        gt=0.0,
-    )
-    wind_max_m_s: float = quantity("m/s", "Wind that the turns of a path allow for.", 5.0, ge=0.0)
-    airspeed_min_m_s: float | None = quantity(
-        "m/s",
-        "Lowest airspeed commanded; none: 3/4 of the aircraft's own cruise here, within its "
-        "limits.",
-        None,
-        gt=0.0,
-    )
-    airspeed_max_m_s: float | None = quantity(
-        "m/s",
-        "Highest airspeed commanded; none: 3/2 of the aircraft's own cruise here, within its "
-        "limits and its thrust.",
-        None,
-        gt=0.0,
-    )
-    min_altitude_m: float = quantity(
-        "m",
-        "Lowest height above home of a place that is flown to.",
-        0.0,
-        ge=-10_000.0,
-        le=100_000.0,
-    )
-    max_altitude_m: float = quantity(
-        "m", "Greatest height above home of such a place.", 10_000.0, ge=-10_000.0, le=100_000.0
-    )
-    acceleration_max_m_s2: float | None = quantity(
-        "m/s^2",
-        "Fastest change of the commanded airspeed; none: by the thrust that the aircraft has "
-        "to spare at its cruise, at most 20.",
-        None,
-        gt=0.0,
-    )
+    period_s: float = quantity("s", default=0.02, gt=0.0, le=1.0)
+    bank_max_deg: float = quantity("deg", default=40.0, gt=0.0, le=70.0)
+    incidence_max_deg: float | None = quantity("deg", default=None, gt=0.0, le=30.0)
+    climb_max_deg: float | None = quantity("deg", default=None, gt=0.0, le=45.0)
+    thrust_share_max: float = quantity("", default=0.9, gt=0.0, le=1.0)
+    cruise_m_s: float | None = quantity("m/s", default=None, gt=0.0)
+    wind_max_m_s: float = quantity("m/s", default=5.0, ge=0.0)
+    airspeed_min_m_s: float | None = quantity("m/s", default=None, gt=0.0)
+    airspeed_max_m_s: float | None = quantity("m/s", default=None, gt=0.0)
+    min_altitude_m: float = quantity("m", default=0.0, ge=-10_000.0, le=100_000.0)
+    max_altitude_m: float = quantity("m", default=10_000.0, ge=-10_000.0, le=100_000.0)
+    acceleration_max_m_s2: float | None = quantity("m/s^2", default=None, gt=0.0)
 
     @model_validator(mode="after")
     def _ranges_in_order(self) -> "GuidanceParameters":

@@ -41,7 +41,6 @@ import math
 from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field
 
 from ftc_autopilot.common.angles import wrap
 from ftc_autopilot.common.tuples import Four
@@ -71,6 +70,19 @@ class PathFollowing(GuidanceParameters):
     """Flies a mission's path by preview of its turns, at commanded airspeeds.
 
     Choose it for missions, the one of ours; without a mission none is needed.
+
+    Attributes:
+        kind: Name of the law.
+        cross_track_1_s: Gain k_e of the distance from the path.
+        cross_track_lead_s: Lead T_p of the distance from the path, beyond the filter's delay.
+        cross_track_integral_1_s2: Gain k_i of the distance's integral.
+        course_1_s: Gain k_chi of the course.
+        bank_feedback: Gain k_phi from the error of the course to the bank.
+        height_1_s: Gain k_h of the height.
+        height_integral_1_s2: Gain k_hi of the height's integral.
+        climb_feedback: Gain k_gamma from the error of the climb to the pitch.
+        rounding_s: Time of flight before and after a corner of the height.
+        wind_time_s: Time constant of the estimate of the wind.
     """
 
     PAGE: ClassVar[str] = "explanation/guidance.md"
@@ -85,30 +97,18 @@ class PathFollowing(GuidanceParameters):
         ]
     )
 
-    kind: Literal["path"] = Field(default="path", description="Name of the law.")
+    kind: Literal["path"] = "path"
 
-    cross_track_1_s: float = quantity("1/s", "Gain k_e of the distance from the path.", 0.8, gt=0.0)
-    cross_track_lead_s: float = quantity(
-        "s", "Lead T_p of the distance from the path, beyond the filter's delay.", 0.3, ge=0.0
-    )
-    cross_track_integral_1_s2: float = quantity(
-        "1/s^2", "Gain k_i of the distance's integral.", 0.08, ge=0.0
-    )
-    course_1_s: float = quantity("1/s", "Gain k_chi of the course.", 3.0, gt=0.0)
-    bank_feedback: float = quantity(
-        "", "Gain k_phi from the error of the course to the bank.", 3.0, ge=0.0
-    )
-    height_1_s: float = quantity("1/s", "Gain k_h of the height.", 0.4, gt=0.0)
-    height_integral_1_s2: float = quantity(
-        "1/s^2", "Gain k_hi of the height's integral.", 0.03, ge=0.0
-    )
-    climb_feedback: float = quantity(
-        "", "Gain k_gamma from the error of the climb to the pitch.", 1.0, ge=0.0
-    )
-    rounding_s: float = quantity(
-        "s", "Time of flight before and after a corner of the height.", 0.6, gt=0.0
-    )
-    wind_time_s: float = quantity("s", "Time constant of the estimate of the wind.", 2.0, gt=0.0)
+    cross_track_1_s: float = quantity("1/s", default=0.8, gt=0.0)
+    cross_track_lead_s: float = quantity("s", default=0.3, ge=0.0)
+    cross_track_integral_1_s2: float = quantity("1/s^2", default=0.08, ge=0.0)
+    course_1_s: float = quantity("1/s", default=3.0, gt=0.0)
+    bank_feedback: float = quantity("", default=3.0, ge=0.0)
+    height_1_s: float = quantity("1/s", default=0.4, gt=0.0)
+    height_integral_1_s2: float = quantity("1/s^2", default=0.03, ge=0.0)
+    climb_feedback: float = quantity("", default=1.0, ge=0.0)
+    rounding_s: float = quantity("s", default=0.6, gt=0.0)
+    wind_time_s: float = quantity("s", default=2.0, gt=0.0)
 
 
 class _PathPlace(NamedTuple):

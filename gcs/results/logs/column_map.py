@@ -18,14 +18,23 @@ _MAPS = resources.files("gcs.results.logs") / "maps"
 
 
 class MappedColumn(Model):
-    """A column: ours = sign * scale * (value in ours for unit) + offset."""
+    """A column: ours = sign * scale * (value in ours for unit) + offset.
 
-    column: Title = Field(min_length=1, description="Its name in the table.")
-    unit: Title | None = Field(None, description="Unit of its values; ours if left out.")
-    scale: float = Field(1.0, gt=0.0, description="Factor besides the unit's.")
-    sign: Literal[1, -1] = Field(1, description="-1: it counts the other way round.")
-    offset: float = Field(0.0, description="Added at last, in our unit.")
-    optional: bool = Field(False, description="Whether tables without it are of this kind, too.")
+    Attributes:
+        column: Its name in the table.
+        unit: Unit of its values; ours if left out.
+        scale: Factor besides the unit's.
+        sign: -1: it counts the other way round.
+        offset: Added at last, in our unit.
+        optional: Whether tables without it are of this kind, too.
+    """
+
+    column: Title = Field(min_length=1)
+    unit: Title | None = None
+    scale: float = Field(1.0, gt=0.0)
+    sign: Literal[1, -1] = 1
+    offset: float = 0.0
+    optional: bool = False
 
     def channel(
         self, name: str, time_s: np.ndarray, values: np.ndarray, clock: str
@@ -36,17 +45,27 @@ class MappedColumn(Model):
 
 
 class TimeColumn(Model):
-    """The column of time."""
+    """The column of time.
 
-    column: Title = Field(min_length=1, description="Its name in the table.")
-    unit: Literal["s", "ms", "us", "ns"] = Field("s", description="Of numbers; not of dates.")
+    Attributes:
+        column: Its name in the table.
+        unit: Of numbers; not of dates.
+    """
+
+    column: Title = Field(min_length=1)
+    unit: Literal["s", "ms", "us", "ns"] = "s"
 
 
 class ColumnMap(Model):
-    """Which columns of a table are read, as what."""
+    """Which columns of a table are read, as what.
 
-    title: Title = Field("", description="What tables it is of.")
-    source: Title = Field("", description="Where such tables are, and their licence.")
+    Attributes:
+        title: What tables it is of.
+        source: Where such tables are, and their licence.
+    """
+
+    title: Title = ""
+    source: Title = ""
     time: TimeColumn
     channels: Annotated[dict[str, MappedColumn], Field(min_length=1)]
 

@@ -35,15 +35,25 @@ _HALVINGS = 60  # of that interval: to the last digit
 
 
 class LoopWeights(Model):
-    """Weights of the cost that the gains minimise; each of a square, beside the rudder's [rad²]."""
+    """Weights of the cost that the gains minimise; each of a square, beside the rudder's [rad²].
 
-    roll_rate_s2: float = quantity("s^2", "Rudder: roll rate.", 0.02, ge=0.0)
-    roll: float = quantity("", "Rudder: roll angle.", 4.0, gt=0.0)
-    speed_s2_m2: float = quantity("s^2/m^2", "Thrust: airspeed.", 5e-4, gt=0.0)
-    pitch_rate_s2: float = quantity("s^2", "Thrust: pitch rate.", 0.02, ge=0.0)
-    pitch: float = quantity("", "Thrust: pitch angle.", 6.0, gt=0.0)
-    pitch_integral_1_s2: float = quantity("1/s^2", "Thrust: its integral.", 4.0, gt=0.0)
-    thrust_1_n2: float = quantity("1/N^2", "Thrust: itself.", 1e-6, gt=0.0)
+    Attributes:
+        roll_rate_s2: Rudder: roll rate.
+        roll: Rudder: roll angle.
+        speed_s2_m2: Thrust: airspeed.
+        pitch_rate_s2: Thrust: pitch rate.
+        pitch: Thrust: pitch angle.
+        pitch_integral_1_s2: Thrust: its integral.
+        thrust_1_n2: Thrust: itself.
+    """
+
+    roll_rate_s2: float = quantity("s^2", default=0.02, ge=0.0)
+    roll: float = quantity("", default=4.0, gt=0.0)
+    speed_s2_m2: float = quantity("s^2/m^2", default=5e-4, gt=0.0)
+    pitch_rate_s2: float = quantity("s^2", default=0.02, ge=0.0)
+    pitch: float = quantity("", default=6.0, gt=0.0)
+    pitch_integral_1_s2: float = quantity("1/s^2", default=4.0, gt=0.0)
+    thrust_1_n2: float = quantity("1/N^2", default=1e-6, gt=0.0)
 
 
 _DEFAULT = LoopWeights()

@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import Field
 
 from ftc_autopilot.control.diagnosis import DIAGNOSIS, DiagnosisParameters
 from ftc_autopilot.control.heading import needs_bank, weathercock_problem
@@ -29,7 +28,37 @@ _AccelerationLimit = Annotated[
 
 
 class FaultTolerant(LawParameters):
-    """Parameters of the surviving law, or of it as a fallback; triples are roll, pitch, yaw."""
+    """Parameters of the surviving law, or of it as a fallback; triples are roll, pitch, yaw.
+
+    Attributes:
+        neighbour_speed_limit_m_s: Largest speed difference to a neighbour that counts.
+        neighbour_acceleration_limit_m_s2: Largest acceleration of a neighbour's error that counts.
+        neighbour_angle_limit_deg: Largest angle to a neighbour that counts.
+        neighbour_rate_limit_deg_s: Largest angle rate of a neighbour's error that counts.
+        K1: Gains of the attitude errors [1/s].
+        K2: Gains of the rate errors [1/s].
+        rate_limit_deg_s: Limits of the Euler angle rates that errors ask for [deg/s].
+        full_gain_airspeed_m_s: Airspeed below which the gains decrease.
+        tau_omega_d_s: Filter of the commanded rates.
+        acceleration_limit_rad_s2: Limits of the commanded rates' derivatives [rad/s^2].
+        c_v: Gain of the speed error.
+        alpha_limit_deg: Angle of attack above which the nose is lowered.
+        pitch_lowering_1_s: Rate at which the nose is lowered, by that excess.
+        pitch_rate_1_s: Largest pitch rate, by the distance from that limit.
+        stop_memory_s: Memory of a rudder that is at its stop without the aileron.
+        driving_deg_s: Rate at which a lost aileron is then driven to help.
+        roll_room_deg: Healthy aileron's deflection that the sideslip of turns leaves to the roll.
+        pitch_error_limit_deg: With the elevator lost, the speed is held up to this error.
+        pitch_integral_limit_rad_s: Limit of the pitch error's integral in that loop.
+        loops: Weights of the loops without a surface, whose gains follow at the start.
+        heading: What holds the heading; auto: bank, if there is no rudder or sideslip grows while
+            it holds the heading.
+        heading_gain_1_s: Gain of the heading by bank; 0: the largest without overshoot.
+        bank_limit_deg: Largest bank that the heading asks for.
+        reconfigure: Whether the other actuators take over from a lost one; false only corrects
+            offset and effectiveness.
+        diagnosis: Diagnosis of the actuators.
+    """
 
     STATE: ClassVar[np.dtype] = np.dtype(
         [
@@ -51,90 +80,42 @@ class FaultTolerant(LawParameters):
         ("by_bank", "i8", ()),  # 1: heading is held by bank
     )
 
-    neighbour_speed_limit_m_s: float = quantity(
-        "m/s", "Largest speed difference to a neighbour that counts.", 2.0, gt=0.0
-    )
-    neighbour_acceleration_limit_m_s2: float = quantity(
-        "m/s^2", "Largest acceleration of a neighbour's error that counts.", 2.0, gt=0.0
-    )
-    neighbour_angle_limit_deg: float = quantity(
-        "deg", "Largest angle to a neighbour that counts.", 5.0, gt=0.0, le=180.0
-    )
-    neighbour_rate_limit_deg_s: float = quantity(
-        "deg/s", "Largest angle rate of a neighbour's error that counts.", 20.0, gt=0.0
-    )
+    neighbour_speed_limit_m_s: float = quantity("m/s", default=2.0, gt=0.0)
+    neighbour_acceleration_limit_m_s2: float = quantity("m/s^2", default=2.0, gt=0.0)
+    neighbour_angle_limit_deg: float = quantity("deg", default=5.0, gt=0.0, le=180.0)
+    neighbour_rate_limit_deg_s: float = quantity("deg/s", default=20.0, gt=0.0)
 
-    K1: Gains = Field(default=(11.5, 10.5, 5.2), description="Gains of the attitude errors [1/s].")
-    K2: Gains = Field(default=(25.0, 24.0, 18.0), description="Gains of the rate errors [1/s].")
-    rate_limit_deg_s: tuple[_RateLimit, _RateLimit, _RateLimit] = Field(
-        default=(60.0, 40.0, 12.0),  # wings level, 60 deg/s of yaw would be -50 deg of sideslip
-        description="Limits of the Euler angle rates that errors ask for [deg/s].",
-    )
-    full_gain_airspeed_m_s: float = quantity(
-        "m/s", "Airspeed below which the gains decrease.", 37.0, gt=0.0
-    )
-    tau_omega_d_s: float = quantity("s", "Filter of the commanded rates.", 0.015, gt=0.0)
+    K1: Gains = (11.5, 10.5, 5.2)
+    K2: Gains = (25.0, 24.0, 18.0)
+    rate_limit_deg_s: tuple[_RateLimit, _RateLimit, _RateLimit] = (
+        60.0,
+        40.0,
+        12.0,
+    )  # wings level, 60 deg/s of yaw would be -50 deg of sideslip
+    full_gain_airspeed_m_s: float = quantity("m/s", default=37.0, gt=0.0)
+    tau_omega_d_s: float = quantity("s", default=0.015, gt=0.0)
     acceleration_limit_rad_s2: tuple[_AccelerationLimit, _AccelerationLimit, _AccelerationLimit] = (
-        Field(
-            default=(20.0, 20.0, 10.0),
-            description="Limits of the commanded rates' derivatives [rad/s^2].",
-        )
+        20.0,
+        20.0,
+        10.0,
     )
-    c_v: float = quantity("1/s", "Gain of the speed error.", 10.5, gt=0.0, le=100.0)
-    alpha_limit_deg: float = quantity(
-        "deg", "Angle of attack above which the nose is lowered.", 33.0, gt=0.0, lt=90.0
-    )
-    pitch_lowering_1_s: float = quantity(
-        "1/s", "Rate at which the nose is lowered, by that excess.", 2.0, gt=0.0
-    )
-    pitch_rate_1_s: float = quantity(
-        "1/s", "Largest pitch rate, by the distance from that limit.", 3.0, gt=0.0
-    )
-    stop_memory_s: float = quantity(
-        "s", "Memory of a rudder that is at its stop without the aileron.", 0.7, gt=0.0
-    )
-    driving_deg_s: float = quantity(
-        "deg/s", "Rate at which a lost aileron is then driven to help.", 40.0, gt=0.0
-    )
-    roll_room_deg: float = quantity(  # K1 K2 ask for it at 0.6 deg of roll error
-        "deg",
-        "Healthy aileron's deflection that the sideslip of turns leaves to the roll.",
-        1.5,
-        gt=0.0,
-    )
-    pitch_error_limit_deg: float = quantity(
-        "deg", "With the elevator lost, the speed is held up to this error.", 3.0, ge=0.0
-    )
-    pitch_integral_limit_rad_s: float = quantity(
-        "rad s", "Limit of the pitch error's integral in that loop.", 0.6, gt=0.0
-    )
-    loops: LoopWeights = Field(
-        default=LoopWeights(),
-        description="Weights of the loops without a surface, whose gains follow at the start.",
-    )
-    heading: Literal["auto", "rudder", "bank"] = Field(
-        default="auto",
-        description="What holds the heading; auto: bank, if there is no rudder or sideslip grows "
-        "while it holds the heading.",
-    )
-    heading_gain_1_s: float = quantity(
-        "1/s",
-        "Gain of the heading by bank; 0: the largest without overshoot.",
-        0.0,
-        ge=0.0,
-        le=10.0,
-    )
-    bank_limit_deg: float = quantity(
-        "deg", "Largest bank that the heading asks for.", 40.0, gt=0.0, le=70.0
-    )
-    reconfigure: bool = Field(
-        default=True,
-        description="Whether the other actuators take over from a lost one; false only corrects "
-        "offset and effectiveness.",
-    )
-    diagnosis: DiagnosisParameters = Field(
-        default=DiagnosisParameters(), description="Diagnosis of the actuators."
-    )
+    c_v: float = quantity("1/s", default=10.5, gt=0.0, le=100.0)
+    alpha_limit_deg: float = quantity("deg", default=33.0, gt=0.0, lt=90.0)
+    pitch_lowering_1_s: float = quantity("1/s", default=2.0, gt=0.0)
+    pitch_rate_1_s: float = quantity("1/s", default=3.0, gt=0.0)
+    stop_memory_s: float = quantity("s", default=0.7, gt=0.0)
+    driving_deg_s: float = quantity("deg/s", default=40.0, gt=0.0)
+    roll_room_deg: float = quantity(
+        "deg", default=1.5, gt=0.0
+    )  # K1 K2 ask for it at 0.6 deg of roll error
+    pitch_error_limit_deg: float = quantity("deg", default=3.0, ge=0.0)
+    pitch_integral_limit_rad_s: float = quantity("rad s", default=0.6, gt=0.0)
+    loops: LoopWeights = LoopWeights()
+    heading: Literal["auto", "rudder", "bank"] = "auto"
+    heading_gain_1_s: float = quantity("1/s", default=0.0, ge=0.0, le=10.0)
+    bank_limit_deg: float = quantity("deg", default=40.0, gt=0.0, le=70.0)
+    reconfigure: bool = True
+    diagnosis: DiagnosisParameters = DiagnosisParameters()
 
     def misfits(self, aircraft: Aircraft) -> Iterator[str]:
         """Yield why the law cannot fly a nominal aircraft: neither inversion nor gains exist."""
@@ -171,7 +152,10 @@ class Surviving(FaultTolerant):
     """Diagnoses its own actuators, and flies on with one of them lost.
 
     Choose it wherever actuators or sensors may fail: first, if you are in doubt.
+
+    Attributes:
+        kind: Name of the law.
     """
 
     PAGE: ClassVar[str] = "explanation/surviving.md"
-    kind: Literal["surviving"] = Field(default="surviving", description="Name of the law.")
+    kind: Literal["surviving"] = "surviving"

@@ -3,7 +3,6 @@
 from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import Field
 
 from ftc_autopilot.control.laws.base import Gains, LawParameters
 from ftc_autopilot.control.laws.surviving.parameters import FaultTolerant, Surviving
@@ -36,6 +35,45 @@ class Tube(Renaming, FaultTolerant):
     its fallback.
 
     Lists of three are roll, pitch, yaw; of four, airspeed, roll, pitch, yaw.
+
+    Attributes:
+        kind: Name of the law.
+        K1: Gains of the attitude errors [1/s].
+        K2: Gains of the rate errors [1/s].
+        tube_scale: Width of all tubes, relative: messages against error.
+        survive: Whether the surviving law takes over when an actuator is lost; false: its diagnosis
+            only reports.
+        width_m_s: Half the width of the airspeed's tube.
+        width_deg: Half the widths of the angles' tubes [deg].
+        widening: Widening of a tube by the distance of reference from command.
+        funnel_s: Time in which an error outside its tube must shrink to 1/e.
+        return_m_s2: Fastest return of the airspeed from outside.
+        return_deg_s: Fastest return of the angles from outside [deg/s].
+        check_s: Time between two checks.
+        lead_s: Times before the predicted exit at which a channel is sent [s]; the servos' lag
+            comes on top.
+        dwell_s: Shortest time between two events of a channel.
+        gain_s: Least delay of the exit that is worth an event.
+        prediction_step_s: Step of the prediction.
+        prediction_steps: Steps of the prediction that plans a command.
+        settle_s: Times after an event from which on the plan keeps an error in its tube [s].
+        plan_share: Share of its tube that a plan uses.
+        force_observer_s: Memory of the observer of the specific force.
+        rates_observer_s: Memory of the observer of the angular velocity.
+        persistence_s: Time for which a disturbance is expected to keep changing.
+        adapt: Whether the strength of aileron and elevator and the damping of pitch are identified
+            in flight; false: the nominal ones.
+        adaptation_memory_s: Memory of the identification.
+        adaptation_prior: Integral of the squared excitation at which half of an error is believed.
+        adaptation_smooth_s: Band-pass filter of its signals: memory of the low pass.
+        adaptation_slow_s: The same: memory of the means that are subtracted.
+        adaptation_residual_rad_s2: Residual from which on Huber's weights decrease.
+        fallback_s: Time for which the surviving law flies after the last loss.
+        fallback_threshold: Thresholds of (25) and (29) while the surviving law flies, relative to
+            the trigger's.
+        fallback_error_deg: Roll or pitch error at which it takes over as well.
+        event_rate_limit: Events of a channel in about a second at which it does, too.
+        event_rate_cooldown_s: For how long it does then; twice as long each further time.
     """
 
     SECTION: ClassVar[str] = "controller"
@@ -90,120 +128,45 @@ class Tube(Renaming, FaultTolerant):
             moves[np.ix_((ROLL, YAW), (AILERON, RUDDER))] = joint_moves(aircraft)
         record["coupled"], record["moves"] = is_coupled(aircraft), moves
 
-    kind: Literal["tube"] = Field(default="tube", description="Name of the law.")
+    kind: Literal["tube"] = "tube"
 
-    K1: Gains = Field(default=(8.0, 8.0, 4.0), description="Gains of the attitude errors [1/s].")
-    K2: Gains = Field(default=(20.0, 20.0, 15.0), description="Gains of the rate errors [1/s].")
+    K1: Gains = (8.0, 8.0, 4.0)
+    K2: Gains = (20.0, 20.0, 15.0)
 
-    tube_scale: float = quantity(
-        "", gt=0.0, default=1.0, doc="Width of all tubes, relative: messages against error."
-    )
-    survive: bool = Field(
-        default=True,
-        description="Whether the surviving law takes over when an actuator is lost; false: its "
-        "diagnosis only reports.",
-    )
+    tube_scale: float = quantity("", gt=0.0, default=1.0)
+    survive: bool = True
 
-    width_m_s: float = quantity(
-        "m/s", gt=0.0, default=0.22, doc="Half the width of the airspeed's tube."
-    )
-    width_deg: tuple[_Width, _Width, _Width] = Field(
-        default=(0.30, 0.14, 1.22), description="Half the widths of the angles' tubes [deg]."
-    )
-    widening: _Shares = Field(
-        default=(0.18, 0.135, 0.06, 0.07),
-        description="Widening of a tube by the distance of reference from command.",
-    )
-    funnel_s: float = quantity(
-        "s", gt=0.0, default=0.37, doc="Time in which an error outside its tube must shrink to 1/e."
-    )
-    return_m_s2: float = quantity(
-        "m/s^2", gt=0.0, default=100.0, doc="Fastest return of the airspeed from outside."
-    )
-    return_deg_s: tuple[_Rate, _Rate, _Rate] = Field(
-        default=(60.0, 40.0, 12.0), description="Fastest return of the angles from outside [deg/s]."
-    )
+    width_m_s: float = quantity("m/s", gt=0.0, default=0.22)
+    width_deg: tuple[_Width, _Width, _Width] = (0.30, 0.14, 1.22)
+    widening: _Shares = (0.18, 0.135, 0.06, 0.07)
+    funnel_s: float = quantity("s", gt=0.0, default=0.37)
+    return_m_s2: float = quantity("m/s^2", gt=0.0, default=100.0)
+    return_deg_s: tuple[_Rate, _Rate, _Rate] = (60.0, 40.0, 12.0)
 
-    check_s: float = quantity("s", gt=0.0, le=0.1, default=0.004, doc="Time between two checks.")
-    lead_s: _Times = Field(
-        default=(0.105, 0.06, 0.09, 0.15),
-        description="Times before the predicted exit at which a channel is sent [s]; the servos' "
-        "lag comes on top.",
-    )
-    dwell_s: float = quantity(
-        "s", ge=0.0, default=0.05, doc="Shortest time between two events of a channel."
-    )
-    gain_s: float = quantity(
-        "s", ge=0.0, default=0.02, doc="Least delay of the exit that is worth an event."
-    )
+    check_s: float = quantity("s", gt=0.0, le=0.1, default=0.004)
+    lead_s: _Times = (0.105, 0.06, 0.09, 0.15)
+    dwell_s: float = quantity("s", ge=0.0, default=0.05)
+    gain_s: float = quantity("s", ge=0.0, default=0.02)
 
-    prediction_step_s: float = quantity(
-        "s", gt=0.0, le=0.1, default=0.015, doc="Step of the prediction."
-    )
-    prediction_steps: int = whole(
-        "steps", ge=2, le=400, default=40, doc="Steps of the prediction that plans a command."
-    )
-    settle_s: _Times = Field(
-        default=(0.195, 0.075, 0.075, 0.435),
-        description="Times after an event from which on the plan keeps an error in its tube [s].",
-    )
-    plan_share: _Shares = Field(
-        default=(0.51, 0.897, 0.757, 0.85), description="Share of its tube that a plan uses."
-    )
+    prediction_step_s: float = quantity("s", gt=0.0, le=0.1, default=0.015)
+    prediction_steps: int = whole("steps", ge=2, le=400, default=40)
+    settle_s: _Times = (0.195, 0.075, 0.075, 0.435)
+    plan_share: _Shares = (0.51, 0.897, 0.757, 0.85)
 
-    force_observer_s: float = quantity(
-        "s", gt=0.0, le=10.0, default=0.03, doc="Memory of the observer of the specific force."
-    )
-    rates_observer_s: float = quantity(
-        "s", gt=0.0, le=10.0, default=0.06, doc="Memory of the observer of the angular velocity."
-    )
-    persistence_s: float = quantity(
-        "s",
-        gt=0.0,
-        default=0.13,
-        doc="Time for which a disturbance is expected to keep changing.",
-    )
+    force_observer_s: float = quantity("s", gt=0.0, le=10.0, default=0.03)
+    rates_observer_s: float = quantity("s", gt=0.0, le=10.0, default=0.06)
+    persistence_s: float = quantity("s", gt=0.0, default=0.13)
 
-    adapt: bool = Field(
-        default=True,
-        description="Whether the strength of aileron and elevator and the damping of pitch are "
-        "identified in flight; false: the nominal ones.",
-    )
-    adaptation_memory_s: float = quantity(
-        "s", gt=0.0, default=20.0, doc="Memory of the identification."
-    )
-    adaptation_prior: float = quantity(
-        "rad^2/s^3",
-        gt=0.0,
-        default=0.1,
-        doc="Integral of the squared excitation at which half of an error is believed.",
-    )
+    adapt: bool = True
+    adaptation_memory_s: float = quantity("s", gt=0.0, default=20.0)
+    adaptation_prior: float = quantity("rad^2/s^3", gt=0.0, default=0.1)
 
-    adaptation_smooth_s: float = quantity(
-        "s", gt=0.0, default=0.03, doc="Band-pass filter of its signals: memory of the low pass."
-    )
-    adaptation_slow_s: float = quantity(
-        "s", gt=0.0, default=0.09, doc="The same: memory of the means that are subtracted."
-    )
-    adaptation_residual_rad_s2: float = quantity(
-        "rad/s^2", gt=0.0, default=0.15, doc="Residual from which on Huber's weights decrease."
-    )
+    adaptation_smooth_s: float = quantity("s", gt=0.0, default=0.03)
+    adaptation_slow_s: float = quantity("s", gt=0.0, default=0.09)
+    adaptation_residual_rad_s2: float = quantity("rad/s^2", gt=0.0, default=0.15)
 
-    fallback_s: float = quantity(
-        "s", gt=0.0, default=0.5, doc="Time for which the surviving law flies after the last loss."
-    )
-    fallback_threshold: float = quantity(
-        "",
-        gt=0.0,
-        default=2.0,
-        doc="Thresholds of (25) and (29) while the surviving law flies, relative to the trigger's.",
-    )
-    fallback_error_deg: float = quantity(
-        "deg", gt=0.0, default=15.0, doc="Roll or pitch error at which it takes over as well."
-    )
-    event_rate_limit: float = quantity(
-        "", gt=0.0, default=17.0, doc="Events of a channel in about a second at which it does, too."
-    )
-    event_rate_cooldown_s: float = quantity(
-        "s", ge=0.0, default=5.0, doc="For how long it does then; twice as long each further time."
-    )
+    fallback_s: float = quantity("s", gt=0.0, default=0.5)
+    fallback_threshold: float = quantity("", gt=0.0, default=2.0)
+    fallback_error_deg: float = quantity("deg", gt=0.0, default=15.0)
+    event_rate_limit: float = quantity("", gt=0.0, default=17.0)
+    event_rate_cooldown_s: float = quantity("s", ge=0.0, default=5.0)

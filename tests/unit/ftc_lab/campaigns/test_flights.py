@@ -17,9 +17,10 @@ from ftc_lab.campaigns.plan import row_of, rows_of
 from ftc_lab.campaigns.store import OUTCOMES, append_results, read_results
 from gcs.console.errors import BadInput, GcsError
 from gcs.fleet.in_process import fly_in_process
-from gcs.results.figures import ControlFailure, FlightSummary
+from gcs.results.figures import FlightSummary
 from gcs.results.quantities import PAPER_ORDER
 from gcs.results.summary import summarise
+from gcs.results.summary_parts import ControlFailure
 from gcs.scenario.model import Scenario, load_scenario
 from mavlink_defs.config.models import ConfigError
 

@@ -7,8 +7,9 @@ import pytest
 
 from ftc_lab.reports.paper import CONTROLLERS, MODES, PaperResults, paper_report
 from ftc_lab.reports.published_values import FIG_9, TABLE_IV, TABLE_V
-from gcs.results.figures import ChannelSummary, FlightSummary, UavSummary
+from gcs.results.figures import FlightSummary, UavSummary
 from gcs.results.quantities import PAPER_ORDER, QUANTITIES
+from gcs.results.summary_parts import ChannelSummary
 
 
 def summary(

@@ -92,8 +92,9 @@ class FakeVehicle(asyncio.DatagramProtocol):
                     self.say(dialect.MAVLink_ftc_events_message(0, 0, four, four, 0, four, 0))
                 self.commands.finish(command.token, dialect.MAV_RESULT_ACCEPTED, now=now)
             elif number == dialect.MAV_CMD_REQUEST_MESSAGE and self.fleet is not None:
-                if self.fleets_lost == 0:
-                    self.say(dialect.MAVLink_ftc_fleet_message(bits_of(self.fleet)))
+                if self.fleets_lost == 0:  # behind the acknowledgement, as ArduPilot sends it
+                    answer = dialect.MAVLink_ftc_fleet_message(bits_of(self.fleet))
+                    asyncio.get_running_loop().call_soon(self.say, answer)
                 self.fleets_lost = max(self.fleets_lost - 1, 0)
                 self.commands.finish(command.token, dialect.MAV_RESULT_ACCEPTED, now=now)
             elif number == dialect.MAV_CMD_COMPONENT_ARM_DISARM:
@@ -329,6 +330,18 @@ def test_a_vehicle_names_the_members_of_its_fleet_that_are_not_there(lost: int) 
             assert await client.discover(PATIENCE_S, [7]) == [vehicle]
             fake.fleet = [7]
             assert await client.discover(PATIENCE_S) == [vehicle]
+
+    run(test)
+
+
+def test_a_message_that_is_requested_and_does_not_come() -> None:
+    async def test() -> None:
+        async with connected() as (_, vehicle, fake):
+            fake.fleet, fake.fleets_lost = [7], 3
+            with pytest.raises(NoAnswer, match="accepted to send FTC_FLEET, which has not come"):
+                await vehicle.request(dialect.MAVLINK_MSG_ID_FTC_FLEET)
+            await vehicle.request(dialect.MAVLINK_MSG_ID_FTC_FLEET)
+            assert dialect.MAVLINK_MSG_ID_FTC_FLEET in vehicle.state.latest
 
     run(test)
 

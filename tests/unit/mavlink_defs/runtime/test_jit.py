@@ -127,6 +127,9 @@ def test_a_change_reaches_callers_and_leaves_the_rest_cached(project: Path, tmp_
     (elsewhere / "cache").symlink_to(project / "cache")
     # `scaled` alone is called by compiled code, two by Python
     assert run(elsewhere) == ["24", "1", "True", "True", "3"]
+    inner = project / "mavlink_defs" / "inner.py"
+    inner.write_text(f'"""It says what it does."""\n\n# and why\n{inner.read_text()}')
+    assert run(project) == ["24", "1", "True", "True", "3"]  # in other lines, but the same
     (project / "mavlink_defs" / "constant.py").write_text("FACTOR = 3\n")
     assert run(project) == ["36", "2", "True", "False", "1"]
 
