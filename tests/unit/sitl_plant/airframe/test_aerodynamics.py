@@ -66,8 +66,7 @@ def test_a_noted_flow_is_that_of_its_own_velocity_only() -> None:
     assert noted_flow(v, memory) == flow_of(v)
     memory["flow"] += 1.0
     assert noted_flow(v, memory) != flow_of(v)
-    for k in range(3):
-        other = tuple(x + (axis == k) for axis, x in enumerate(v))
+    for other in ((42.0, 2.0, -3.0), (41.0, 3.0, -3.0), (41.0, 2.0, -2.0)):
         assert noted_flow(other, memory) == flow_of(other)
 
 
