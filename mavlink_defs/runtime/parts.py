@@ -16,12 +16,13 @@ import llvmlite.binding
 import numba
 import numpy as np
 from llvmlite import ir
-from numba.core import cgutils
+from numba.core import cgutils as numba_cgutils
 from numba.core import types as numba_types
 from numba.extending import lower_builtin, type_callable
 
 _types: Any = numba_types  # without annotations
 _typeof: Any = numba.typeof
+_cgutils: Any = numba_cgutils
 _LATER_S = 0.02
 
 
@@ -118,7 +119,7 @@ class Part:
         status, result = convention.call_function(
             builder, builder.load(address), typed.return_type, typed.args, arguments
         )
-        with cgutils.if_unlikely(builder, status.is_error):
+        with _cgutils.if_unlikely(builder, status.is_error):
             convention.return_status_propagate(builder, status)
         return result
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from gcs.scenario.aircraft_file import load_aircraft
 from sitl_plant.airframe.aerodynamics import (
+    FLOW,
     R3,
     Aerodynamics,
     aerodynamics,
@@ -21,10 +22,13 @@ from sitl_plant.airframe.aerodynamics import (
     control_effectiveness,
     correct_derivatives,
     drag,
+    flow_of,
     force,
     lateral,
     longitudinal,
     moment,
+    note_flow,
+    noted_flow,
     rate_damping,
 )
 from sitl_plant.airframe.aircraft import COEFFICIENTS, aircraft_record
@@ -53,6 +57,17 @@ def slopes(any_aircraft: np.void, name: str, axis: int = 0) -> tuple[np.ndarray,
         ends.append(flown(any_aircraft, **{name: value}))
     F, N = (np.subtract(getattr(ends[0], what), getattr(ends[1], what)) for what in "FN")
     return F / (2.0 * H), N / (2.0 * H)
+
+
+def test_a_noted_flow_is_that_of_its_own_velocity_only() -> None:
+    memory, v = np.zeros(1, FLOW)[0], (41.0, 2.0, -3.0)
+    assert noted_flow((0.0, 0.0, 0.0), memory) == flow_of((0.0, 0.0, 0.0))  # nothing is noted
+    assert note_flow(v, memory) == flow_of(v)
+    assert noted_flow(v, memory) == flow_of(v)
+    memory["flow"] += 1.0
+    assert noted_flow(v, memory) != flow_of(v)
+    for other in ((42.0, 2.0, -3.0), (41.0, 3.0, -3.0), (41.0, 2.0, -2.0)):
+        assert noted_flow(other, memory) == flow_of(other)
 
 
 def test_no_other_module_names_a_coefficient() -> None:

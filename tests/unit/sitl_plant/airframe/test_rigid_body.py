@@ -16,6 +16,7 @@ from sitl_plant.actuators.servo import new_servos
 from sitl_plant.air.config import Wind
 from sitl_plant.air.turbulence import TURBULENCE
 from sitl_plant.air.wind import new_wind
+from sitl_plant.airframe.aerodynamics import FLOW
 from sitl_plant.airframe.aircraft import AIRCRAFT
 from sitl_plant.airframe.contact import GEAR
 from sitl_plant.airframe.rigid_body import R1, R2, R2_inv, load_state
@@ -26,7 +27,7 @@ DATA = Path(__file__).parents[3] / "data" / "nesc_tumbling_brick.csv"
 SLUG_FT2 = 1.3558179483  # kg m²
 UNDISTURBED = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 STILL, NO_EDDIES = new_wind(Wind()), np.zeros(1, TURBULENCE)
-NO_GEAR = np.zeros(1, GEAR)[0]
+NO_GEAR, NO_FLOW = np.zeros(1, GEAR)[0], np.zeros(1, FLOW)[0]
 IDLE = new_servos(ActuatorServos(), step_us=1000)
 
 angle = st.floats(-math.pi, math.pi)
@@ -58,8 +59,9 @@ def tumble(omega: Vec3, J: np.ndarray, steps: int, dt: float) -> np.ndarray:
             k * dt,
             dt,
             (UNDISTURBED, UNDISTURBED, UNDISTURBED),
-            Environment(IDLE, faults, STILL[0], NO_EDDIES[0], body, NO_GEAR),
+            Environment(IDLE, faults, STILL[0], NO_EDDIES[0], body, NO_GEAR, NO_FLOW),
             k * dt,
+            (0.0, 0.0, 0.0, 0.0),
             False,
         )
         # only the rotation is looked at: keep the velocity and the attitude where they began
