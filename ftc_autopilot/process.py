@@ -113,7 +113,7 @@ def _options(arguments: list[str] | None) -> Namespace:
     return options
 
 
-class Prepared(NamedTuple):
+class PreparedAutopilots(NamedTuple):
     """What a process has before it opens sockets; one that is forked may begin with it."""
 
     options: Namespace
@@ -123,7 +123,7 @@ class Prepared(NamedTuple):
     identity: str | None  # of a checkpoint
 
 
-def main(arguments: list[str] | None = None, prepared: Prepared | None = None) -> None:
+def main(arguments: list[str] | None = None, prepared: PreparedAutopilots | None = None) -> None:
     """Run the autopilot process and exit; `prepared` of the same arguments, if it is there."""
     with ExitStack() as sockets:
         try:
@@ -160,7 +160,7 @@ def main(arguments: list[str] | None = None, prepared: Prepared | None = None) -
     sys.exit(0 if all(autopilot.loss is None for autopilot in autopilots) else 1)
 
 
-def prepare(arguments: list[str] | None = None) -> Prepared:
+def prepare(arguments: list[str] | None = None) -> PreparedAutopilots:
     """Read the configurations, and make the state of the autopilots.
 
     Raises:
@@ -170,7 +170,7 @@ def prepare(arguments: list[str] | None = None) -> Prepared:
     configs = [load(file, AutopilotConfig) for file in options.configs]
     for config in configs:
         if not isinstance(config.autopilot, FtcAutopilot):
-            return Prepared(options, [config], None, None, None)
+            return PreparedAutopilots(options, [config], None, None, None)
     first, key_file = configs[0], None
     for file, config in zip(options.configs, configs, strict=True):
         if config.signing_key != first.signing_key:
@@ -183,7 +183,9 @@ def prepare(arguments: list[str] | None = None) -> Prepared:
         key_file = KeyFile(first.signing_key, partial(log, first.id))
     rows = 0 if options.record[0] is None else RECORD_ROWS
     identity = identity_of(first) if options.checkpoint else None
-    return Prepared(options, configs, key_file, new_autopilots(configs, rows, key_file), identity)
+    return PreparedAutopilots(
+        options, configs, key_file, new_autopilots(configs, rows, key_file), identity
+    )
 
 
 def _fly_foreign(config: AutopilotConfig, options: Namespace) -> int:
@@ -214,7 +216,7 @@ def _fly_foreign(config: AutopilotConfig, options: Namespace) -> int:
 
 
 def _boot(
-    prepared: Prepared, state: Autopilots, sockets: ExitStack
+    prepared: PreparedAutopilots, state: Autopilots, sockets: ExitStack
 ) -> tuple[list[Autopilot], Autopilots]:
     """Return autopilots, and their state.
 

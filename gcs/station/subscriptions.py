@@ -1,6 +1,7 @@
 """What a client receives, passed on to whoever has subscribed to it."""
 
 import asyncio
+import contextlib
 from collections import deque
 from collections.abc import Callable
 from typing import Generic, Self, TypeVar
@@ -33,6 +34,14 @@ class Subscription(Generic[_T]):
             self._changed.clear()
             await self._changed.wait()
         return self._waiting.popleft()
+
+    async def comes_within(self, timeout_s: float) -> bool:
+        """Wait for the next one; return whether it has come."""
+        with contextlib.suppress(TimeoutError, StopAsyncIteration):
+            async with asyncio.timeout(timeout_s):
+                await anext(self)
+                return True
+        return False
 
     def put(self, one: _T) -> None:
         """Pass something on, if it is of interest."""

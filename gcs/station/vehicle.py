@@ -4,7 +4,6 @@ Every operation returns, or raises `CommandRefused` (with the vehicle's reason) 
 (after several retries).
 """
 
-import asyncio
 import contextlib
 import math
 from collections.abc import Iterable
@@ -132,10 +131,8 @@ class Vehicle(PlanTransfers):
         )
         for _ in range(_TRIES):
             await self.command(dialect.MAV_CMD_REQUEST_MESSAGE, (message_id,))
-            with contextlib.suppress(TimeoutError, StopAsyncIteration):
-                async with asyncio.timeout(_MESSAGE_S):
-                    await anext(coming)
-                    return
+            if await coming.comes_within(_MESSAGE_S):
+                return
         name = dialect.mavlink_map[message_id].msgname
         raise self._no_answer(f"UAV {self.system} accepted to send {name}, which has not come")
 

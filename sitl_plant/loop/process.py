@@ -271,7 +271,7 @@ class Plant:
         return bool(((link.peers["done"] < self._state["step"]) & (link.peers["known"] == 1)).any())
 
 
-class Prepared(NamedTuple):
+class PreparedPlant(NamedTuple):
     """What a process has before it opens its socket; one that is forked may begin with it."""
 
     options: Namespace
@@ -279,7 +279,7 @@ class Prepared(NamedTuple):
     key_file: KeyFile | None
 
 
-def prepare(arguments: list[str] | None = None) -> Prepared:
+def prepare(arguments: list[str] | None = None) -> PreparedPlant:
     """Read the configuration.
 
     Raises:
@@ -307,10 +307,10 @@ def prepare(arguments: list[str] | None = None) -> Prepared:
             options.config, [Problem(("duration_s",), "missing; --record needs an end")]
         )
     key_file = KeyFile(config.signing_key, _log) if config.signing_key else None
-    return Prepared(options, config, key_file)
+    return PreparedPlant(options, config, key_file)
 
 
-def main(arguments: list[str] | None = None, prepared: Prepared | None = None) -> None:
+def main(arguments: list[str] | None = None, prepared: PreparedPlant | None = None) -> None:
     """Run the plant process and exit; `prepared` of the same arguments, if it is there."""
     try:
         options, config, key_file = prepared or prepare(arguments)
