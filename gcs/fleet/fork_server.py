@@ -20,7 +20,6 @@ have to answer need.
 import contextlib
 import ctypes
 import gc
-import importlib.util
 import json
 import os
 import select
@@ -38,8 +37,7 @@ import sitl_plant.loop.warm_up
 from gcs.scenario.model import load_scenario
 from mavlink_defs.config.models import ConfigError
 from mavlink_defs.runtime.heap import give_memory_back
-from mavlink_defs.runtime.jit import PLAIN, cold_parts, compiler
-from mavlink_defs.runtime.prebuilt import is_complete
+from mavlink_defs.runtime.jit import cold_parts
 
 _PLANT, _AUTOPILOT = "sitl-plant", "ftc-autopilot"
 _MODULE: dict[str, Any] = {_PLANT: sitl_plant.loop.process, _AUTOPILOT: ftc_autopilot.process}
@@ -102,25 +100,10 @@ def _load_compiled_code() -> None:
         return
     if is_cold:
         return
-    if not (PLAIN or is_complete()):
-        _leave_scipy_for_later()
     scenario = load_scenario("paper/scenario1")
     sitl_plant.loop.warm_up.call_everything(scenario.plant_config(speed=None))
     ftc_autopilot.warm_up.call_everything(scenario.autopilot_config(scenario.uavs[0].id))
     gc.freeze()
-
-
-def _leave_scipy_for_later() -> None:
-    """Let numba import scipy when something calls its linear algebra, as no function of ours does.
-
-    Numba imports it, 9 MB, to see whether it is there. Compiled code of others that calls BLAS
-    imports it by itself, on the first call.
-    """
-    compiler("")
-    import numba.np.linalg
-
-    if importlib.util.find_spec("scipy"):
-        numba.np.linalg.ensure_blas = lambda: None
 
 
 def _prepared(requests: Sequence[_Request]) -> list[Any]:

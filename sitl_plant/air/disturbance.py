@@ -63,7 +63,7 @@ def disturbances_over(
 def _phase(
     table: np.ndarray, row: int, t: float, before: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return sine and cosine of a row's angle: those of the row before if its rate is the same."""
+    """Return sine and cosine of a row's angle: what the row before has if its rate is the same."""
     if row > 0 and table[row, 2] == table[row - 1, 2]:
         return before
     angle = table[row, 2] * t
