@@ -19,7 +19,7 @@ from gcs.station.vehicle import Vehicle
 from gcs.station.vehicle_state import VehicleState
 from mavlink_defs import dialect
 
-_ANSWERS_S = 2.0
+_ANSWERS_S = 5.0  # a busy machine answers late
 _REFRESH_S = 1.0
 
 
