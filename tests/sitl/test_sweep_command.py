@@ -31,7 +31,7 @@ CAMPAIGN = {"request.yaml", "scenario.yaml", "draws.parquet", "results"}
 OUTPUTS = CAMPAIGN | {"table.csv", "table.md", "sweep.png", "sweep.svg"}
 LONG_S = 150.0
 """Of flights that are not all over when the first are stored, after 2 s."""
-FLIGHTS = 8
+FLIGHTS = 24
 MANY = ("--set", f"trigger.b2_deg={','.join(str(0.1 * k) for k in range(1, FLIGHTS + 1))}")
 
 

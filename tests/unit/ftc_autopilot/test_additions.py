@@ -97,7 +97,7 @@ def test_another_aerodynamic_model_is_two_files(copy: Path) -> None:
     """Drag that grows with the square of the lift, by a coefficient of its own."""
     before = fly(copy, "")
     config = copy / "sitl_plant" / "airframe" / "config.py"
-    drag = '    cD0: float = quantity("", "Drag.", ge=0.0)\n'
+    drag = '    cD0: float = quantity("", ge=0.0)\n'
     induced = '    cD_induced: float = quantity("", "Drag by lift squared.", 0.05)\n'
     assert drag in config.read_text()
     config.write_text(config.read_text().replace(drag, drag + induced))
