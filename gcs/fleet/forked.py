@@ -133,6 +133,9 @@ class ForkServer:
         """
         if self._popen is None or self._popen.stdout is None or self._popen.stdout.closed:
             return False
+        assert self._popen.stdin is not None
+        with contextlib.suppress(BrokenPipeError):
+            self._popen.stdin.flush()  # what waits for others that may never follow
         if not select.select([self._popen.stdout], [], [], timeout_s)[0]:
             return False
         received = os.read(self._popen.stdout.fileno(), 1 << 16)

@@ -102,6 +102,28 @@ def test_signals_reach_one_alone(server: ForkServer, tmp_path: Path, scenario1: 
     assert other.wait(TIMEOUT_S) in {0, -signal.SIGTERM}
 
 
+def test_what_waits_for_others_is_started_when_it_is_waited_for(
+    server: ForkServer, tmp_path: Path
+) -> None:
+    log = tmp_path / "log"
+    lonely = server.start("sitl-plant", ["nowhere.yaml"], log, more=True)
+    assert lonely.wait(TIMEOUT_S) == 2, "no other comes, as one could not be started"
+
+
+def test_those_that_are_started_together_fail_one_by_one(
+    server: ForkServer, tmp_path: Path, scenario1: Scenario
+) -> None:
+    config, logs = config_of(scenario1, tmp_path), (tmp_path / "plant.log", tmp_path / "uav1.log")
+    plant = server.start("sitl-plant", ["nowhere.yaml"], logs[0], more=True)
+    autopilot = server.start("ftc-autopilot", [str(config)], logs[1])
+    assert plant.wait(TIMEOUT_S) == 2
+    assert "nowhere.yaml" in logs[0].read_text()
+    wait_until_started(server, autopilot)
+    assert autopilot.poll() is None
+    autopilot.terminate()
+    assert autopilot.wait(TIMEOUT_S) in {0, -signal.SIGTERM}
+
+
 def test_all_end_with_the_server(server: ForkServer, tmp_path: Path, scenario1: Scenario) -> None:
     forked = server.start("ftc-autopilot", [str(config_of(scenario1, tmp_path))], tmp_path / "log")
     wait_until_started(server, forked)
