@@ -50,8 +50,7 @@ def _libc(name: str, result: type, *arguments: type) -> Callable[..., int]:
     function.restype, function.argtypes = result, arguments
 
     def call(*values: int) -> int:
-        pairs = zip(arguments, values, strict=True)
-        return cast(int, function(*(_SIZE_OF(v) if kind is _INOUT else v for kind, v in pairs)))
+        return cast(int, function(*values))
 
     named = (Parameter(f"_{k}", Parameter.POSITIONAL_ONLY) for k in range(len(arguments)))
     vars(call)["__signature__"] = Signature(list(named))
@@ -59,17 +58,13 @@ def _libc(name: str, result: type, *arguments: type) -> Callable[..., int]:
     @in_machine_code(call)
     def typed(tools: Any, *_kinds: Any) -> Any:
         kinds: dict[type, Any] = {_INT: tools.types.int32, _POINTER: tools.types.uintp}
-        kinds |= {_SIZE: tools.types.uintp, _SSIZE: tools.types.intp, _INOUT: tools.types.uint32}
+        kinds |= {_SIZE: tools.types.uintp, _SSIZE: tools.types.intp}
 
         def build(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            passed = [
-                tools.cgutils.alloca_once_value(builder, value) if kind is _INOUT else value
-                for kind, value in zip(arguments, values, strict=True)
-            ]
-            returned = context.get_value_type(signature.return_type)
-            kind = tools.ir.FunctionType(returned, [value.type for value in passed])
+            passed = [context.get_value_type(kind) for kind in signature.args]
+            kind = tools.ir.FunctionType(context.get_value_type(signature.return_type), passed)
             made = tools.cgutils.get_or_insert_function(builder.module, kind, name)
-            return builder.call(made, passed)
+            return builder.call(made, values)
 
         return kinds[result](*(kinds[argument] for argument in arguments)), build
 
@@ -77,13 +72,12 @@ def _libc(name: str, result: type, *arguments: type) -> Callable[..., int]:
 
 
 _INT, _POINTER, _SIZE, _SSIZE = ctypes.c_int, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_ssize_t
-_SIZE_OF = ctypes.c_uint32
-_INOUT = ctypes.POINTER(_SIZE_OF)  # passed by address, from the stack: no call allocates it
 _recv = _libc("recv", _SSIZE, _INT, _POINTER, _SIZE, _INT)
-_recvfrom = _libc("recvfrom", _SSIZE, _INT, _POINTER, _SIZE, _INT, _POINTER, _INOUT)
+_recvfrom = _libc("recvfrom", _SSIZE, _INT, _POINTER, _SIZE, _INT, _POINTER, _POINTER)
 _send = _libc("send", _SSIZE, _INT, _POINTER, _SIZE, _INT)
 _sendto = _libc("sendto", _SSIZE, _INT, _POINTER, _SIZE, _INT, _POINTER, _INT)
 _getsockopt = _libc("getsockopt", _INT, _INT, _INT, _INT, _POINTER, _POINTER)
+_clock_gettime = _libc("clock_gettime", _INT, _INT, _POINTER)
 _poll = _libc("poll", _INT, _POINTER, _SIZE, _INT)
 _sched_yield = _libc("sched_yield", _INT)
 _nanosleep = _libc("nanosleep", _INT, _POINTER, _POINTER)
@@ -127,7 +121,7 @@ def receive_from(fd: int, buffer: np.ndarray, address: np.ndarray) -> int:
     Returns:
         Length [bytes], or -1 on timeout, signal or error.
     """
-    return _receive_from(fd, buffer, address, 0)
+    return _receive_from(fd, buffer, address, np.full(1, ADDRESS_SIZE, np.uint32), 0)
 
 
 @compiled
@@ -137,22 +131,23 @@ def receive_from_soon(fd: int, buffer: np.ndarray, address: np.ndarray) -> int:
     The processor is offered to others, but does not fall asleep, for the first moments:
     waking it again would take longer than all the work of a lockstep step. Then as `receive_from`.
     """
-    length = _receive_from(fd, buffer, address, _NOW)
+    size = np.full(1, ADDRESS_SIZE, np.uint32)
+    length = _receive_from(fd, buffer, address, size, _NOW)
     if length >= 0:
         return length
     end_s = monotonic_s() + SPIN_S
     while monotonic_s() < end_s:
         _sched_yield()
-        length = _receive_from(fd, buffer, address, _NOW)
+        length = _receive_from(fd, buffer, address, size, _NOW)
         if length >= 0:
             return length
-    return _receive_from(fd, buffer, address, 0)
+    return _receive_from(fd, buffer, address, size, 0)
 
 
 @compiled
 def receive_from_now(fd: int, buffer: np.ndarray, address: np.ndarray) -> int:
     """Take one datagram and its sender if one is there; otherwise as `receive_from`."""
-    return _receive_from(fd, buffer, address, _NOW)
+    return _receive_from(fd, buffer, address, np.full(1, ADDRESS_SIZE, np.uint32), _NOW)
 
 
 @compiled
@@ -228,13 +223,17 @@ def send_to(fd: int, buffer: np.ndarray, length: int, address: np.ndarray) -> in
 @compiled
 def monotonic_s() -> float:
     """Return the time of `time.monotonic` [s]."""
-    return _clock_s(_MONOTONIC)
+    timespec = np.empty(2, np.int64)
+    _read_clock(_MONOTONIC, timespec)
+    return float(timespec[0] + 1e-9 * timespec[1])
 
 
 @compiled
 def unix_s() -> float:
     """Return the time of `time.time` [s]."""
-    return _clock_s(_UNIX)
+    timespec = np.empty(2, np.int64)
+    _read_clock(_UNIX, timespec)
+    return float(timespec[0] + 1e-9 * timespec[1])
 
 
 @compiled
@@ -253,9 +252,12 @@ def sleep_until(t_s: float) -> None:
 
 
 @compiled
-def _receive_from(fd: int, buffer: np.ndarray, address: np.ndarray, flags: int) -> int:
-    data, sender = buffer.ctypes.data, address.ctypes.data
-    return _recvfrom(fd, data, buffer.size, flags, sender, ADDRESS_SIZE)
+def _receive_from(
+    fd: int, buffer: np.ndarray, address: np.ndarray, size: np.ndarray, flags: int
+) -> int:
+    return _recvfrom(
+        fd, buffer.ctypes.data, buffer.size, flags, address.ctypes.data, size.ctypes.data
+    )
 
 
 @compiled
@@ -263,28 +265,9 @@ def _read_option(fd: int, memory: np.ndarray, size: np.ndarray) -> int:
     return _getsockopt(fd, _SOCKET, _MEMORY_INFO, memory.ctypes.data, size.ctypes.data)
 
 
-def _clock_s(clock: int) -> float:
-    """Return the time of a clock [s]."""
-    return time.clock_gettime(clock)
-
-
-@in_machine_code(_clock_s)
-def _read_clock(tools: Any, clock: Any) -> Any:
-    def build(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
-        number = tools.ir.IntType(64)
-        timespec = tools.cgutils.alloca_once(builder, number, 2)
-        passed = builder.trunc(values[0], tools.ir.IntType(32)), timespec
-        kind = tools.ir.FunctionType(passed[0].type, [one.type for one in passed])
-        made = tools.cgutils.get_or_insert_function(builder.module, kind, "clock_gettime")
-        builder.call(made, passed)
-        kind = context.get_value_type(tools.types.float64)
-        s, ns = (
-            builder.sitofp(builder.load(tools.cgutils.gep(builder, timespec, k)), kind)
-            for k in (0, 1)
-        )
-        return builder.fadd(s, builder.fmul(ns, kind(1e-9)))
-
-    return tools.types.float64(tools.types.int64), build
+@compiled
+def _read_clock(clock: int, timespec: np.ndarray) -> int:
+    return _clock_gettime(clock, timespec.ctypes.data)
 
 
 @compiled
