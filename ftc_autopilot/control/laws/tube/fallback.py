@@ -92,26 +92,22 @@ def least_changes(thresholds: Thresholds, commands: np.ndarray) -> Four:
 
 @inlined
 def triggered(
-    now: Step, j: int, commanded: Four, least: Four, state: np.void, commands: np.ndarray
+    now: Step, j: int, commanded: Four, least: Four, noise: np.void, commands: np.ndarray
 ) -> bool:
     """Return whether the surviving law's command of channel j is sent, which is in force then.
 
     The clock decides that if the trigger has one; else (25) or (29), with thresholds that grow with
-    the noise and the gusts in the commands, as in the trigger `scaled`. They do not grow while the
-    actuator is suspected: whether it follows is seen by the commands that it gets.
+    the noise and the gusts in the commands, as in the trigger `scaled`.
 
     Args:
         now: The present step.
         j: The channel, number as FTC_ACTUATOR.
         commanded: Commands of the surviving law, saturated [rad, rad, rad, N].
         least: Thresholds of (25) and (29) [rad, rad, rad, N].
-        state: Record of dtype `Tube.STATE`.
+        noise: Record of dtype `Scaled.STATE`.
         commands: In force [rad, rad, rad, N], shape (4,), updated.
     """
-    limit = least[j]
-    if state["fallback"]["diagnosis"]["actuators"][j]["suspect_s"] <= 0.0:
-        limit = max(limit, noise_threshold(j, state["noise"]))
-    fired = bool(abs(commanded[j] - commands[j]) >= limit)
+    fired = bool(abs(commanded[j] - commands[j]) >= max(least[j], noise_threshold(j, noise)))
     if now.clock_s[j] > 0.0:
         fired = bool(now.due & (1 << j))
     if fired:

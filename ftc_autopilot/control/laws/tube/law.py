@@ -76,7 +76,7 @@ def tube_law(
         for j in range(N_CHANNELS):
             commands[j] += state["dither"][j]
         for j in range(N_CHANNELS):
-            if triggered(now, j, commanded, least, state, commands):
+            if triggered(now, j, commanded, least, state["noise"], commands):
                 mask |= 1 << j
                 state["dither"][j] = actuators[j]["dither"]
             state["exit"][j] = math.nan
@@ -84,7 +84,7 @@ def tube_law(
         if (
             no_rudder
             and has_actuator(aircraft, RUDDER)
-            and triggered(now, RUDDER, commanded, least, state, commands)
+            and triggered(now, RUDDER, commanded, least, state["noise"], commands)
         ):
             mask |= 1 << RUDDER
         if checked if now.clock_s[0] == 0.0 else now.due != 0:
