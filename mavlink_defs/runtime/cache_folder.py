@@ -111,20 +111,16 @@ def _digest_with_imports(source: Path, *further: Path) -> str:
     place = source.relative_to(ROOT) if source.is_relative_to(ROOT) else source
     compiled_by = Path(__file__).with_name("compiler.py")
     files = (compiled_by, *with_imports(source, *further))
-    digest = joint_digest([_code_digest(file, known) for file in files], f"{place} {TARGET}")
+    digest = joint_digest(map(_code_digest, files), f"{place} {TARGET}")
     if len(known) > before and OBSTACLE is None:
         _keep(known)
     return digest[:16]
 
 
-def _code_digest(source: Path, known: dict[str, str]) -> bytes:
-    """Return a digest of a file's name and code; of other people's files lines count, too.
-
-    Args:
-        source: The file.
-        known: Such digests by the digest of the whole content, to which it is added.
-    """
-    whole = content_digest(source).hex()
+@remembered
+def _code_digest(source: Path) -> bytes:
+    """Return a digest of a file's name and code; of other people's files lines count, too."""
+    whole, known = content_digest(source).hex(), code_digests()
     if not is_ours(source) or source.suffix != ".py":
         return bytes.fromhex(whole)
     if whole not in known:
@@ -154,7 +150,10 @@ def _is_text(statement: ast.stmt) -> bool:
 
 @functools.cache
 def code_digests() -> dict[str, str]:
-    """Return the digests of code that were made before: to parse all files takes a second."""
+    """Return digests of code by those of whole files, as made before: to parse all takes a second.
+
+    What is made is added to them.
+    """
     with contextlib.suppress(OSError, ValueError):
         known: dict[str, str] = json.loads(_digests_file().read_text(encoding="ascii"))
         return known
