@@ -40,9 +40,13 @@ BESIDE = {"uv"}
 """What is locked and lies in build/ and not in .venv: 38 MB that nothing imports."""
 UNUSED = (
     "MAVProxy/modules/mavproxy_cesium",
-    *(f"pyarrow/{x}" for x in ("include", "src", "tests")),
+    *(f"pyarrow/{x}" for x in ("include", "src", "tests", "*_flight.*", "*_s3.*", "*_s3fs.*")),
 )
-"""What packages bring that nothing here uses: a globe for browsers, 118 MB; for C++, 9 MB."""
+"""What packages bring that nothing here uses, as patterns of their files and folders.
+
+A globe for browsers, 118 MB; of Arrow what C++ needs, 9 MB, a server and its clients, 34 MB, and a
+reader of a cloud's storage, 17 MB.
+"""
 SPACE_MB = {"fly": 700, "all": 1700}
 """Free space that a new .venv takes, and what is downloaded for it."""
 FULL_MB = 50
@@ -220,10 +224,14 @@ def _make(jobs: Jobs, packages: dict[str, str]) -> None:
         compiling = jobs.start("compiling", "compile", [_python(), "-c", COMPILE])
         text = f"{len(rest)} packages more"
         jobs.must(jobs.start(text, "rest", [*install, *_chosen("rest", rest)]), _OFFLINE)
-        for place in VENV.glob("lib/python*/site-packages"):
-            for name in UNUSED:
-                shutil.rmtree(place / name, ignore_errors=True)
+        _leave_out()
     jobs.must(compiling)
+
+
+def _leave_out() -> None:
+    for place in VENV.glob("lib/python*/site-packages"):
+        for found in (found for pattern in UNUSED for found in [*place.glob(pattern)]):
+            shutil.rmtree(found) if found.is_dir() else found.unlink()
 
 
 @contextlib.contextmanager

@@ -115,6 +115,39 @@ def test_an_environment_whose_python_is_gone_is_made_again(setup: ModuleType) ->
     assert not venv.exists()
 
 
+def test_what_nothing_uses_is_left_out(setup: ModuleType) -> None:
+    packages = environment(setup) / "lib" / "python3.11" / "site-packages"
+    kept = {
+        "pyarrow/lib.so",
+        "pyarrow/flight.py",
+        "pyarrow/libarrow.so.2600",
+        "MAVProxy/mavproxy.py",
+    }
+    left = {
+        "pyarrow/include/a.h",
+        "pyarrow/libarrow_flight.so.2600",
+        "pyarrow/_s3fs.cpython-311.so",
+    }
+    for name in kept | left:
+        (packages / name).parent.mkdir(parents=True, exist_ok=True)
+        (packages / name).touch()
+    setup._leave_out()
+    files = (file for file in packages.rglob("*") if file.is_file())
+    assert {str(file.relative_to(packages)) for file in files} == kept
+
+
+def test_arrow_does_without_what_is_left_out() -> None:
+    code = """
+import sys
+for name in ("_flight", "_s3fs"):
+    sys.modules[f"pyarrow.{name}"] = None
+import pyarrow.dataset, pyarrow.fs, pyarrow.ipc, pyarrow.parquet
+import gcs.results.store, gcs.results.export
+"""
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr.decode()
+
+
 def test_what_fails_is_one_line_with_its_log(setup: ModuleType) -> None:
     jobs = setup.Jobs()
     command = ["sh", "-c", "echo first; echo no such host; exit 3"]
