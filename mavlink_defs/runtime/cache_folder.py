@@ -150,7 +150,7 @@ def _is_text(statement: ast.stmt) -> bool:
 
 @functools.cache
 def code_digests() -> dict[str, str]:
-    """Return digests of code by those of whole files, as made before: to parse all takes a second.
+    """Return digests of code by digests of whole files, as made before: to parse takes a second.
 
     What is made is added to them.
     """
