@@ -15,7 +15,6 @@ import ast
 import contextlib
 import errno
 import functools
-import hashlib
 import json
 import os
 import platform
@@ -179,8 +178,7 @@ def _warm_mark(part: str) -> Path:
 
 @functools.cache
 def _digest_of_all() -> str:
-    digests = "".join(map(_digest_with_imports, compiled_sources()))
-    return hashlib.sha256(digests.encode()).hexdigest()[:16]
+    return _digest_with_imports(*compiled_sources())
 
 
 def _find_cache_folder() -> Path:

@@ -110,11 +110,18 @@ def _imports(source: Path) -> list[Path]:
     names: list[str] = []
     for package, members, module in _IMPORT.findall(text):
         names += [module or package]
-        names += [f"{package}.{name}" for name in re.findall(r"\w+", members)]
+        if _is_folder(package):
+            names += [f"{package}.{name}" for name in re.findall(r"\w+", members)]
     own = (name.replace(".", "/") for name in names if name.partition(".")[0] in _PACKAGES)
     files = [f"{ROOT}/{name}{end}" for name in own for end in (".py", "/__init__.py")]
     found = [Path(file) for file in files if os.path.isfile(file)]
     return found if is_ours(source) else [*found, *_imports_of_its_project(source, text)]
+
+
+@functools.cache
+def _is_folder(package: str) -> bool:
+    """Return whether what can be imported of a package of ours may be a file."""
+    return os.path.isdir(ROOT / package.replace(".", "/"))
 
 
 def _imports_of_its_project(source: Path, text: str) -> Iterator[Path]:
