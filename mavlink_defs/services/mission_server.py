@@ -26,7 +26,7 @@ from mavlink_defs.dialect import (
 )
 from mavlink_defs.profile import MAX_ITEMS, ProfileError
 from mavlink_defs.services.command_server import LATE_S
-from mavlink_defs.services.machine import Machine, SystemId, is_for, sender_of
+from mavlink_defs.services.machine import SLOW_S, Machine, SystemId, is_for, sender_of
 from mavlink_defs.services.mission import ITEM_TIMEOUT_S, MAX_RETRIES, MissionItem, item_as_int
 from mavlink_defs.services.mission_upload import Upload, UploadClient
 
@@ -42,6 +42,8 @@ _GUIDED_ITEM, _ALTITUDE_ITEM = 2, 3  # `current` of an item that is no part of a
 ON_ITS_OWN = (_GUIDED_ITEM, _ALTITUDE_ITEM)
 _SILENCE_S = 30.0
 """Silence of a client after which its upload is cancelled."""
+_AT_ONCE = 3
+"""Ignored requests after which a client is late, and is asked every `SLOW_S`."""
 
 
 @dataclass(frozen=True)
@@ -206,10 +208,10 @@ class MissionServer(Machine[MissionEvent]):
         """Request the awaited item again, or cancel the upload.
 
         On a busy machine a client may be late with everything: it has ignored a request only if
-        it was heard since.
+        it was heard since, and one that has ignored several is asked less often.
         """
         upload = self._going_on()
-        if upload is None or now < upload.asked_s + ITEM_TIMEOUT_S:
+        if upload is None or now < upload.asked_s + _timeout_s(upload):
             return
         self.asking = upload.sender.station
         if upload.heard_s > upload.asked_s:
@@ -223,7 +225,7 @@ class MissionServer(Machine[MissionEvent]):
     def deadline(self) -> float | None:
         """Return the time at which an awaited item is requested again [s]."""
         upload = self._going_on()
-        return None if upload is None else upload.asked_s + ITEM_TIMEOUT_S
+        return None if upload is None else upload.asked_s + _timeout_s(upload)
 
     def _going_on(self) -> Upload | None:
         upload = self._upload
@@ -377,3 +379,7 @@ class MissionServer(Machine[MissionEvent]):
 
     def _ack(self, sender: UploadClient, mission_type: int, result: int) -> None:
         self._outbox.append(MAVLink_mission_ack_message(*sender.address, result, mission_type))
+
+
+def _timeout_s(upload: Upload) -> float:
+    return ITEM_TIMEOUT_S if upload.ignored < _AT_ONCE else SLOW_S

@@ -29,6 +29,20 @@ def test_missing_item_is_asked_for_again_then_given_up() -> None:
     assert vehicle.answers(item(0)) == ack(CANCELLED)
 
 
+def test_a_client_that_is_heard_may_be_late_with_its_items() -> None:
+    """A ground station of a busy machine sends heartbeats, and answers what came seconds ago."""
+    vehicle = Vehicle()
+    vehicle.answers(count(2), now=10.0)
+    while (at := vehicle.server.deadline()) is not None and at < 17.0:
+        vehicle.server.receive(over_the_wire(HEARTBEAT, GCS), at)
+        vehicle.server.handle_timer(at)
+    assert vehicle.server.events() == []
+    assert vehicle.sent() == [("MISSION_REQUEST_INT", 0)] * 5
+    vehicle.answers(item(0), now=17.0)
+    vehicle.answers(item(1), now=17.1)
+    assert len(vehicle.server.items) == 2
+
+
 def test_a_silent_client_is_waited_for_longer() -> None:
     vehicle = Vehicle()
     vehicle.answers(count(2), now=10.0)
