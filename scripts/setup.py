@@ -230,8 +230,11 @@ def _make(jobs: Jobs, packages: dict[str, str]) -> None:
 
 def _leave_out() -> None:
     for place in VENV.glob("lib/python*/site-packages"):
-        for found in (found for pattern in UNUSED for found in [*place.glob(pattern)]):
-            shutil.rmtree(found) if found.is_dir() else found.unlink()
+        for found in [found for pattern in UNUSED for found in place.glob(pattern)]:
+            if found.is_dir():
+                shutil.rmtree(found, ignore_errors=True)
+            else:
+                found.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager

@@ -107,13 +107,17 @@ def folder_of(source: Path, *further: Path) -> Path:
 def _digest_with_imports(source: Path, *further: Path) -> str:
     known = code_digests()
     before = len(known)
-    place = source.relative_to(ROOT) if source.is_relative_to(ROOT) else source
+    places = " ".join(map(_place, (source, *further)))
     compiled_by = Path(__file__).with_name("compiler.py")
     files = (compiled_by, *with_imports(source, *further))
-    digest = joint_digest(map(_code_digest, files), f"{place} {TARGET}")
+    digest = joint_digest(map(_code_digest, files), f"{places} {TARGET}")
     if len(known) > before and OBSTACLE is None:
         _keep(known)
     return digest[:16]
+
+
+def _place(source: Path) -> str:
+    return str(source.relative_to(ROOT) if source.is_relative_to(ROOT) else source)
 
 
 @remembered

@@ -120,7 +120,7 @@ def _imports(source: Path) -> list[Path]:
 
 @functools.cache
 def _is_folder(package: str) -> bool:
-    """Return whether what can be imported of a package of ours may be a file."""
+    """Return whether a name is a folder of ours: what is imported of it may be a file."""
     return os.path.isdir(ROOT / package.replace(".", "/"))
 
 

@@ -42,8 +42,8 @@ _GUIDED_ITEM, _ALTITUDE_ITEM = 2, 3  # `current` of an item that is no part of a
 ON_ITS_OWN = (_GUIDED_ITEM, _ALTITUDE_ITEM)
 _SILENCE_S = 30.0
 """Silence of a client after which its upload is cancelled."""
-_AT_ONCE = 3
-"""Ignored requests after which a client is late, and is asked every `SLOW_S`."""
+_LATE_AFTER = 3
+"""Ignored requests after which a client that is heard is asked every `SLOW_S` only."""
 
 
 @dataclass(frozen=True)
@@ -382,4 +382,4 @@ class MissionServer(Machine[MissionEvent]):
 
 
 def _timeout_s(upload: Upload) -> float:
-    return ITEM_TIMEOUT_S if upload.ignored < _AT_ONCE else SLOW_S
+    return ITEM_TIMEOUT_S if upload.ignored < _LATE_AFTER else SLOW_S
