@@ -17,6 +17,8 @@ _Result = TypeVar("_Result")
 _FORKS = "forkserver" in multiprocessing.get_all_start_methods()
 _PROCESSES: Any = multiprocessing.get_context("forkserver" if _FORKS else "spawn")
 _END_S = 5.0
+STOPPING = {signal.SIGINT, signal.SIGHUP, signal.SIGTERM}
+"""What is blocked where processes start."""
 
 
 class LocalWorkers(Generic[_Task, _Result]):
@@ -108,6 +110,7 @@ def _serve(connection: Any, work: Callable[[Any, str], Any], name: str) -> None:
     threading.Thread(target=_end_with_parent, daemon=True).start()
     # the end of the process that started this one, or, of a forked one, its handler of SIGTERM
     with contextlib.suppress(EOFError, KeyboardInterrupt):
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
         while True:
             task = connection.recv()
@@ -129,10 +132,10 @@ def _signals_blocked() -> Iterator[None]:
     """Block Ctrl-C in processes that start here, and until they serve what ends them, too.
 
     A terminal sends it to all processes; the workers end when the command ends them. One that is
-    ended before it has begun would, forked, go on as the command that was interrupted.
+    ended before it has begun would, forked, go on as the command that was interrupted. The fork
+    server, which also forks what is none of ours, unblocks them when it is ready.
     """
-    blocked = {signal.SIGINT, signal.SIGHUP, signal.SIGTERM}
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, blocked)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, STOPPING)
     try:
         yield
     finally:

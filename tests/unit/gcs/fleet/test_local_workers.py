@@ -1,4 +1,4 @@
-"""Processes that share work can be ended from their first instant on."""
+"""Processes that share work can be ended from their first instant on, and so can others."""
 
 import subprocess
 import sys
@@ -28,3 +28,27 @@ def test_a_forked_one_that_ends_before_it_has_begun_says_and_does_nothing() -> N
     command = [sys.executable, "-c", ENDED_AT_ONCE]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+ANOTHER = """
+import multiprocessing, operator, time
+from gcs.fleet.local_workers import LocalWorkers
+
+workers = LocalWorkers(1, operator.concat)
+workers.submit("work of ")
+print(workers.wait()[1])
+workers.close()
+another = multiprocessing.get_context("forkserver").Process(target=time.sleep, args=(60,))
+another.start()
+another.terminate()
+another.join(30)
+print(another.exitcode)
+another.kill()
+"""
+
+
+def test_processes_of_the_same_program_that_are_none_of_ours_can_be_ended_afterwards() -> None:
+    command = [sys.executable, "-c", ANOTHER]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.splitlines() == ["work of worker 1", "-15"]
