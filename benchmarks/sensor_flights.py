@@ -52,14 +52,16 @@ def watched(scenario: Scenario, begins_again_s: float | None = None) -> Watched:
     """
     flight, n = begin(scenario), len(scenario.uavs)
     steps = Steps.room(scenario.steps, n, estimated=True)
-    report = flight.estimates.estimators["report"]
+    estimators = flight.estimates.estimators
+    report, new = estimators["report"], estimators.copy()
+    new["progress"]["step"] = -1
     exclusions: list[Exclusion] = []
     bad: set[tuple[int, str]] = set()
     claimed = []
     end = scenario.steps
     for first, last in _looks(scenario, begins_again_s):
         if begins_again_s is not None and first == _step(scenario, begins_again_s):
-            flight.estimates.estimators["progress"]["step"] = -1
+            estimators[:] = new
         end_s = last * scenario.step_us / 1e6
         part = scenario.model_copy(update={"duration_s": end_s})
         ending = fly_on(part, flight, steps.part, first=first)
@@ -130,6 +132,19 @@ def errors_of(steps: Steps, step_us: int, settled_s: float = SETTLED_S) -> Error
     angles = np.degrees(turned[first:])
     parts = angles[..., :2], angles[..., 2], np.abs(shown - through), place[first:]
     return Errors(*(float(part.max(initial=0.0)) for part in parts))
+
+
+def added_m(again: Steps, other: Steps, first: int) -> float:
+    """Return the largest distance between errors of the place in two flights, from a step on [m].
+
+    Sensors of a seed err alike in both: what is left is what the estimators made otherwise.
+    """
+    length = min(again.length, other.length)
+    errors = (
+        one.estimates[first:length, :, :3] - one.states[first:length, :, :3]
+        for one in (again, other)
+    )
+    return float(np.linalg.norm(np.subtract(*errors), axis=-1).max(initial=0.0))
 
 
 def times_claimed(watch: Watched, scenario: Scenario, settled_s: float = SETTLED_S) -> float:

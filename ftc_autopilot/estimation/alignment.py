@@ -13,6 +13,7 @@ import numpy as np
 
 from ftc_autopilot.estimation.state import (
     BARO_ERROR,
+    DELAY,
     FORCE_BIAS,
     GNSS_ERROR,
     GYRO_BIAS,
@@ -87,7 +88,7 @@ def align(
     _spread(kalman["P"], tilt, heading, air, vec3(x[VEL:]), assumed)
     if not has_altitude:
         kalman["P"][POS + 2, POS + 2] = assumed["place_m"] * assumed["place_m"]
-    kalman["aligned"], kalman["placed"] = 1, 0
+    kalman["aligned"], kalman["placed"], kalman["odd"] = 1, 0, 0
 
 
 @compiled
@@ -142,6 +143,7 @@ def _spread(
     ]  # D is altitude of the origin + error - reading
     P[BARO_ERROR, POS + 2] = assumed["barometer_bias"]
     P[PITOT_SCALE, PITOT_SCALE] = assumed["pitot_scale"]
+    P[DELAY, DELAY] = square(assumed["latency_error_s"])
 
 
 @compiled

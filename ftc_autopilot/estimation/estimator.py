@@ -18,7 +18,6 @@ from ftc_autopilot.estimation.health import (
 )
 from ftc_autopilot.estimation.imus import IMU, is_useless, judge_imus, note_imu, runs, sample_of
 from ftc_autopilot.estimation.isolation import DOUBTED_AGAIN_S, isolate, watch_air
-from ftc_autopilot.estimation.latency import LATENCY, LONGEST_S, note_velocity
 from ftc_autopilot.estimation.measurements import (
     SETTLING_S,
     fuse_barometer,
@@ -26,17 +25,17 @@ from ftc_autopilot.estimation.measurements import (
     fuse_magnetometer,
     fuse_pitot,
     fuse_sideslip,
-    past_travel,
+    is_settled,
+    travel_at,
 )
 from ftc_autopilot.estimation.output import REPORT, hand_over, pay, write_motion, write_report
 from ftc_autopilot.estimation.predict import predict
 from ftc_autopilot.estimation.receiver import FIX, RECEIVER, forget_moves, write_fix
-from ftc_autopilot.estimation.resets import place_first
+from ftc_autopilot.estimation.resets import place_first, wind_of_now
 from ftc_autopilot.estimation.state import (
     FILTER,
     FORCE_BIAS,
     GNSS_HEIGHT,
-    GNSS_PARTS,
     GNSS_VELOCITY,
     GYRO_BIAS,
     HISTORY_S,
@@ -63,7 +62,7 @@ _FIX_3D = 3
 _PA = 100.0  # in one hPa
 _SIDESLIP_EVERY_S = 0.05
 _MAX_GAP_US = 200_000  # time without data after which the estimate begins again
-_MEMORY_S = 0.1 + LONGEST_S  # longer than the latency
+_MEMORY_S = 0.7  # more than the latency that a receiver says: it may be later
 _OLDEST_S = 5.0  # of a fix that says something: velocity by then ± 25 m/s
 _ALONE_S = 1.0  # without a receiver
 _VELOCITY_ERROR = 1.0  # m/s, of dead reckoning, when a receiver is back
@@ -76,6 +75,7 @@ PROGRESS = np.dtype(
         ("imu", "i8"),  # flown by
         ("without_gnss", "f8"),  # time since a velocity or place of the receiver was fused [s]
         ("doubted", "f8"),  # time since biases were doubted [s]
+        ("late", "f8"),  # the same of the receiver's latency [s]
         ("altitude", "f8"),  # by the barometer, NaN: none
         ("pressure", "f8"),  # of the pitot tube [Pa]
     ]
@@ -91,7 +91,6 @@ ESTIMATOR = np.dtype(
         ("airspeed", AIRSPEED),
         ("fix", FIX),
         ("receiver", RECEIVER),
-        ("latency", LATENCY),
         ("report", REPORT),
         ("past", "f8", (TRAVEL,)),
         ("imus", IMU, (MAX_IMUS,)),  # the first `parameters["imus"]` are in use
@@ -170,7 +169,8 @@ def estimate(
         fixed = has_gps and gps["fix_type"] >= _FIX_3D and age < _OLDEST_S
         _note_samples(estimator, imus[0], gps, fixed)
         if fixed:
-            _note_fix(estimator, history, gps, age, assumed)
+            write_fix(estimator["fix"], gps, assumed)
+            estimator["fix"]["age"] = age
         _aid(estimator, history, imus[0], fixed, slip, assumed)
         isolate(estimator, history, fixed, assumed)
         if slip:
@@ -196,7 +196,8 @@ def _begin(estimator: np.void, history: np.ndarray, imus: np.ndarray, assumed: n
     first, progress = imus[0], estimator["progress"]
     if progress["step"] >= 0:
         estimator["report"]["resets"] += 1
-    progress["imu"], progress["without_gnss"], progress["doubted"] = 0, 0.0, DOUBTED_AGAIN_S
+    progress["imu"], progress["without_gnss"] = 0, 0.0
+    progress["doubted"] = progress["late"] = DOUBTED_AGAIN_S
     progress["altitude"], progress["pressure"] = math.nan, math.nan
     estimator["receiver"]["since"], estimator["airspeed"]["age"] = 0, 0.0
     for s in TESTED:  # what another filter found inconsistent is not so for this one
@@ -227,6 +228,7 @@ def _advance(estimator: np.void, history: np.ndarray, assumed: np.void) -> None:
     step_s = assumed["step_us"] / 1e6
     estimator["progress"]["without_gnss"] += step_s
     estimator["progress"]["doubted"] += step_s
+    estimator["progress"]["late"] += step_s
     estimator["fix"]["age"] += step_s
     for k in range(assumed["imus"]):
         if not (runs(estimator["imus"][k], step_s) or k == estimator["progress"]["imu"]):
@@ -271,26 +273,6 @@ def _note_samples(estimator: np.void, first: np.void, gps: np.void, fixed: bool)
 
 
 @compiled
-def _note_fix(
-    estimator: np.void, history: np.ndarray, gps: np.void, stated_s: float, assumed: np.void
-) -> None:
-    """Note a fix, and its age by what it says and what has been learned of its latency."""
-    fix, latency, imu = estimator["fix"], estimator["latency"], estimator["progress"]["imu"]
-    write_fix(fix, gps, assumed)
-    kalman = estimator["filters"][imu]
-    if kalman["unsettled"] > 0.0 or estimator["imus"][imu]["reason"] != WELL:
-        latency["age"] = 0.0
-    elif note_velocity(
-        latency, history[imu], kalman["travel"], fix, stated_s, estimator["past"], assumed
-    ):
-        estimator["receiver"]["since"] = 0
-        for s in GNSS_PARTS:
-            forget_moves(estimator["receiver"], s)
-        estimator["report"]["delay"] = latency["delay"]
-    fix["age"] = max(stated_s + latency["delay"], 0.0)
-
-
-@compiled
 def _aid(
     estimator: np.void,
     history: np.ndarray,
@@ -319,6 +301,8 @@ def _aid(
             ratios[BAROMETER] = fuse_barometer(kalman, progress["altitude"], assumed, use)
         if sensors[PITOT]["fresh"] == 1:
             use = is_used(sensors[PITOT])
+            if use and kalman["odd"] == 1 and is_settled(kalman):
+                wind_of_now(kalman, progress["pressure"], assumed)
             ratios[PITOT] = fuse_pitot(kalman, progress["pressure"], assumed, use, alone)
         if fixed:
             _fuse_fix(estimator, kalman, history[k], assumed)
@@ -333,7 +317,7 @@ def _aid(
 def _fuse_fix(estimator: np.void, kalman: np.void, history: np.ndarray, assumed: np.void) -> None:
     """Fuse a fix in one filter, which may get its place by it."""
     fix, past, sensors = estimator["fix"], estimator["past"], estimator["sensors"]
-    gap = past_travel(history, kalman["travel"], fix["age"], past)
+    gap = travel_at(kalman, fix, history, past)
     if kalman["placed"] == 0 and is_used(sensors[GNSS]):
         heading, air = sensors[MAGNETOMETER]["reason"] == WELL, sensors[PITOT]["reason"] == WELL
         place_first(kalman, fix, past, gap, heading, air, assumed)
@@ -365,7 +349,6 @@ def _switch(estimator: np.void, history: np.ndarray, assumed: np.void) -> None:
         hand_over(filters[before], filters[primary])
         progress["imu"] = primary
         estimator["receiver"]["since"] = 0  # whose travel is of the other one
-        estimator["latency"]["age"] = 0.0
     for k in range(assumed["imus"]):
         if k != primary and not runs(imus[k], assumed["step_us"] / 1e6):
             _follow(estimator, history, k, primary, assumed)

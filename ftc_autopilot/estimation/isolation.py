@@ -35,7 +35,7 @@ from ftc_autopilot.estimation.judging import (
     THE_WIND,
     judge,
 )
-from ftc_autopilot.estimation.measurements import is_settled, past_travel
+from ftc_autopilot.estimation.measurements import fuse_gnss, is_settled, travel_at
 from ftc_autopilot.estimation.predict import fade
 from ftc_autopilot.estimation.receiver import (
     forget_moves,
@@ -48,6 +48,7 @@ from ftc_autopilot.estimation.resets import (
     RESTORED,
     doubt_barometer,
     doubt_biases,
+    doubt_latency,
     doubt_magnetometer,
     doubt_wind,
     place_of_now,
@@ -78,11 +79,14 @@ def isolate(estimator: np.void, history: np.ndarray, fixed: bool, assumed: np.vo
     sensors, progress = estimator["sensors"], estimator["progress"]
     receiver, imus = estimator["receiver"], estimator["imus"]
     kalman = estimator["filters"][progress["imu"]]
-    if kalman["unsettled"] > 0.0 or imus[progress["imu"]]["reason"] != WELL:
+    first = kalman["unsettled"] > 0.0 and receiver["since"] == 0
+    if first or imus[progress["imu"]]["reason"] != WELL:
         receiver["since"] = 0
         return
     if fixed:
         _compare(estimator, kalman, history[progress["imu"]], assumed)
+    if kalman["unsettled"] > 0.0:
+        return
     for s in TESTED:
         if sensors[s]["fresh"] == 0:
             continue
@@ -98,11 +102,11 @@ def isolate(estimator: np.void, history: np.ndarray, fixed: bool, assumed: np.vo
             continue
         rested = progress["doubted"] > DOUBTED_AGAIN_S
         who = judge(s, sensors, receiver, estimator["airspeed"], rested, assumed)
-        if who == IT:
+        if who == IT and not (s == GNSS_VELOCITY and _is_late(estimator, history, assumed)):
             _exclude(estimator, s, assumed)
         elif who == THE_BAROMETER:
             _exclude(estimator, BAROMETER, assumed)
-        elif who != NOBODY:
+        elif who not in (IT, NOBODY):
             _mend(estimator, history, who, assumed)
             for other in TESTED:
                 sensors[other]["failed"] = 0
@@ -113,13 +117,14 @@ def isolate(estimator: np.void, history: np.ndarray, fixed: bool, assumed: np.vo
 def _compare(estimator: np.void, kalman: np.void, history: np.ndarray, assumed: np.void) -> None:
     """Compare a fix with the one before, and exclude what moves without a velocity."""
     sensors, receiver, fix = estimator["sensors"], estimator["receiver"], estimator["fix"]
-    past_travel(history, kalman["travel"], fix["age"], estimator["past"])
+    past = estimator["past"]
+    travel_at(kalman, fix, history, past)
     altitude = estimator["progress"]["altitude"]
     if sensors[BAROMETER]["silent"] * assumed["step_us"] > _RECENT_US:
         altitude = math.nan
     else:  # then, by the estimated velocity: the barometer's sample is of now
-        altitude += kalman["x"][VEL + 2] * fix["age"]
-    note_fix(receiver, fix, estimator["past"], altitude, assumed)
+        altitude += kalman["x"][VEL + 2] * (kalman["travel"][6] - past[6])
+    note_fix(receiver, fix, past, altitude, assumed)
     if sensors[GNSS]["reason"] == STUCK:
         forget_moves(receiver, GNSS)
         forget_moves(receiver, GNSS_HEIGHT)
@@ -135,9 +140,28 @@ def _compare(estimator: np.void, kalman: np.void, history: np.ndarray, assumed: 
         ):  # these agree: it is the velocity, which has a test
             forget_moves(receiver, s)
         return
+    if kalman["unsettled"] > 0.0:
+        return
     for s in (GNSS, GNSS_HEIGHT, BAROMETER):
         if sensors[s]["reason"] == WELL and has_moved(receiver, s, assumed):
             _exclude(estimator, s, assumed)
+
+
+@compiled
+def _is_late(estimator: np.void, history: np.ndarray, assumed: np.void) -> bool:
+    """Return whether a velocity passes if the receiver may be late; its latency is doubted then."""
+    progress, fix, none = estimator["progress"], estimator["fix"], (False, False, False)
+    rested = progress["late"] > DOUBTED_AGAIN_S
+    progress["late"] = 0.0
+    for k in range(assumed["imus"]):
+        doubt_latency(estimator["filters"][k], assumed)
+    kalman = estimator["filters"][progress["imu"]]
+    gap = travel_at(kalman, fix, history[progress["imu"]], estimator["past"])
+    fuse_gnss(kalman, fix, estimator["past"], gap, assumed, none)
+    if not rested or kalman["ratios"][GNSS_VELOCITY] > assumed["gate"]:
+        return False
+    estimator["sensors"][GNSS_VELOCITY]["failed"] = 0
+    return True
 
 
 @compiled
@@ -179,7 +203,7 @@ def _mend(estimator: np.void, history: np.ndarray, who: int, assumed: np.void) -
         elif who == THE_OFFSET:
             doubt_barometer(kalman, assumed)
         else:
-            gap = past_travel(history[k], kalman["travel"], fix["age"], past)
+            gap = travel_at(kalman, fix, history[k], past)
             if who == THE_HEIGHT:
                 reset_height(kalman, place_of_now(kalman, fix, past, 2), assumed)
             else:

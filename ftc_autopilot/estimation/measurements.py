@@ -17,6 +17,7 @@ from ftc_autopilot.estimation.fuse import (
 )
 from ftc_autopilot.estimation.state import (
     BARO_ERROR,
+    DELAY,
     FORCE_BIAS,
     GNSS_ERROR,
     GNSS_HEIGHT,
@@ -44,6 +45,7 @@ SETTLING_S = 3.0
 _ROBUST = 9.0  # squared standard deviations of what is fused while the filter is settling
 UNKNOWN_ACCELERATION = 5.0
 """Of an aircraft, in a time that is not remembered [m/s²]: a turn with 30° of bank."""
+_AROUND_S = 0.1  # the time of a fix, in which an acceleration is its own
 _MIN_AIRSPEED = 3.0  # m/s: below it, a pitot tube and the side force say nothing
 _LASTS = 200.0  # samples for which what a turn adds in second order stays
 _SIDE_CORRELATION_S, _TRIM_S = 0.5, 200.0  # of errors of the side force; of deflections in trim
@@ -272,6 +274,37 @@ def past_travel(history: np.ndarray, now: np.ndarray, age: float, past: np.ndarr
 
 
 @compiled
+def travel_at(kalman: np.void, fix: np.void, history: np.ndarray, past: np.ndarray) -> float:
+    """Write the integrals at the time of a fix, as late as the filter says, and what is around it.
+
+    The velocity's change is taken over a standard deviation of the latency to both sides, as sigma
+    points are: what is not linear in between counts as noise (Skog and Händel; Julier and Uhlmann).
+
+    Args:
+        kalman: Record of dtype `FILTER`.
+        fix: Record of dtype `receiver.FIX`; what depends on the filter is written.
+        history: Memory of the filter, shape (entries, TRAVEL).
+        past: Written, shape (TRAVEL,).
+
+    Returns:
+        How long before what is remembered it was [s], as `past_travel`.
+    """
+    travel, doubt = kalman["travel"], math.sqrt(kalman["P"][DELAY, DELAY])
+    fix["late"] = max(kalman["x"][DELAY], -fix["age"])
+    age, around = fix["age"] + fix["late"], max(_AROUND_S, doubt)
+    past_travel(history, travel, max(age - around, 0.0), past)
+    after, time = vec3(past), past[6]
+    past_travel(history, travel, age + around, past)
+    before, time = vec3(past), time - past[6]
+    gap = past_travel(history, travel, age, past)
+    share = square(doubt / around)
+    for axis in range(3):
+        fix["acceleration"][axis] = (after[axis] - before[axis]) / time
+        fix["bend"][axis] = share * (0.5 * (after[axis] + before[axis]) - past[axis])
+    return gap
+
+
+@compiled
 def fuse_gnss(
     kalman: np.void,
     fix: np.void,
@@ -335,6 +368,8 @@ def _gnss(
         then = travel[3 + part] - past[3 + part] - travel[part] * age  # less v age: since then
         expected = x[POS + part] - x[VEL + part] * age - then + x[GNSS_ERROR + part]
         h[POS + part], h[VEL + part], h[GNSS_ERROR + part] = 1.0, -age, 1.0
+        h[DELAY] = travel[part] - past[part] - x[VEL + part]
+        expected += h[DELAY] * (x[DELAY] - fix["late"])
         noise = assumed["gnss_position"][part] + square(0.5 * changed * gap)
         return _fuse_tested(kalman, fix["position"][part] - expected, noise, assumed, use)
     axis = part - 3
@@ -342,11 +377,12 @@ def _gnss(
     pushed = sub(vec3(travel), vec3(past))
     expected = x[VEL + axis] - pushed[axis]
     pushed = pushed[0], pushed[1], pushed[2] - assumed["gravity"] * (age - gap)
-    h[VEL + axis] = 1.0
+    h[VEL + axis], h[DELAY] = 1.0, -fix["acceleration"][axis]
+    expected += h[DELAY] * (x[DELAY] - fix["late"])  # learned of the parts before
     before, after = (axis + 2) % 3, (axis + 1) % 3
     h[PHI + before] = pushed[after]  # (pushed × phi), the component of this axis
     h[PHI + after] = -pushed[before]
     for k in range(3):
         h[FORCE_BIAS + k] = R[axis][k] * (age - gap)
-    noise = assumed["gnss_velocity"][axis] + changed * changed
+    noise = assumed["gnss_velocity"][axis] + changed * changed + square(fix["bend"][axis])
     return _fuse_tested(kalman, fix["velocity"][axis] - expected, noise, assumed, use)

@@ -11,6 +11,7 @@ import numpy as np
 
 from ftc_autopilot.estimation.health import WELL
 from ftc_autopilot.estimation.state import (
+    DELAY,
     FORCE_BIAS,
     GYRO_BIAS,
     N_SENSORS,
@@ -51,7 +52,8 @@ REPORT = np.dtype(
         ("force_bias", "f8", (3,)),
         ("wind", "f8", (3,)),  # NED [m/s]
         ("airspeed", "f8"),
-        ("delay", "f8"),  # of the GNSS receiver, beyond what it says [s]
+        ("delay", "f8"),  # of the GNSS receiver, beyond what it says, once settled [s]
+        ("delay_std", "f8"),
         ("step", "i8"),
         ("run", "i8"),
         ("quaternion", "f8", (4,)),  # of the output
@@ -172,3 +174,5 @@ def write_report(
     for k in range(3):
         total += square(a[k] - x[WIND + k])
     report["airspeed"] = math.sqrt(total)
+    if kalman["unsettled"] <= 0.0:
+        report["delay"], report["delay_std"] = x[DELAY], math.sqrt(P[DELAY, DELAY])

@@ -56,6 +56,8 @@ class EstimatorParameters(Model):
         take_back_s: Taken back: when its samples have passed for so long.
         position_growth_m_s: Growth of the position's error without a GNSS receiver, when one is
             back.
+        latency_error_s: Receiver: standard deviation of its latency around what it says; 0: it is
+            that [EKF2_GPS_DELAY, EKF3's GPS_DELAY_MS: 0 to 0.3, 0.22 for most receivers].
         receiver_memory_s: Place against velocity of a receiver: what moved alone is forgotten after
             it.
         receiver_believed_s: What moved alone and stays there is believed after it [EKF2: 7,
@@ -108,6 +110,7 @@ class EstimatorParameters(Model):
     take_back_s: float = _time(1.0)
     position_growth_m_s: float = quantity("m/s", default=1.0, ge=0.0, le=100.0)
 
+    latency_error_s: float = quantity("s", default=0.15, ge=0.0, le=1.0)
     receiver_memory_s: float = _time(20.0)
     receiver_believed_s: float = _time(60.0)
     wind_return_s: float = _time(15.0)

@@ -18,8 +18,17 @@ from mavlink_defs.origin import EARTH_RADIUS_M
 from mavlink_defs.runtime.jit import compiled
 from mavlink_defs.runtime.memory import copy_record
 
-FIX = np.dtype([("position", "f8", (3,)), ("velocity", "f8", (3,)), ("age", "f8")])
-"""The last fix: position [m] and velocity [m/s], NED, and how long ago that was [s]."""
+FIX = np.dtype(
+    [
+        ("position", "f8", (3,)),  # m, NED
+        ("velocity", "f8", (3,)),  # m/s
+        ("acceleration", "f8", (3,)),  # by its IMU, over the time that it may be late [m/s²]
+        ("bend", "f8", (3,)),  # of the velocity in that time, beside the acceleration [m/s]
+        ("age", "f8"),  # how long ago that was, as it says [s]
+        ("late", "f8"),  # how much longer it was, by what a filter has learned [s]
+    ]
+)
+"""The last fix."""
 
 RECEIVER = np.dtype(
     [
@@ -69,7 +78,8 @@ def note_fix(
         altitude: By the barometer, at the same time [m]; NaN: none.
         assumed: Record of dtype `PARAMETERS`.
     """
-    elapsed, before = travel[6] - receiver["travel"][6], receiver["fix"]
+    before, between = receiver["fix"], travel[6] - receiver["travel"][6]
+    elapsed = between + fix["late"] - before["late"]  # by its own clock: what is learned moves none
     if receiver["since"] > 0 and 0.0 < elapsed < _LONGEST_S:
         out = receiver["out"]
         agrees = True
@@ -77,7 +87,7 @@ def note_fix(
         for k in range(4):
             axis = min(k, 2)
             pushed = travel[3 + axis] - receiver["travel"][3 + axis]
-            pushed -= 0.5 * (travel[axis] + receiver["travel"][axis]) * elapsed
+            pushed -= 0.5 * (travel[axis] + receiver["travel"][axis]) * between
             went = 0.5 * (fix["velocity"][axis] + before["velocity"][axis]) * elapsed + pushed
             if k < _BAROMETRIC:
                 beyond = fix["position"][k] - before["position"][k] - went

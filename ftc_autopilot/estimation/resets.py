@@ -12,6 +12,7 @@ from ftc_autopilot.estimation.fuse import clear, correct, innovation_variance
 from ftc_autopilot.estimation.measurements import SETTLING_S, column, fuse_gnss, through_air
 from ftc_autopilot.estimation.state import (
     BARO_ERROR,
+    DELAY,
     FORCE_BIAS,
     GNSS_ERROR,
     GYRO_BIAS,
@@ -25,7 +26,7 @@ from ftc_autopilot.estimation.state import (
     turn_world,
 )
 from mavlink_defs.runtime.jit import compiled
-from sitl_plant.vec3 import hypot, square
+from sitl_plant.vec3 import Vec3, hypot, square
 
 _DOUBTED_TILT, _DOUBTED_HEADING = math.radians(5.0), math.radians(10.0)
 _DOUBTED_GYRO, _DOUBTED_FORCE = math.radians(3.0), 1.0
@@ -82,7 +83,8 @@ def place_first(
         _forget(P, PHI + 2)
         P[PHI + 2, PHI + 2] = wind * wind + square(assumed["tilt_rad"])
     wind = hypot(velocity[0] - air[0], velocity[1] - air[1])
-    if has_heading and wind > _ODD_WIND * assumed["wind_m_s"]:
+    kalman["odd"] = has_heading and wind > _ODD_WIND * assumed["wind_m_s"]
+    if kalman["odd"] == 1:
         off = abs((course - heading + math.pi) % (2.0 * math.pi) - math.pi)
         P[PHI + 2, PHI + 2] += square(0.5 * off)
         field = hypot(assumed["field"][0], assumed["field"][1])
@@ -99,9 +101,27 @@ def place_first(
             _forget(P, WIND + i)
             P[WIND + i, WIND + i] = square(assumed["wind_m_s"])
         return
-    # w = v - a: what the velocity through the air, in body axes, turns with the attitude
+    _take_wind(kalman, air, _COARSE_AIR)
+    if wind < _ODD_WIND * assumed["wind_m_s"]:  # then what is to be expected says something, too
+        for i in range(2):
+            h = clear(kalman)
+            h[WIND + i] = 1.0
+            correct(kalman, -x[WIND + i], innovation_variance(kalman, square(assumed["wind_m_s"])))
+
+
+@compiled
+def _take_wind(kalman: np.void, air: Vec3, error: float) -> None:
+    """Let the wind be what a velocity through the air leaves of the velocity: w = v - a.
+
+    Args:
+        kalman: Record of dtype `FILTER`, updated in place.
+        air: Velocity through the air, NED [m/s]: known in body axes, it turns with the attitude.
+        error: Its standard deviation [m/s].
+    """
+    x, P = kalman["x"], kalman["P"]
     J = ((0.0, -air[2], air[1]), (air[2], 0.0, -air[0]))
     for i in range(2):
+        kalman["owed"][WIND + i] += x[VEL + i] - air[i] - x[WIND + i]
         x[WIND + i] = x[VEL + i] - air[i]
         _forget(P, WIND + i)
         for c in range(N):
@@ -112,15 +132,30 @@ def place_first(
                 P[WIND + i, c] = P[c, WIND + i] = total
     for i in range(2):
         for k in range(2):
-            total = P[WIND + i, VEL + k] + (square(_COARSE_AIR) if i == k else 0.0)
+            total = P[WIND + i, VEL + k] + (square(error) if i == k else 0.0)
             for m in range(3):
                 total += J[k][m] * P[WIND + i, PHI + m]
             P[WIND + i, WIND + k] = total
-    if wind < _ODD_WIND * assumed["wind_m_s"]:  # then what is to be expected says something, too
-        for i in range(2):
-            h = clear(kalman)
-            h[WIND + i] = 1.0
-            correct(kalman, -x[WIND + i], innovation_variance(kalman, square(assumed["wind_m_s"])))
+
+
+@compiled
+def wind_of_now(kalman: np.void, pressure: float, assumed: np.void) -> None:
+    """Take the wind once more when the attitude is known: the first one was of a wrong heading.
+
+    Of the velocity through the air a pitot tube says how much is ahead; no wind is vertical, and of
+    the sideslip nothing is known but its size.
+
+    Args:
+        kalman: Record of dtype `FILTER`, updated in place.
+        pressure: Of the pitot tube [Pa].
+        assumed: Record of dtype `PARAMETERS`.
+    """
+    R, x = rotation(kalman["quaternion"]), kalman["x"]
+    u = math.sqrt(2.0 * max(pressure, 0.0) / assumed["density"])
+    w = (x[VEL + 2] - R[2][0] * u) / max(R[2][2], 0.5)
+    air = R[0][0] * u + R[0][2] * w, R[1][0] * u + R[1][2] * w, x[VEL + 2]
+    _take_wind(kalman, air, max(_COARSE_AIR, u * assumed["sideslip_rad"]))
+    kalman["odd"] = 0
 
 
 @compiled
@@ -232,6 +267,14 @@ def doubt_barometer(kalman: np.void, assumed: np.void) -> None:
     P = kalman["P"]
     _forget(P, BARO_ERROR)
     P[BARO_ERROR, BARO_ERROR] = square(assumed["place_m"])
+
+
+@compiled
+def doubt_latency(kalman: np.void, assumed: np.void) -> None:
+    """Forget what was learned of the receiver's latency: its last samples had a part in it."""
+    P = kalman["P"]
+    _forget(P, DELAY)
+    kalman["x"][DELAY], P[DELAY, DELAY] = 0.0, square(assumed["latency_error_s"])
 
 
 @compiled

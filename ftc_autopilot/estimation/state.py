@@ -13,13 +13,14 @@ from mavlink_defs.constants import BAROMETER, GNSS, MAGNETOMETER, PITOT
 from mavlink_defs.runtime.jit import compiled, inlined
 from sitl_plant.vec3 import Mat3, Vec3, dot
 
-N = 26
+N = 27
 """Elements of the error."""
 
 PHI, VEL, POS, GYRO_BIAS, FORCE_BIAS, WIND, MAG_BIAS, GNSS_ERROR = range(0, 24, 3)
 """Where in the error: attitude, velocity, position [NED], biases of gyro and accelerometer [body],
 wind [NED], bias of the magnetometer [body], correlated error of the GNSS position [NED]."""
-BARO_ERROR, PITOT_SCALE = 24, 25
+BARO_ERROR, PITOT_SCALE, DELAY = 24, 25, 26
+"""Of the barometer's altitude, of the pitot tube's scale, of the age of a fix [s]."""
 
 AIDING = MAGNETOMETER, BAROMETER, PITOT, GNSS
 """The sensors beside the IMUs."""
@@ -60,6 +61,7 @@ FILTER = np.dtype(
         ("resets", "i8"),
         ("aligned", "i8"),
         ("placed", "i8"),  # 1: a GNSS sample was fused
+        ("odd", "i8"),  # 1: its first wind was none that is to be expected
     ]
 )
 """One filter, which runs by one IMU."""

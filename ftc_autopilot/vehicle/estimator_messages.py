@@ -43,6 +43,7 @@ _HEALTH = {
 }
 _INERTIAL = dialect.MAV_SYS_STATUS_SENSOR_3D_GYRO | dialect.MAV_SYS_STATUS_SENSOR_3D_ACCEL
 
+_LATENCY_S = 0.1  # least change of a latency that is worth a text
 _NAMES = {
     MAGNETOMETER: "magnetometer",
     BAROMETER: "barometer",
@@ -201,12 +202,11 @@ class EstimatorMessages:
             elif before == WELL:
                 text = f"{name} excluded {at}: {REASONS[reason]}, {self._instead(sensor)}"
                 yield Change(name, dialect.MAV_SEVERITY_WARNING, text)
-        delay, self._said_delay = self._said_delay, float(report["delay"])
-        if self._said_delay != delay:
-            more = (
-                f"{self._said_delay:.2f} s more than it says" if self._said_delay else "as it says"
-            )
-            text = f"GNSS latency {more} {at}"
+        delay = float(report["delay"])
+        if abs(delay - self._said_delay) >= max(_LATENCY_S, 3.0 * float(report["delay_std"])):
+            self._said_delay = delay
+            more = f"{abs(delay):.2f} s {'more' if delay > 0.0 else 'less'} than it says"
+            text = f"GNSS latency {more if abs(delay) >= _LATENCY_S else 'as it says'} {at}"
             yield Change("GNSS latency", dialect.MAV_SEVERITY_NOTICE, text)
         resets, self._said_resets = self._said_resets, int(report["resets"])
         if self._said_resets > resets:

@@ -22,9 +22,7 @@ def estimate(
     uav: LogUavOption = None,
     columns: LogColumnsOption = None,
     aircraft: Annotated[str | None, typer.Option(metavar="AIRCRAFT", show_default=False)] = None,
-    latency: Annotated[
-        float | None, typer.Option(min=0.0, max=1.0, metavar="S", show_default=False)
-    ] = None,
+    latency: Annotated[float, typer.Option(min=0.0, max=1.0, metavar="S")] = 0.0,
     compass: Annotated[Literal["calibrated", "raw", "none"], typer.Option()] = "calibrated",
     sensors: Annotated[Path | None, typer.Option(metavar="FILE", show_default=False)] = None,
     start: Annotated[float | None, typer.Option(metavar="S", show_default=False)] = None,
@@ -47,8 +45,7 @@ def estimate(
         flight: Log of a flight: .tlog, .bin, .ulg, .csv, .parquet, .mat.
         aircraft: The aircraft as it is known, a bundled one or a file; without it, any that
             carries itself at the usual airspeed.
-        latency: How old GNSS fixes are when the log has them; by default as the flight shows it,
-            for which the estimator flies up to three times.
+        latency: How old GNSS fixes are when the log has them, to some 0.3 s: turns show the rest.
         compass: Its readings with hard iron and scale taken off, by this flight, as they are, or
             not at all.
         sensors: What is assumed of the sensors (YAML), keys as of `sensors.navigation`.
@@ -106,8 +103,8 @@ def _json(found: "FlightEstimate") -> dict[str, object]:
         "lost_s": judged.lost_s,
         "latency_s": {
             "taken": found.latency_s,
-            "shown_by_the_flight": found.shown_s,
-            "learnt_by_the_filter": found.learnt_s,
+            "learnt": found.learnt_s,
+            "learnt_std": found.learnt_std_s,
         },
         "remarks": list(found.remarks),
     }
@@ -151,17 +148,14 @@ def _print(found: "FlightEstimate", output: "Terminal") -> None:
 
 def _verdict(found: "FlightEstimate") -> "list[str]":
     """Return what is to be said, in lines."""
-    judged, shown = found.judged, found.shown_s
-    by_flight = (
-        "the flight does not show it" if shown is None else f"the flight shows {shown:.2f} s"
-    )
+    judged = found.judged
     lines = [
         f"Judged from {judged.span_s[0]:.0f} to {judged.span_s[1]:.0f} s; the filter's own "
         "standard deviations of roll, pitch, yaw are {:.1f}, {:.1f}, {:.1f} deg.".format(
             *judged.expected_deg
         ),
-        f"Latency of the receiver: {found.latency_s:.2f} s taken, {by_flight}, "
-        f"the filter has learnt {found.learnt_s:.2f} s.",
+        f"Latency of the receiver: {found.latency_s:.2f} s taken, "
+        f"{found.learnt_s:.3f} ± {found.learnt_std_s:.3f} s learnt.",
     ]
     if judged.resets:
         lines.append(f"The filter was set to a fix, or began again, {judged.resets} times.")

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ftc_lab.flight_estimation.follow import FollowedFlight, follow_flight, latency_by
+from ftc_lab.flight_estimation.follow import FollowedFlight, follow_flight
 from ftc_lab.flight_estimation.judged import JudgedEstimate, judge_estimate
 from ftc_lab.flight_estimation.samples import Compass, flown_span, samples_of
 from gcs.results.logs.table import FlightTable
@@ -19,8 +19,6 @@ _lift_coefficient = in_python(lift_coefficient)
 _ANY = "aerosonde"  # whose shape an unknown aircraft is taken to have
 _USUAL_ALPHA = 0.05  # rad, at which an aircraft cruises
 _SLOWEST, _FASTEST = 0.65, 1.5  # of the usual airspeed
-_PASSES, _ENOUGH_S = 3, 0.01  # in which a latency is found, and how well
-_SHOWING_S = 400.0  # of flight, in which it is found
 _USUAL_M_S = 18.0  # without an airspeed in the log
 
 
@@ -32,23 +30,23 @@ class FlightEstimate:
         followed: What the filter made of the flight.
         judged: What is said of it.
         latency_s: By which fixes were taken to be old.
-        shown_s: Their latency as the flight shows it; None: it does not.
-        learnt_s: Latency by the filter's own learning.
+        learnt_s: How old they were, as the filter has learnt from the flight.
+        learnt_std_s: Standard deviation of that, by the filter.
         remarks: What was taken for what, and what is missing.
     """
 
     followed: FollowedFlight
     judged: JudgedEstimate
     latency_s: float
-    shown_s: float | None
     learnt_s: float
+    learnt_std_s: float
     remarks: tuple[str, ...]
 
 
 def estimate_flight(
     flight: FlightTable,
     aircraft: Aircraft | None = None,
-    latency_s: float | None = None,
+    latency_s: float = 0.0,
     compass: Compass = "calibrated",
     sensors: NavigationSensors | None = None,
     within_s: tuple[float | None, float | None] = (None, None),
@@ -58,7 +56,7 @@ def estimate_flight(
     Args:
         flight: The log.
         aircraft: As it is known; None: one of which the lift is known at its usual airspeed only.
-        latency_s: How old fixes are when the log has them; None: as the flight shows it.
+        latency_s: How old fixes are when the log has them, about: the filter learns it.
         compass: How the magnetometer's readings are taken.
         sensors: What the filter is to assume of them; None: what it should of real ones.
         within_s: From when to when; None: from take-off, to touch-down.
@@ -66,34 +64,18 @@ def estimate_flight(
     Raises:
         BadInput: There is no IMU, no receiver or no flight in the log.
     """
-    span_s = flown_span(flight, *within_s)
     own = aircraft or _any_aircraft(flight)
-    taken = latency_s or 0.0
-    showing_s = (span_s[0], min(span_s[1], span_s[0] + _SHOWING_S))
-    if latency_s is not None:
-        showing_s = span_s
-    for _ in range(_PASSES):
-        samples = samples_of(flight, showing_s, taken, compass, sensors)
-        followed = follow_flight(samples, own)
-        shown = latency_by(followed, own.gravity_m_s2)
-        if shown is None and showing_s != span_s:  # it does not turn at first
-            showing_s = span_s
-            continue
-        if latency_s is not None or shown is None or abs(shown - taken) < _ENOUGH_S:
-            break
-        taken = round(min(max(shown, 0.0), 1.0), 3)
-    if showing_s != span_s:
-        samples = samples_of(flight, span_s, taken, compass, sensors)
-        followed = follow_flight(samples, own)
+    samples = samples_of(flight, flown_span(flight, *within_s), latency_s, compass, sensors)
+    followed = follow_flight(samples, own)
     remarks = list(samples.remarks)
     if aircraft is None:
         remarks.append(
             "no --aircraft: its side force says nothing of sideslip, and the lift is guessed"
         )
-    learnt = taken + float(followed.reports["delay"][-1])
-    return FlightEstimate(
-        followed, judge_estimate(followed, flight), taken, shown, learnt, tuple(remarks)
-    )
+    last = followed.reports[-1]
+    learnt, std = latency_s + float(last["delay"]), float(last["delay_std"])
+    judged = judge_estimate(followed, flight)
+    return FlightEstimate(followed, judged, latency_s, learnt, std, tuple(remarks))
 
 
 def _any_aircraft(flight: FlightTable) -> Aircraft:

@@ -1,76 +1,74 @@
-"""A receiver that is later than it says is found by its velocity, in turns; nothing else is."""
+"""How late a receiver is, each filter learns by itself, and no faster than it can know."""
 
-import math
+from typing import Any
 
 import numpy as np
 import pytest
 
-from ftc_autopilot.estimation.config import PARAMETERS
-from ftc_autopilot.estimation.latency import LATENCY, note_velocity
-from ftc_autopilot.estimation.receiver import FIX
-from ftc_autopilot.estimation.state import TRAVEL
+from ftc_autopilot.estimation.state import DELAY, WIND
+from gcs.fleet.in_process import begin, fly_on
+from gcs.results.recording import Steps
+from gcs.scenario.model import scenario_of, scenario_tree
+from mavlink_defs.config.inherit import merged
 
-NOISE_M_S = 0.05
-
-
-def velocity_at(time_s: float, turns: bool) -> np.ndarray:
-    """Of an aircraft that weaves, or goes straight on [m/s]."""
-    course = 0.5 * math.sin(0.6 * time_s) if turns else 0.0
-    return 40.0 * np.array([math.cos(course), math.sin(course), 0.0])
+LATE_S = 0.3
 
 
-def learned(
-    late_s: float,
-    turns: bool,
-    drift_m_s2: float = 0.0,
-    stated_s: float = 0.2,
-    every: int = 10,
-    noise_m_s: float = NOISE_M_S,
-) -> float:
-    """Return the delay after 30 s of a receiver that is later than it says by `late_s`.
-
-    It reports once in so many steps of 10 ms.
-    """
-    random = np.random.default_rng(3)
-    latency, fix = np.zeros(1, LATENCY)[0], np.zeros(1, FIX)[0]
-    assumed = np.zeros(1, PARAMETERS)[0]
-    assumed["gnss_velocity"] = noise_m_s**2
-    history, past = np.zeros((120, TRAVEL)), np.zeros(TRAVEL)
-    for step in range(3000):
-        now = 0.01 * step
-        travel = history[step % len(history)]
-        travel[:3] = velocity_at(now, turns) - velocity_at(0.0, turns)
-        travel[0] += drift_m_s2 * now  # of an accelerometer, or of a tilt
-        travel[6] = now
-        if step % every == 0 and now > 2.0:
-            then = velocity_at(now - stated_s - late_s, turns)
-            fix["velocity"] = then + random.normal(0.0, noise_m_s, 3)
-            note_velocity(latency, history, travel.copy(), fix, stated_s, past, assumed)
-    return float(latency["delay"])
+def filters_after(name: str, **changes: Any) -> np.ndarray:
+    """Return the filters of all aircraft, dtype `FILTER`, shape (n, imus)."""
+    tree = merged(scenario_tree(name), {"navigation": "estimated", "faults": [], **changes})
+    scenario = scenario_of(name, tree)
+    flight = begin(scenario)
+    steps = Steps.room(scenario.steps, len(scenario.uavs), estimated=True)
+    assert fly_on(scenario, flight, steps.part, first=0).loss is None
+    filters: np.ndarray = flight.estimates.estimators["filters"][:, :2].copy()
+    return filters
 
 
-@pytest.mark.parametrize("every", [10, 100])
-@pytest.mark.parametrize("late_s", [-0.2, 0.15, 0.3, 0.5])
-def test_a_delay_shows_in_turns(late_s: float, every: int) -> None:
-    assert learned(late_s, turns=True, every=every) == pytest.approx(late_s, abs=0.051)
+def headed(name: str, yaw_deg: float) -> list[Any]:
+    """Return the aircraft of a scenario, turned."""
+    uavs = scenario_tree(name)["uavs"]
+    return [merged(uav, {"initial": {"yaw_deg": yaw_deg}}) for uav in uavs]
 
 
-@pytest.mark.parametrize("late_s", [-0.25, 0.25])
-def test_noise_that_is_known_hides_no_delay(late_s: float) -> None:
-    """Of a small receiver, once a second: half of the scatter is its noise."""
-    found = learned(late_s, turns=True, stated_s=0.3, every=100, noise_m_s=0.7)
-    assert found == pytest.approx(late_s, abs=0.11)
+def off_by(filters: np.ndarray, late_s: float) -> np.ndarray:
+    """Return errors of the latency over their standard deviations."""
+    deviations = np.sqrt(filters["P"][:, :, DELAY, DELAY])
+    off: np.ndarray = np.abs(filters["x"][:, :, DELAY] - late_s) / deviations
+    return off
 
 
-@pytest.mark.parametrize("drift_m_s2", [0.0, 0.1])
-@pytest.mark.parametrize("turns", [True, False])
-def test_no_delay_is_made_up(turns: bool, drift_m_s2: float) -> None:
-    assert learned(0.0, turns, drift_m_s2) == 0.0
+@pytest.mark.parametrize("duration_s", [1.0, 2.0, 6.0])
+def test_every_filter_knows_how_well_it_knows_a_latency(duration_s: float) -> None:
+    filters = filters_after(
+        "paper/scenario1", duration_s=duration_s, wind={"turbulence": "moderate"}
+    )
+    assert (off_by(filters, 0.0) < 4.0).all()
+    if duration_s > 5.0:
+        assert (np.abs(filters["x"][:, :, DELAY]) < 0.05).all()
 
 
-def test_straight_flight_says_nothing() -> None:
-    assert learned(0.3, turns=False) == 0.0
+def test_a_storm_across_at_the_start_teaches_no_latency() -> None:
+    """The parts of a fix come one after the other, and a fix to one filter after the other."""
+    changes = {"wind": {"steady": {"north_m_s": 6.5, "east_m_s": 37.0}}, "step_us": 2000}
+    uavs = headed("paper/scenario1", -34.0)
+    filters = filters_after("paper/scenario1", duration_s=3.0, seed=910124, uavs=uavs, **changes)
+    assert (off_by(filters, 0.0) < 10.0).all()  # 60 if a filter took another one's for its own
 
 
-def test_a_delay_beyond_what_is_tried_is_none_of_them() -> None:
-    assert learned(1.0, turns=True) == 0.0
+@pytest.mark.slow
+def test_a_latency_that_a_receiver_does_not_say_is_learned_in_turns() -> None:
+    late = [{"uav": 1, "sensor": "gps", "start_s": 0.0, "end_s": 40.0, "delayed_s": LATE_S}]
+    filters = filters_after("airframes/aerosonde_mission", duration_s=40.0, faults=late)
+    assert (np.abs(filters["x"][:, :, DELAY] - LATE_S) < 0.03).all()
+    assert (off_by(filters, LATE_S) < 4.0).all()
+
+
+@pytest.mark.slow
+def test_a_wind_of_a_wrong_first_heading_does_not_stay() -> None:
+    """24 m/s across at the start look like a bank, and a wind of 100 m/s."""
+    uavs = headed("airframes/pc7", 128.0)
+    wind = {"steady": {"north_m_s": -14.6, "east_m_s": -19.4}, "turbulence": "none"}
+    filters = filters_after("airframes/pc7", duration_s=6.0, wind=wind, uavs=uavs)
+    off = filters["x"][:, 0, WIND : WIND + 2] - (-14.6, -19.4)
+    assert (np.abs(off) < 12.0).all()
