@@ -292,7 +292,8 @@ def fly(law: str, hardware: str, drawn: tuple[list[Fault], Keys]) -> Flown:
     start_s = min((fault["start_s"] for fault in faults), default=0.0)
     later = flight.time_s > max(start_s, 1.0)  # control check and trim come before
     all_errors = np.degrees(np.abs(flight.error("reference")[later, i, 1:]))
-    errors, at_end = all_errors.max(axis=0), all_errors[-_LAST_STEPS:, :2].max()
+    errors = all_errors.max(axis=0, initial=0.0)  # of none, if it was lost before the fault
+    at_end = all_errors[-_LAST_STEPS:, :2].max(initial=0.0)
     path = summarise(flight, scenario).uavs[i].path if scenario.mission else None
     lost = flight.signals["phase"] == LOST
     guilty = [ACTUATORS.index(fault["actuator"]) for fault in faults]

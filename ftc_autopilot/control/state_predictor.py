@@ -30,12 +30,8 @@ from sitl_plant.vec3 import add, sub, vec3
 
 MAX_DELAY_S = 0.1
 """Longest delay that is predicted over, and longest gap that is interpolated [s]."""
-_RESOLVED_S, _RESOLVED_HELD_S = 0.003, 0.01
-"""Longest gap of which interpolated states show what actuators did [s].
-
-If a command came into force in it, and if none did: then what the filter of a diagnosis'
-measurement averages over.
-"""
+_RESOLVED_S = 0.003
+"""Longest gap of which interpolated states show when a command came into force in it [s]."""
 UNKNOWN = -1
 """In place of an age: it is not known which command was in force."""
 _HISTORY = 128  # periods that are remembered
@@ -88,20 +84,20 @@ def is_after_gap(delay: np.void, measured: np.void, step_us: int) -> bool:
 
 
 @compiled
-def is_unresolved(delay: np.void, measured: np.void, step_us: int) -> bool:
-    """Return whether so many states before this one were lost that they show nothing of actuators.
+def unresolved(delay: np.void, measured: np.void, step_us: int) -> int:
+    """Return how many states before this one were lost if a command came into force meanwhile.
 
-    Of a command that came into force meanwhile it is not known when.
+    It is not known when. If none did, interpolated states show what the actuators do.
 
     Args:
         delay: Record of dtype `DELAY`.
         measured: FTC_SIM_STATE payload.
         step_us: Control period [µs].
     """
-    missing, before = _missing(delay, measured), delay["measured"]["actuator_time_usec"]
-    held = measured["actuator_time_usec"] == before
-    longest_s = _RESOLVED_HELD_S if held else _RESOLVED_S
-    return missing > 0 and missing > _periods(longest_s, step_us)
+    lost, before = lost_states(delay, measured, step_us), delay["measured"]["actuator_time_usec"]
+    if measured["actuator_time_usec"] == before or lost <= _periods(_RESOLVED_S, step_us):
+        return 0
+    return lost
 
 
 @compiled

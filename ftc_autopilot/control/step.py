@@ -36,6 +36,7 @@ class Seen(NamedTuple):
     ahead: int  # by how many control periods the commands that it shows are older, of surfaces
     links: int  # the same without what is known of servos and sensors
     after_gap: int  # 1: states before it were lost, or the command in force is not known
+    unresolved: int  # states lost before it while a command came into force; -1: it is one of them
 
 
 class Step(NamedTuple):

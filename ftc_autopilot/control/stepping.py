@@ -88,15 +88,18 @@ def controller_step(
     """
     delay, aircraft, state = uav["delay"], uav["aircraft"], uav["controller"]
     common = uav["parameters"]["common"]
-    mask = lost = 0
+    mask = lost = unresolved = 0
     gap = False
     if state["started"] != 0:
         lost = state_predictor.lost_states(delay, measured, step_us)
-        gap = delay["started"] == 0 or state_predictor.is_unresolved(delay, measured, step_us)
+        unresolved = state_predictor.unresolved(delay, measured, step_us)
+        gap = delay["started"] == 0 or state_predictor.is_after_gap(delay, measured, step_us)
     if gap or delay["started"] == 0:
         delay["begun"] = measured["step"]
     for k in range(lost + 1):
         may_send = k == lost
+        if may_send and unresolved > 0:
+            delay["begun"] = measured["step"]
         now = measured if may_send else state_predictor.interpolate(delay, measured)
         now = state_predictor.smoothed(delay, now, common["gyro_filter_s"], step_us)
         step, held = int(np.int64(now["step"])), state["held"]
@@ -107,7 +110,7 @@ def controller_step(
         )
         fill_neighbour_state(motion, now["step"], uav["own_state"])
         if uav["guidance"]["active"] != 0:
-            seen = _seen(uav, now, motion, step_us, gap, may_send)
+            seen = _seen(uav, now, motion, step_us, gap, unresolved, may_send)
             mask = _control(uav, edges, path, now, motion, seen, step_us, may_send)
             delay["found"] = uav["signals"]["dead_steps"]
         elif may_send:
@@ -130,6 +133,7 @@ def _seen(
     motion: MeasuredMotion,
     step_us: int,
     gap: bool,
+    unresolved: int,
     received: bool,
 ) -> Seen:
     """Return what a measured state shows; the motion is the one predicted from it.
@@ -150,7 +154,8 @@ def _seen(
         step, held = int(np.int64(measured["step"])), uav["controller"]["held"]
         thrust = state_predictor.thrust_believed(delay, step, links, held)
         motion = motion_of(measured, uav["aircraft"], thrust)
-    return Seen(motion, ahead, links, int(gap))
+    lost = unresolved if received else -min(unresolved, 1)
+    return Seen(motion, ahead, links, int(gap), lost)
 
 
 @inlined

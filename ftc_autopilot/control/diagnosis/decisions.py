@@ -220,14 +220,20 @@ def _looks_well(
 def _take_care(actuator: np.void, moved: float, limits: Limits, dt: float, gains: np.void) -> None:
     """Count how long an actuator that was lost again soon after its return has been well.
 
-    The others go on as if it stuck, well or not, so that its coming and going disturbs nothing.
+    The others go on as if it stuck, well or not, so that its coming and going disturbs nothing. A
+    command near to where it sticks tells nothing of it: there both look the same. And where it
+    sticks only that tells which is nearer to there than to its command: the rest is seen while it
+    follows, or is on the way between the two.
     """
-    if abs(actuator["smooth"]) < gains["quiet"] * limits.jump:
-        actuator["care_s"] = max(actuator["care_s"] - dt, 0.0)
+    near = gains["quiet"] * limits.jump
+    if abs(actuator["smooth"]) < near:
+        if abs(actuator["commanded"] - actuator["stuck"]) > near:
+            actuator["care_s"] = max(actuator["care_s"] - dt, 0.0)
     else:
         more = gains["relapse_weight"] * dt
         actuator["care_s"] = min(actuator["care_s"] + more, actuator["patience_s"])
-        actuator["stuck"] += dt / gains["mean_s"] * moved
+        if abs(moved) < abs(actuator["measured"] - actuator["commanded"]):
+            actuator["stuck"] += dt / gains["mean_s"] * moved
 
 
 @compiled

@@ -9,6 +9,7 @@ from ftc_autopilot.control.diagnosis.instrument import restart_instrument
 from ftc_autopilot.control.diagnosis.measurement import (
     dither_in_force,
     measure,
+    moved,
     past_dither,
     restart_command,
 )
@@ -29,6 +30,7 @@ _MAX_OFFSET = 25.0 / 35.0  # of a surface's stop
 _MAX_THRUST_OFFSET = 0.35  # of the thrust limit
 _WEAK, _WEAKEST = 0.75, 0.1  # effectiveness taken into account below the first, not below the last
 _LARGE_DELAY_S = 0.003
+_UNSURE = 0.2  # of what raises a suspicion
 _SETTLED = 5.0  # time constants, after which 0.7 % is left
 
 
@@ -39,7 +41,8 @@ def diagnose(
     """Measure, learn, decide; write the results of every actuator to state and signals.
 
     After a gap nothing is learnt or decided until the filters of the measurement, and the model of
-    the actuators, have forgotten what they began with.
+    the actuators, have forgotten what they began with. Nor is it of an actuator whose command came
+    into force while states were lost, nobody knows when, until that is forgotten.
 
     Args:
         now: The present step; its held commands were in force over the period that ends now.
@@ -67,6 +70,9 @@ def diagnose(
             continue
         if settles:
             _begin_again(actuator, limits)
+            _report(actuator, j, signals)
+            continue
+        if _is_unsure(j, limits, now, gains, state):
             _report(actuator, j, signals)
             continue
         before = actuator["lost"]
@@ -101,6 +107,22 @@ def _settles(now: Step, gains: np.void, state: np.void) -> bool:
     settles: bool = state["settling_s"] > 0.0
     state["settling_s"] = max(state["settling_s"] - now.dt, 0.0)
     return settles
+
+
+@compiled
+def _is_unsure(j: int, limits: Limits, now: Step, gains: np.void, state: np.void) -> bool:
+    """Return whether too little is known of what actuator j is to show; let doubt fade.
+
+    Of a command that came into force while states were lost nobody knows since when; what it moved
+    fades with the lag of the actuator and the filter of the measurement.
+    """
+    unresolved, actuator = now.seen.unresolved, state["actuators"][j]
+    lag_s = gains["throttle"]["lag_s"] if j == THROTTLE else gains["servo_lag_s"]
+    actuator["unsure"] *= max(1.0 - now.dt / (gains["filter_s"] + lag_s), 0.0)
+    if unresolved > 0:
+        actuator["unsure"] += moved(j, unresolved, now, gains, state)
+    least = min(limits.prior, _UNSURE * min(limits.jump, limits.smooth_jump))
+    return bool(unresolved != 0 or actuator["unsure"] > least)
 
 
 @compiled

@@ -114,6 +114,15 @@ def steps_back(j: int, now: Step, gains: np.void, state: np.void) -> int:
 
 
 @compiled
+def moved(j: int, steps: int, now: Step, gains: np.void, state: np.void) -> float:
+    """Return how far the command of actuator j that is measured has moved in the last steps."""
+    back, way = steps_back(j, now, gains, state), 0.0
+    for k in range(back, min(back + steps + 1, HISTORY - 1)):
+        way += abs(state["held"][_row(k, state), j] - state["held"][_row(k + 1, state), j])
+    return way
+
+
+@compiled
 def restart_command(
     j: int, now: Step, aircraft: AircraftRecord, gains: np.void, state: np.void
 ) -> None:

@@ -60,6 +60,7 @@ ACTUATOR = np.dtype(
         ("followed_s", "f8"),  # for which a suspect actuator has been seen to follow
         ("decided_s", "f8"),  # since the last decision
         ("stop_s", "f8"),  # for which the command has been at the stop, the residual large
+        ("unsure", "f8"),  # by how much `commanded` may be wrong, as nobody knows since when
         ("quiet_s", "f8"),  # for which the residual has been small
         ("lately_s", "f8"),  # left, in service, in which no cooldown holds after a loss
         ("care_s", "f8"),  # left until one with a relapse may return

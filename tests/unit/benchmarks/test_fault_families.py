@@ -57,6 +57,12 @@ def test_a_flight_that_was_lost_counts_as_worst_however_short() -> None:
     assert sent == ["100", "**lost**"]
 
 
+def test_a_flight_may_be_lost_before_its_fault() -> None:
+    rng = random.Random("weak_in_turns 1")
+    drawn = [FAMILIES["weak_in_turns"](rng) for _ in range(4)][-1]
+    assert fly("proposed", "realistic", drawn).error_deg == math.inf
+
+
 def test_a_law_is_held_against_the_best_simpler_one_flight_by_flight() -> None:
     flown = [QUIET._replace(error_deg=error) for error in (2.0, 5.0, 31.0)]
     rivals = [QUIET._replace(error_deg=error, kept=False) for error in (1.0, 6.0, math.inf)]

@@ -302,7 +302,7 @@ def test_no_offset_is_learnt_at_full_throttle(
     less = np.array([held[THROTTLE] - 100.0, 0.0, 0.0])
     force = (np.array(still.air.F) + less) / propelled["m"]
     motion = seen(propelled, thrust=float(held[THROTTLE]), force=tuple(force))
-    for k in range(4000):
+    for k in range(1500):
         diagnose(step_of(motion, first=k == 0, held=four(held)), propelled, gains, state, signals)
     throttle = state["actuators"][THROTTLE]
     assert throttle["measured"] - throttle["commanded"] == pytest.approx(-100.0, abs=1.0)

@@ -62,3 +62,19 @@ def test_what_fails_is_found(fleet: str, stall: str, actuator: str, start_s: flo
     assert {name for _, name in lost} == {actuator}
     print(fleet, stall, actuator, lost)
     assert lost[0][0] < max(start_s, STALL_END_S) + 1.5
+
+
+@pytest.mark.parametrize("actuator", ["aileron", "elevator", "rudder", "throttle"])
+def test_who_never_sees_two_states_in_succession_finds_what_fails(actuator: str) -> None:
+    stuck = {"aileron": 5.0, "elevator": -4.0, "rudder": 15.0, "throttle": 0.0}[actuator]
+    unit = "n" if actuator == "throttle" else "deg"
+    fault = {"uav": 1, "actuator": actuator, f"stuck_{unit}": stuck, "start_s": 1.5}
+    seen = now_and_then(0.5, 4.0, (0.02, 0.06), 10)
+    lost = fly_late(scenario_for("surviving", 4.5, fault), seen)
+    assert {name for _, name in lost} == {actuator}
+
+
+@pytest.mark.parametrize("fleet", FLEETS)
+def test_who_never_does_blames_nobody(fleet: str) -> None:
+    seen, acts = now_and_then(0.5, 4.0, (0.02, 0.06), 11), late(0.5, 4.0, 0.03, 12)
+    assert fly_late(scenario_for(fleet, 4.5), seen, acts) == []

@@ -347,10 +347,18 @@ def test_one_that_is_not_back_yet_has_not_been_back_lately() -> None:
 
 
 def test_a_relapse_is_over_when_the_actuator_has_long_been_well() -> None:
-    actuator = gone(care_s=0.1, commanded=10.0)
+    actuator = gone(care_s=0.1, stuck=1.0, commanded=10.0)
     assert decided(actuator, 100) == LOST
     assert actuator["care_s"] == pytest.approx(0.0, abs=1e-9)
+    actuator["stuck"] = 10.0
     assert steps_until_returned(actuator) in {50, 51, 52}
+
+
+def test_where_it_sticks_a_command_shows_nothing_of_one_that_comes_and_goes() -> None:
+    for away, left_s in ((1.49, 0.5), (-1.51, 0.5 - DT)):
+        actuator = gone(care_s=0.5, patience_s=1.0, measured=10.0 + away, commanded=10.0 + away)
+        decided(actuator, 1)
+        assert actuator["care_s"] == pytest.approx(left_s)
 
 
 def test_what_is_not_well_counts_ten_times_as_much() -> None:
@@ -374,9 +382,10 @@ def test_the_time_lost_is_owed_until_it_has_been_back_for_as_long() -> None:
 
 
 def test_one_that_comes_and_goes_stays_where_it_sticks() -> None:
-    """Not where it is sent while it works, and it is not tried again."""
-    for smooth, stuck in ((9.0, 10.0 + DT / 0.15 * 3.0), (0.0, 10.0)):
-        actuator = gone(care_s=1.0, smooth=smooth, measured=13.0)
+    """Not where it is sent while it works, or on the way there, and it is not tried again."""
+    nearer = 10.0 + DT / 0.15 * 3.0
+    for smooth, u, stuck in ((9.0, 16.1, nearer), (9.0, 15.9, 10.0), (0.0, 16.1, 10.0)):
+        actuator = gone(care_s=1.0, smooth=smooth, commanded=u, measured=13.0)
         decided(actuator, 1)
         assert actuator["stuck"] == pytest.approx(stuck)
         assert actuator["decided_s"] == pytest.approx(9.0 + DT)
