@@ -124,6 +124,7 @@ class RunwayFigures(NamedTuple):
         braking: Friction with brakes, or of a belly.
         starts: From its wheels, from a launcher, or not at all.
         lands: 1: it has gear, or a belly to land on.
+        wheels: 1: it rolls on wheels; 0: on its belly.
         launch: Length of its launcher.
         span: Of the wing.
         go_arounds: Approaches given up, at most.
@@ -159,6 +160,7 @@ class RunwayFigures(NamedTuple):
     braking: float
     starts: float
     lands: float
+    wheels: float
     launch: float
     span: float
     go_arounds: float
@@ -261,6 +263,7 @@ class _Stance(NamedTuple):
 
     starts: float
     lands: float
+    wheels: float
     height: float
     pitch: float
     steering: float
@@ -285,6 +288,7 @@ def _stance_of(aircraft: Aircraft, gear: Gear) -> tuple[_Stance, float]:
     stance = _Stance(
         starts=starts if gear.launcher is None else FROM_LAUNCHER,
         lands=1.0,
+        wheels=float(gear.kind != "belly"),
         height=height,
         pitch=pitch,
         steering=-gear.steer / math.radians(stop) if stop > 0.0 else 0.0,

@@ -9,7 +9,7 @@ Without a runway in its path an aircraft that flies is flying, and what is here 
 Weight on wheels is not measured. An aircraft stands if the air passes it by slower than it has to
 for flight, and the ground slower than half of that; it has left the ground when it has risen by a
 tenth of its span; it has touched down when the ground pushes it up and ends its sink, or when for
-longer than the flare takes from there it does not sink any more.
+longer than the flare takes from there it neither sinks nor rises.
 
 In the flare the nose begins to turn from the way over the air to the runway one delay of the
 reference filter before touchdown, so that half of the turn is made then: who is aligned drifts, and
@@ -64,10 +64,14 @@ _UNSTABLE_S = 1.0
 """Time for which an approach is not stable before it is given up [s]."""
 _PUSH = 0.25
 """Force upwards beyond the air's and the weight, which the ground makes, relative to the weight."""
+_GROUND_EFFECT = 1.2
+"""Lift near the ground, relative to free air, at most: JSBSim's table of its c172p."""
 _TURNING = 1.0
 """Time before touchdown at which the nose begins to turn, in delays of the reference filter."""
 _GUST = 1.0
 """Gust downwards that an approach bears, a little more than light turbulence, MIL-F-8785C [m/s]."""
+_GUST_M = 23.0
+"""Length of a gust, L_u at 10 ft, the lowest height of MIL-F-8785C [m]."""
 _GATE = 3.0
 """Time before the flare from which on an approach has to be stable, in lags."""
 _LONG = 3.0
@@ -163,8 +167,11 @@ def advance(
 
 @compiled
 def nose_for(now: Situation, path: np.void, figures: np.void, state: np.void) -> float:
-    """Return the heading of the runway when the nose is to turn to it [rad]; NaN before."""
-    if state["phase"] != FLARE:
+    """Return the heading of the runway when the nose is to turn to it [rad]; NaN before.
+
+    A belly slides as well with the crab, by which it stays on the line in gusts.
+    """
+    if state["phase"] != FLARE or figures["wheels"] == 0.0:
         return math.nan
     bias = figures["touchdown"] * figures["flare"]
     above = -now.position[2] - state["ground"]
@@ -206,8 +213,10 @@ def bank_near_ground(
     state["bank_max"] = 0.0
     if phase not in (CLIMBING, FINAL, FLARE, AROUND):
         return roll
-    # when the command comes into force, in a gust
-    lower = 3.0 / now.bandwidth * (max(now.velocity[2], 0.0) + _GUST)
+    # when the command comes into force: the flare ends the sink, and gusts add as they come
+    delay, flare = 3.0 / now.bandwidth, figures["flare"]
+    lower = max(now.velocity[2], 0.0) * flare * (1.0 - math.exp(-delay / flare))
+    lower += _GUST * math.sqrt(delay * min(delay, _GUST_M / figures["approach"]))
     most = _bank_max(-now.position[2] - lower - state["ground"], limits, figures)
     state["bank_max"] = most
     return clamp(roll, -most, most)
@@ -264,11 +273,12 @@ def _approach(
             _give_up(state, reason)
         return
     g, by_air = gravity_of(now), aerodynamics(now.motion.v, now.motion.omega, aircraft).F
-    pushed = -now.motion.specific_force[2] - max(-by_air[2] / aircraft["m"], g) > _PUSH * g
+    carried = max(-_GROUND_EFFECT * by_air[2] / aircraft["m"], g)
+    pushed = -now.motion.specific_force[2] - carried > _PUSH * g
     lowest = max(LIFTED * figures["span"], 0.3)
     low = above < lowest
     longest = path["landing"] + _LONG * figures["flare"] * figures["approach"]
-    stays = low and sink < 0.5 * figures["touchdown"]
+    stays = low and abs(sink) < 0.5 * figures["touchdown"]
     state["doubt"] = state["doubt"] + now.dt if stays else 0.0
     arrested = low and pushed and sink < figures["touchdown"]
     if arrested or state["doubt"] > lowest / figures["touchdown"]:

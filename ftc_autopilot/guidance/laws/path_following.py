@@ -59,6 +59,10 @@ _INTEGRATION_MAX = math.radians(10.0)
 """Largest such angle at which the distance is integrated: the way to a path is no error [rad]."""
 _CLIMB_CORRECTION_MAX = math.radians(8.5)
 """Largest difference of angles of climb that the pitch corrects at a time [rad]."""
+_BESIDE_MAX = math.radians(5.0)
+"""Largest angle between a nose that is turned to the runway and the runway [rad]."""
+_MOST_FEEDBACK = 0.3
+"""Largest k_φ g/V on an approach, relative to ω: with (1 + s/ω)³ it leaves 45° of phase."""
 _INTEGRAL_SHARE = 0.15
 """Most that an integral commands, as a share of the ground speed."""
 _ROUNDING_SAMPLES = 8
@@ -172,7 +176,10 @@ def path_law(
     correction = min(max(climb_now - gamma, -_CLIMB_CORRECTION_MAX), _CLIMB_CORRECTION_MAX)
     pitch = climb + alpha * math.cos(roll) + gains["climb_feedback"] * correction
     yaw = state["course"] + drift + alpha * math.sin(roll)
-    return airspeed, roll, pitch, wrap(now.nose if math.isfinite(now.nose) else yaw)
+    if math.isfinite(now.nose):
+        beside = wrap(state["course"] - now.nose)
+        yaw = now.nose + min(max(beside, -_BESIDE_MAX), _BESIDE_MAX)
+    return airspeed, roll, pitch, wrap(yaw)
 
 
 @compiled
@@ -317,7 +324,10 @@ def _turn(
     flown = place.course + _drift(place.course, V, wind)
     flown += math.atan2(v[2], v[0]) * math.sin(phi[0])  # the heading that belongs to the course
     if not math.isfinite(now.nose):
-        roll += gains["bank_feedback"] * wrap(now.reference[3][0] - flown)
+        feedback = gains["bank_feedback"]
+        if now.over_ground != 0:
+            feedback = min(feedback, _MOST_FEEDBACK * V * now.bandwidth / g)
+        roll += feedback * wrap(now.reference[3][0] - flown)
     return min(max(roll, -bank_max), bank_max), drift
 
 

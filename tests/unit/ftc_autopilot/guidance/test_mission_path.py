@@ -5,7 +5,7 @@ from itertools import groupby
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from ftc_autopilot.guidance.legs import Leg, Pose
@@ -160,6 +160,7 @@ def test_legs_join_and_turns_can_be_flown(
         assert abs(leg.curvature_1_m) * tightest < 1.0 + 1e-6
 
 
+@settings(max_examples=settings().max_examples // 2)
 @given(missions(), st.sampled_from([None, START]))
 def test_every_waypoint_is_passed_as_near_as_asked(
     mission: list[MissionTarget], start: Start | None

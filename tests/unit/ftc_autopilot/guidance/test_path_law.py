@@ -260,3 +260,48 @@ def test_a_slow_aircraft_keeps_its_lift_to_fly_level(nominal: np.void) -> None:
         command = flight.update(now)
     assert math.degrees(command[1]) == pytest.approx(30.9, abs=0.2)
     assert command[2] < math.radians(16.0)
+
+
+@pytest.mark.parametrize(("V", "omega"), [(36.0, 2.5), (37.0, 1.0), (40.0, 0.7)])
+def test_on_an_approach_bank_and_course_are_a_stable_loop(
+    nominal: np.void, V: float, omega: float
+) -> None:
+    """A bank k turns the course by k g/V, behind the filter's three lags: 45° of phase are left."""
+    rolls = []
+    for yaw in (0.0, 0.01):
+        now = situation(nominal, (0.0, 0.0, -100.0), (0.0, 0.05, 0.0), (V, 0.0, 0.05 * V))
+        rest = (0.0, 0.0, 0.0)
+        now = now._replace(
+            bandwidth=omega, over_ground=1, reference=(rest, rest, rest, (yaw, 0, 0))
+        )
+        flight = Flight(nominal)
+        for _ in range(2):
+            command = flight.update(now)
+        rolls.append(command[1])
+    gain = (rolls[1] - rolls[0]) / 0.01 * nominal["g"] / now.motion.V
+    omegas = np.linspace(0.01, 1.0, 1000) * omega
+    loop = gain / (1j * omegas * (1.0 + 1j * omegas / omega) ** 3)
+    crossing = np.argmax(np.abs(loop) < 1.0)
+    assert math.degrees(np.angle(loop[crossing])) == pytest.approx(-135.0, abs=1.0)
+
+
+def test_in_the_air_the_bank_follows_the_course_as_the_gain_says(nominal: np.void) -> None:
+    now = situation(nominal, (0.0, 0.0, -100.0), (0.0, 0.05, 0.0), (36.0, 0.0, 1.8))
+    flight = Flight(nominal)
+    for yaw in (0.0, 0.0, 0.01):
+        rest = (0.0, 0.0, 0.0)
+        command = flight.update(now._replace(reference=(rest, rest, rest, (yaw, 0.0, 0.0))))
+    assert command[1] == pytest.approx(0.01 * DEFAULT.bank_feedback, rel=1e-6)
+
+
+@pytest.mark.parametrize(("east", "least", "most"), [(1.0, -5.0, -0.1), (-30.0, 5.0, 5.0)])
+def test_a_nose_that_turns_to_the_runway_still_leads_to_its_line(
+    nominal: np.void, east: float, least: float, most: float
+) -> None:
+    """A wind from the left would take 14° of crab; the nose takes no more than 5° for the line."""
+    wind = (0.0, 10.0, 0.0)
+    now = situation(nominal, (0.0, east, -100.0), (0.0, 0.05, -0.25), (40.0, 0.0, 2.0), wind)
+    flight = Flight(nominal)
+    for _ in range(100):
+        command = flight.update(now._replace(nose=0.0))
+    assert least - 1e-9 <= math.degrees(command[3]) <= most + 1e-9

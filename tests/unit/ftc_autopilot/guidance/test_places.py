@@ -104,7 +104,7 @@ def links(graph: list[list[int]], start: int) -> list[int]:
     return [found[m] for m in range(len(graph))]
 
 
-@settings(max_examples=20)
+@settings(max_examples=settings().max_examples // 4)
 @given(graphs())
 def test_everyone_knows_where_everyone_is(graph: list[list[int]]) -> None:
     """The age of a place grows by what `most_links` counts on for each link, at most."""
@@ -125,7 +125,7 @@ def test_everyone_knows_where_everyone_is(graph: list[list[int]]) -> None:
             assert np.linalg.norm(off) <= 0.1 + 4.5 * (age * DT) ** 2
 
 
-@settings(max_examples=20)
+@settings(max_examples=settings().max_examples // 4)
 @given(graphs(), st.data())
 def test_who_is_silent_is_forgotten_by_all(graph: list[list[int]], data: st.DataObject) -> None:
     """Nobody's echo keeps a place alive."""

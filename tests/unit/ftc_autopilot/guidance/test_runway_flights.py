@@ -140,8 +140,20 @@ def test_who_leans_or_is_slow_on_the_final_lands_on_the_line_all_the_same(
     assert landed.gear["worst"]["sink"] <= 1.5
 
 
-@pytest.mark.parametrize("name", ["runway/aileron_stuck", "runway/launcher", "runway/engine_lost"])
+@pytest.mark.parametrize("name", ["runway/aileron_stuck", "runway/launcher"])
 def test_bundled_flights_with_a_fault_end_on_the_runway(name: str) -> None:
+    _lands_well(name)
+
+
+def test_the_bundled_glide_ends_on_the_runway() -> None:
+    _lands_well("runway/engine_lost")
+
+
+def test_a_cessna_of_jsbsim_flies_from_its_wheels_to_its_wheels() -> None:
+    _lands_well("runway/c172p")
+
+
+def _lands_well(name: str) -> None:
     ground = in_process.fly_and_summarise(load_scenario(name)).uavs[0].ground
     assert ground is not None
     assert ground.outcome == "landed"

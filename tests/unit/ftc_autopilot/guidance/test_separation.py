@@ -155,6 +155,7 @@ def test_those_far_apart_or_forgotten_are_left_alone() -> None:
     assert evaded(expected, here, expected, near).tolist() == list(expected)
 
 
+@settings(max_examples=settings().max_examples // 4)  # two flights each
 @given(angles, st.floats(2.0, 6.0), st.floats(-8.0, 8.0))
 def test_one_that_is_degraded_is_evaded_by_the_other_alone(
     angle: float, speed: float, miss: float
