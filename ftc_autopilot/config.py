@@ -3,7 +3,7 @@
 It holds nothing of faults, disturbances or the true aircraft: the controller must not know.
 """
 
-from typing import Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
@@ -13,9 +13,10 @@ from ftc_autopilot.control.laws import LAWS
 from ftc_autopilot.control.laws.base import LawParameters
 from ftc_autopilot.estimation.parameters import EstimatorParameters
 from ftc_autopilot.guidance.fence_parameters import FenceParameters, RallyParameters
+from ftc_autopilot.guidance.formation import MAX_MEMBERS
 from ftc_autopilot.kinds import AutopilotSection, FtcAutopilot
 from mavlink_defs import dialect
-from mavlink_defs.config.models import HostPort, Problems, SystemId, Title
+from mavlink_defs.config.models import AtMost, HostPort, Problems, SystemId, Title
 from mavlink_defs.config.quantity import quantity, whole
 from sitl_plant.airframe.gear import Runway
 from sitl_plant.sensing.config import Navigation, NavigationSensors
@@ -55,6 +56,7 @@ class AutopilotConfig(ControllerConfig):
         runway: The runway that it lands on if its mission has none; none: it knows of none.
         neighbour_timeout_s: Silence after which a neighbour's edge is dropped.
         formation_bind: Where the formation link is received.
+        listeners: Where foreign UAVs with a slot are sent this one's state.
         plant: Where the plant receives the simulator link.
         gcs: Addresses of the ground stations, host:port.
         telemetry_clock: What intervals of telemetry count in lockstep.
@@ -76,6 +78,7 @@ class AutopilotConfig(ControllerConfig):
     runway: Runway | None = None
     neighbour_timeout_s: float = quantity("s", default=NEIGHBOUR_TIMEOUT_S, gt=0.0)
     formation_bind: HostPort
+    listeners: Annotated[tuple[HostPort, ...], AtMost(MAX_MEMBERS)] = ()
     plant: HostPort
     gcs: tuple[HostPort, ...] = Field(min_length=1)
     telemetry_clock: TelemetryClockKind = "wall"

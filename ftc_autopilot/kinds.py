@@ -3,7 +3,7 @@
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -42,7 +42,8 @@ class ArduPlaneAutopilot(Model):
         port: By hand: UDP port of the physics of UAV 1, --sim-port-out; UAV i has one 10 (i - 1)
             higher. Its MAVLink goes to the next one, --serial0.
         defaults: File of its parameters, --defaults; none: derived from the aircraft.
-        mode: Mode in which it is armed; none: AUTO with a mission, else LOITER.
+        mode: Mode in which it is armed; none: GUIDED to its slot if the formation has one for it,
+            else AUTO with a mission, else LOITER. GUIDED, with a slot, is the same.
         ready_within_s: Longest time, by its own clock, until its EKF is ready.
         answers_within_s: Longest time until it sends a frame, by the wall clock.
         outputs: Which of its outputs moves which actuator, and its launch.
@@ -74,13 +75,19 @@ class ArduPlaneAutopilot(Model):
             return f"{why}: expected bias or drift with axis x or y"
         return None
 
-    def commands(self, has_mission: bool) -> list[tuple[int, tuple[float, ...]]]:
+    @property
+    def takes_slots(self) -> bool:
+        """Whether its bridge steers it to a slot, if it has one."""
+        return self.mode in {None, "GUIDED"}
+
+    def commands(self, has_mission: bool, has_slot: bool) -> list[tuple[int, tuple[float, ...]]]:
         """Return the commands that a station gives before it arms: MAV_CMD and parameters.
 
         Args:
             has_mission: Whether a mission is there to be flown.
+            has_slot: Whether its bridge steers it to a slot.
         """
-        mode = self.mode or ("AUTO" if has_mission else "LOITER")
+        mode = self.mode or ("GUIDED" if has_slot else "AUTO" if has_mission else "LOITER")
         if mode == "AUTO":
             return [(dialect.MAV_CMD_MISSION_START, ())]
         custom = dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
@@ -137,6 +144,8 @@ class Px4Autopilot(Model):
         Problems.check((("parameters", name), text) for name in wrong)
         return self
 
+    takes_slots: ClassVar[bool] = False
+
     @property
     def startup(self) -> Path:
         """Folder of its startup scripts."""
@@ -144,12 +153,8 @@ class Px4Autopilot(Model):
             return Path(self.data).expanduser().resolve()
         return Path(self.binary).expanduser().resolve().parent.parent / "etc"
 
-    def commands(self, has_mission: bool) -> list[tuple[int, tuple[float, ...]]]:
-        """Return the commands that a station gives before it arms: MAV_CMD and parameters.
-
-        Args:
-            has_mission: Whether a mission is there to be flown.
-        """
+    def commands(self, has_mission: bool, has_slot: bool) -> list[tuple[int, tuple[float, ...]]]:
+        """Return the commands that a station gives before it arms, as of an ArduPlane."""
         mode = self.mode or ("MISSION" if has_mission else "TAKEOFF")
         custom = dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
         return [(dialect.MAV_CMD_DO_SET_MODE, (custom, _PX4_AUTO, _PX4_SUB_MODES[mode]))]

@@ -7,7 +7,6 @@ it starts the autopilot's program, speaks its simulator protocol, and passes its
 
 import contextlib
 import select
-import socket
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -17,20 +16,21 @@ from pathlib import Path
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.foreign.arduplane import ArduPlane
 from ftc_autopilot.foreign.base import ForeignAutopilot, ForeignError, ForeignInputError
-from ftc_autopilot.foreign.by_hand import waiting
 from ftc_autopilot.foreign.plant_link import PlantSide
 from ftc_autopilot.foreign.px4_plane import Px4Plane
 from ftc_autopilot.foreign.recorder import ForeignRecorder
 from ftc_autopilot.foreign.sensor_faults import SensorFaults
+from ftc_autopilot.foreign.slot import SlotKeeper
+from ftc_autopilot.foreign.sockets import BridgeSockets, waiting_in
 from ftc_autopilot.foreign.vehicle import ForeignVehicle
 from ftc_autopilot.kinds import FtcAutopilot
 from ftc_autopilot.vehicle.gcs_signing import GcsSigning
-from mavlink_defs import dialect, endpoint
+from mavlink_defs import dialect
 from mavlink_defs.constants import MAX_DATAGRAM
 from mavlink_defs.endpoint import UdpAddress
 from mavlink_defs.framing.drop_reason import DropReason
 from mavlink_defs.framing.key_file import KeyFile
-from mavlink_defs.framing.signing import PLANT_LINK, Signer, counts_text, open_time
+from mavlink_defs.framing.signing import FORMATION_LINK, PLANT_LINK, Signer, counts_text, open_time
 from mavlink_defs.visible import log_line
 
 FOREIGN: dict[str, Callable[[AutopilotConfig, UdpAddress], ForeignAutopilot]] = {
@@ -44,7 +44,6 @@ _TURN_S = 0.005  # between two looks at the other links while the plant's time r
 _HEARTBEAT_S, _REGISTER_S = 1.0, 0.2
 _COUNT_S = 0.5
 _TAKEOVER_S = 3.0  # of silence, before one that is started by hand may be another one
-_LOOPBACK = "127.0.0.1"
 _IN_LOCKSTEP = "a foreign autopilot is started again in lockstep only"
 
 
@@ -82,26 +81,14 @@ class Bridge:
         self.stopping = False
         self.loss: str | None = None
         self.failure: str | None = None
-        key, shared = config.signing_key, None
-        if key is not None:
-            shared = Signer(KeyFile(key, self._log).at, open_time(key), PLANT_LINK)
+        key = config.signing_key
+        keys = None if key is None else (KeyFile(key, self._log).at, open_time(key))
+        links = PLANT_LINK, FORMATION_LINK
+        shared, formed = (None if keys is None else Signer(*keys, link) for link in links)
         self._link = PlantSide(config.id, shared)
         self._signing = GcsSigning(config.id, key)
-        self._plant = sockets.enter_context(
-            endpoint.connect_udp(endpoint.parse_address(config.plant))
-        )
-        stations = [endpoint.resolve(endpoint.parse_address(text)) for text in config.gcs]
-        self._stations = [(one.host, one.port) for one in stations]
-        self._gcs = sockets.enter_context(endpoint.open_udp(stations))
-        self._by_hand = waiting(config)
-        own = self._by_hand.mavlink if self._by_hand else UdpAddress(_LOOPBACK, 0)
-        hint = "choose others with autopilot.port"
-        self._side = sockets.enter_context(
-            endpoint.bind_udp(own, f"MAVLink of UAV {config.id}", hint)
-        )
-        for sock in (self._gcs, self._side):
-            sock.setblocking(False)
-        self._plant.settimeout(_TICK_S)
+        self._sockets = BridgeSockets(config, sockets)
+        self._slot = None if config.formation is None else SlotKeeper(config, formed)
         self._recorder = ForeignRecorder(
             config,
             record,
@@ -111,13 +98,13 @@ class Bridge:
         )
         self._peer: tuple[str, int] | None = None  # where the autopilot's MAVLink comes from
         self._peer_s = 0.0  # when it came last
-        link = UdpAddress(own.host, self._side.getsockname()[1])
         assert not isinstance(config.autopilot, FtcAutopilot)
-        self._autopilot = FOREIGN[config.autopilot.kind](config, link)
+        self._autopilot = FOREIGN[config.autopilot.kind](config, self._sockets.mavlink)
         sockets.callback(self._autopilot.close)
         faults = SensorFaults(self._autopilot.failures, config.autopilot.refuses, self._time_s)
+        order = None if self._slot is None else self._slot.order
         self._new_vehicle = partial(
-            ForeignVehicle, config.id, config.origin, self._link.counts, faults, checkpoint
+            ForeignVehicle, config.id, config.origin, self._link.counts, faults, checkpoint, order
         )
         self._vehicle = self._new_vehicle()
         self._saves = checkpoint is not None
@@ -216,7 +203,7 @@ class Bridge:
 
     def exchange(self, time_s: float) -> None:
         """Take in what the autopilot has sent, and send what waits, at a time of its clock [s]."""
-        for datagram, sender in _waiting(self._side):
+        for datagram, sender in waiting_in(self._sockets.side):
             now = time.monotonic()
             if sender != self._peer and not self._follow(now):
                 self._link.drops[DropReason.STRANGER] += 1
@@ -227,15 +214,15 @@ class Bridge:
             raise ForeignError(refusal)
         if self._peer is not None:
             for frame in self._vehicle.to_autopilot(time_s):
-                self._post(self._side, frame, self._peer)
+                self._sockets.to_autopilot(frame, self._peer)
 
     def _wait_for_plant(self) -> None:
         """Take in what the plant sends; while its time stands still, only what has come."""
         waits = self._armed or self._link.step is None
-        self._plant.settimeout(_TICK_S if waits else 1e-4)
+        self._sockets.plant.settimeout(_TICK_S if waits else 1e-4)
         while not self._over:
             try:
-                datagram = self._plant.recv(MAX_DATAGRAM)
+                datagram = self._sockets.plant.recv(MAX_DATAGRAM)
             except OSError:  # none came, or nobody listens yet
                 return
             self._heard_s = time.monotonic()
@@ -251,7 +238,7 @@ class Bridge:
     def _is_overtaken(self) -> bool:
         """Return whether a newer state has come already, in real time."""
         waits = self._link.is_lockstep or self._link.is_over or not self._link.is_running
-        return not waits and bool(select.select([self._plant], [], [], 0.0)[0])
+        return not waits and bool(select.select([self._sockets.plant], [], [], 0.0)[0])
 
     def _answer(self) -> None:
         """Answer the plant's step."""
@@ -260,12 +247,12 @@ class Bridge:
             raise ForeignError("the plant was started again: start the flight again")
         if link.is_over:
             self._over = True
-            self._send(link.done())
+            self._sockets.to_plant(link.done())
         elif not (link.is_running and self._armed):
             return  # the plant waits for it
         elif link.is_repeated and link.step is not None and link.step.step == self._flown:
             for frame in link.again() if link.is_lockstep else ():
-                self._send(frame)
+                self._sockets.to_plant(frame)
         else:
             self._fly_step()
 
@@ -273,14 +260,25 @@ class Bridge:
         link, step = self._link, self._link.step
         assert step is not None
         self._flown = step.step
+        if self._slot is not None and self._peer is not None:
+            self._hear_neighbours()
+            self._slot.plan(self._vehicle.resumption.mission)
+            for message in self._slot.targets(step, link.is_lockstep):
+                self._sockets.to_autopilot(self._vehicle.packed(message), self._peer)
         shares = self._autopilot.exchange(step)
         mask, frame = link.command(shares)
         self._steps += 1
-        self._recorder.add(step, shares, mask)
+        self._recorder.add(step, shares, mask, self._slot.place if self._slot else None)
         if frame is not None:
-            self._send(frame)
+            self._sockets.to_plant(frame)
         if link.is_lockstep:
-            self._send(link.done())
+            self._sockets.to_plant(link.done())
+
+    def _hear_neighbours(self) -> None:
+        """Take in what ours say: before the flight, too, or it would fill the socket."""
+        for datagram, _ in waiting_in(self._sockets.formation):
+            if self._slot is not None and (problem := self._slot.receive(datagram)) is not None:
+                self._link.drops[problem] += 1
 
     def _serve(self, now: float) -> None:
         """Do what is due on the links to the autopilot, the stations and the plant."""
@@ -288,6 +286,7 @@ class Bridge:
             return
         self._turn_due_s = now + _TURN_S
         self._receive_from_stations(now)
+        self._hear_neighbours()
         if self._armed:  # before, its clock runs in `hold`
             while self._vehicle.release():
                 pass
@@ -297,12 +296,12 @@ class Bridge:
         running = self._link.is_running
         if now >= self._due_s:
             self._due_s = now + (_REGISTER_S if self._link.step is None else _HEARTBEAT_S)
-            self._send(self._link.pack(self._registration()))
+            self._sockets.to_plant(self._link.pack(self._registration()))
         if running and now >= self._count_due_s:
             self._count_due_s = now + _COUNT_S
             self._vehicle.count()
         for message in self._vehicle.to_plant():
-            self._send(self._link.pack(message))
+            self._sockets.to_plant(self._link.pack(message))
         self._send_to_stations()
 
     def _registration(self) -> dialect.MAVLink_message:
@@ -325,14 +324,14 @@ class Bridge:
         """
         if self._peer is None:
             return True
-        if self._by_hand is None or self._armed or now - self._peer_s < _TAKEOVER_S:
+        if not self._sockets.is_by_hand or self._armed or now - self._peer_s < _TAKEOVER_S:
             return False
         self._vehicle = self._new_vehicle()
         return True
 
     def _receive_from_stations(self, now: float) -> None:
-        for datagram, sender in _waiting(self._gcs):
-            if sender not in self._stations:
+        for datagram, sender in waiting_in(self._sockets.gcs):
+            if sender not in self._sockets.stations:
                 continue
             message = self._signing.accept(datagram)
             if isinstance(message, DropReason):
@@ -342,14 +341,12 @@ class Bridge:
                 if text is not None:
                     self._vehicle.say(dialect.MAV_SEVERITY_WARNING, text)
             else:
-                station = self._stations.index(sender)
+                station = self._sockets.stations.index(sender)
                 self._vehicle.receive_from_station(message, now, station)
 
     def _send_to_stations(self) -> None:
         for frame in self._vehicle.to_stations():
-            signed = self._signing.sign(frame)
-            for station in self._stations:
-                self._post(self._gcs, signed, station)
+            self._sockets.to_stations(self._signing.sign(frame))
 
     def _check_plant(self) -> None:
         """End if the plant has fallen silent."""
@@ -360,25 +357,6 @@ class Bridge:
         self.loss = f"the plant has been silent for {limit_s:g} s at {at_s:.3f} s"
         self._over = True
 
-    def _send(self, frame: bytes) -> None:
-        with contextlib.suppress(OSError):  # the plant asks again for what it needs
-            self._plant.send(frame)
-
-    def _post(self, sock: socket.socket, frame: bytes, to: tuple[str, int]) -> None:
-        with contextlib.suppress(OSError):  # the microservices repeat what is lost
-            sock.sendto(frame, to)
-
     def _log(self, text: str) -> None:
         with contextlib.suppress(OSError):  # a full disk must not end the flight
             log_line(f"ftc-autopilot {self._config.id}: {text}")
-
-
-def _waiting(sock: socket.socket) -> "list[tuple[bytes, tuple[str, int]]]":
-    """Return the datagrams that wait in a socket, and where each came from; not without end."""
-    found = []
-    for _ in range(64):
-        try:
-            found.append(sock.recvfrom(MAX_DATAGRAM))
-        except OSError:
-            break
-    return found

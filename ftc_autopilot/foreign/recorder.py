@@ -19,6 +19,7 @@ from mavlink_defs.runtime.jit import in_python
 from mavlink_defs.runtime.spool import Spool, unwritten
 from sitl_plant.airframe import stops
 from sitl_plant.airframe.aircraft import aircraft_record
+from sitl_plant.vec3 import Vec3
 
 _position_of, _range_of = in_python(stops.position_of), in_python(stops.range_of)
 
@@ -58,8 +59,21 @@ class ForeignRecorder:
         self._count = 0
         self._held = np.zeros(N_CHANNELS)
 
-    def add(self, sent: PlantStep, shares: np.ndarray, mask: int) -> None:
-        """Record a step: what was sent, what is commanded, which channels had an event."""
+    def add(
+        self,
+        sent: PlantStep,
+        shares: np.ndarray,
+        mask: int,
+        place: tuple[float, Vec3] | None = None,
+    ) -> None:
+        """Record a step: what was sent, what is commanded, which channels had an event.
+
+        Args:
+            sent: What was sent.
+            shares: What is commanded.
+            mask: Of the channels that had an event.
+            place: Of its slot on the path [m], and its offset [m]; None: it keeps none now.
+        """
         if self._spool is None:
             return
         row, state = self._rows[self._count], sent.state
@@ -71,6 +85,7 @@ class ForeignRecorder:
         if mask:
             pairs = zip(shares.tolist(), self._ranges, strict=True)
             self._held[:] = [_position_of(share, *ends) for share, ends in pairs]
+        signals["path_position"], signals["slot"] = place or (np.nan, np.nan)
         signals["held"] = self._held
         signals["events"] = mask
         self._count += 1

@@ -7,6 +7,7 @@ No clock: times are by the autopilot's own.
 
 import contextlib
 from collections import deque
+from collections.abc import Sequence
 from pathlib import Path
 
 from ftc_autopilot.foreign.datagrams import frames_in
@@ -102,6 +103,11 @@ class GivenAgain:
                 self._keep()
         elif isinstance(message, dialect.MAVLink_heartbeat_message):
             self._note_mode(message)
+
+    @property
+    def mission(self) -> Sequence[MissionItem]:
+        """Its mission, home included; empty: none."""
+        return self._plans.get(dialect.MAV_MISSION_TYPE_MISSION, ())
 
     def _note_mode(self, message: dialect.MAVLink_heartbeat_message) -> None:
         if not message.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED:

@@ -2,7 +2,7 @@
 
 What the autopilot sends goes to the ground stations, and theirs to it. Commands on faults of
 actuators go to the plant, those on faults of sensors are executed by the bridge, which makes these:
-the autopilot does not hear of them, as ours does not.
+the autopilot does not hear of them, as ours does not. A slot is ordered of the bridge, too.
 """
 
 from collections import deque
@@ -14,6 +14,7 @@ from ftc_autopilot.foreign.datagrams import frames_in
 from ftc_autopilot.foreign.resumption import GivenAgain
 from ftc_autopilot.foreign.sensor_faults import SensorFaults
 from ftc_autopilot.vehicle.commands import Commands, Handler
+from ftc_autopilot.vehicle.formation_messages import slot_ordered
 from ftc_autopilot.vehicle.telemetry import DEFAULT_INTERVALS_US
 from mavlink_defs import dialect
 from mavlink_defs.constants import SIMULATOR_COMPONENT
@@ -25,8 +26,10 @@ from mavlink_defs.framing.header import HEADER_SIZE, MESSAGE_ID
 from mavlink_defs.origin import Origin
 from mavlink_defs.services.command import CommandMessage, command_params
 from mavlink_defs.services.machine import SystemId, is_for, sender_of
+from sitl_plant.vec3 import Vec3
 
 _FIRST_PRIVATE = 53_000
+_EXECUTED = {*FAULT_COMMANDS, dialect.MAV_CMD_FTC_SET_SLOT}
 _OWN_REQUESTS = {dialect.MAVLINK_MSG_ID_FTC_FAULT, dialect.MAVLINK_MSG_ID_FTC_EVENTS}
 _ASKED_OF_IT = [n for n in DEFAULT_INTERVALS_US if n < _FIRST_PRIVATE]
 _READ = {
@@ -70,6 +73,7 @@ class ForeignVehicle:
         counts: Callable[[], MAVLink_message],
         faults: SensorFaults,
         checkpoint: Path | None = None,
+        order_slot: Callable[[Vec3 | None], None] | None = None,
     ) -> None:
         """Begin before it is heard.
 
@@ -79,7 +83,9 @@ class ForeignVehicle:
             counts: Returns FTC_EVENTS.
             faults: Of the sensors that its bridge makes.
             checkpoint: Where what it has been given is kept; None: nowhere.
+            order_slot: Orders another slot, None: the planned one; None: it keeps none.
         """
+        self._order_slot = order_slot
         self._counts = counts
         self._system, self._origin = system, origin
         self._has_home = False
@@ -232,7 +238,7 @@ class ForeignVehicle:
         number, first = message.command, command_params(message)[0]
         asks = number == dialect.MAV_CMD_REQUEST_MESSAGE and first in _OWN_REQUESTS
         streams = number == dialect.MAV_CMD_SET_MESSAGE_INTERVAL and first >= _FIRST_PRIVATE
-        return number in FAULT_COMMANDS or asks or streams
+        return number in _EXECUTED or asks or streams
 
     def _handlers(self) -> dict[int, Handler]:
         def request(_: tuple[float, ...]) -> int:
@@ -246,7 +252,20 @@ class ForeignVehicle:
         return {
             dialect.MAV_CMD_REQUEST_MESSAGE: request,
             dialect.MAV_CMD_SET_MESSAGE_INTERVAL: stream,
+            dialect.MAV_CMD_FTC_SET_SLOT: self._set_slot,
         }
+
+    def _set_slot(self, params: tuple[float, ...]) -> int:
+        """Execute MAV_CMD_FTC_SET_SLOT, as ours do."""
+        try:
+            slot, text = slot_ordered(params, self._order_slot is not None)
+        except InvalidParam as problem:
+            self.say(dialect.MAV_SEVERITY_WARNING, str(problem))
+            return dialect.MAV_RESULT_DENIED
+        if self._order_slot is not None:
+            self._order_slot(slot)
+        self.say(dialect.MAV_SEVERITY_INFO, text)
+        return dialect.MAV_RESULT_ACCEPTED
 
     def _execute(self, number: int, params: tuple[float, ...]) -> int | None:
         """Execute a command on faults of sensors; return its result, None: it is the plant's."""
@@ -302,6 +321,10 @@ class ForeignVehicle:
             self._to_autopilot += [self._packed(message, self._bridge) for message in again]
         frames, self._to_autopilot = self._to_autopilot, []
         return frames
+
+    def packed(self, message: MAVLink_message) -> bytes:
+        """Return the frame of a message of the bridge's own to the autopilot."""
+        return self._packed(message, self._bridge)
 
     def to_stations(self) -> list[bytes]:
         """Hand over what every ground station is to be sent."""

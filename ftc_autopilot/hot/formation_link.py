@@ -14,6 +14,7 @@ import numpy as np
 
 from ftc_autopilot.control.config import Neighbour
 from ftc_autopilot.control.stepping import hear
+from ftc_autopilot.guidance.formation import MAX_MEMBERS
 from ftc_autopilot.hot.drops import FORMATION
 from mavlink_defs.dialect import FTC_NEIGHBOUR_FRAME_REFERENCE, MAV_COMP_ID_AUTOPILOT1
 from mavlink_defs.endpoint import parse_address
@@ -24,6 +25,7 @@ from mavlink_defs.framing.hot_signing import LinkSigner, sign_frame
 from mavlink_defs.runtime.jit import compiled, inlined
 from mavlink_defs.runtime.memory import bytes_of, copy_record
 from mavlink_defs.runtime.native import (
+    ADDRESS_SIZE,
     monotonic_s,
     receive_from_now,
     receive_from_soon,
@@ -53,6 +55,8 @@ FORMATION_STATE = np.dtype(
         ("passed_over", "i8"),  # steps missed before the present one, whose messages have waited
         ("plant_step", "i8"),  # that the plant is known to have reached
         ("plant_s", "f8"),  # when it was heard of [s]
+        ("listening", "i8"),  # foreign UAVs that are sent the own state, and send none
+        ("listeners", "u1", (MAX_MEMBERS, ADDRESS_SIZE)),  # the sockaddr of each
     ]
 )
 
@@ -70,6 +74,18 @@ def join_neighbours(edges: np.ndarray, neighbours: Sequence[Neighbour]) -> None:
     forget_neighbours(edges)
 
 
+def join_listeners(state: np.void, addresses: Sequence[str]) -> None:
+    """Write which foreign UAVs are sent the own state.
+
+    Args:
+        state: Record of dtype `FORMATION_STATE`, updated in place.
+        addresses: Where their bridges receive it.
+    """
+    state["listening"] = len(addresses)
+    for row, address in zip(state["listeners"], addresses, strict=False):
+        row[:] = sockaddr(parse_address(address))
+
+
 def forget_neighbours(edges: np.ndarray) -> None:
     """Forget the neighbours' states."""
     for name in ("heard_step", "pending_step", "arrived_step"):
@@ -80,7 +96,7 @@ def forget_neighbours(edges: np.ndarray) -> None:
 
 @compiled
 def send_own_state(fd: int, own: np.void, edges: np.ndarray, signer: LinkSigner) -> None:
-    """Send the own state to every neighbour.
+    """Send the own state to every neighbour, and to the foreign UAVs that listen.
 
     Args:
         fd: Socket bound to the own formation port.
@@ -89,9 +105,9 @@ def send_own_state(fd: int, own: np.void, edges: np.ndarray, signer: LinkSigner)
         edges: Of the neighbours, dtype `EDGE`.
         signer: Of the formation link.
     """
-    if len(edges) == 0:
-        return
     state, datagram = own["formation"], bytes_of(own["sent"])
+    if len(edges) + state["listening"] == 0:
+        return
     length = pack_bytes(
         datagram,
         bytes_of(own["uav"]["own_state"]),
@@ -104,6 +120,8 @@ def send_own_state(fd: int, own: np.void, edges: np.ndarray, signer: LinkSigner)
     length = sign_frame(signer, datagram, length)
     for d in range(len(edges)):
         send_to(fd, datagram, length, edges[d]["address"])
+    for d in range(state["listening"]):
+        send_to(fd, datagram, length, state["listeners"][d])
 
 
 @inlined

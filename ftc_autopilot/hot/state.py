@@ -18,6 +18,7 @@ from ftc_autopilot.hot.formation_link import (
     FORMATION_STATE,
     MAX_SPEED,
     forget_neighbours,
+    join_listeners,
     join_neighbours,
 )
 from ftc_autopilot.hot.link import LINK_STATE, RECORD
@@ -145,6 +146,7 @@ def new_autopilots(
         formation["timeout_steps"] = round(config.neighbour_timeout_s * 1e6 / step_us)
         formation["fade_steps"] = max(round(_EDGE_FADE_S * 1e6 / step_us), 1)
         formation["most_steps_per_s"] = MAX_SPEED * 1e6 / step_us
+        join_listeners(formation, config.listeners)
         join_neighbours(row_edges[: len(config.neighbours)], config.neighbours)
     estimated = any(own["navigation"]["count"] > 0)
     autopilots = Autopilots(

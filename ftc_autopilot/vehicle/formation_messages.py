@@ -12,12 +12,36 @@ from ftc_autopilot.vehicle.message import message
 from ftc_autopilot.vehicle.modes import Say
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
+from mavlink_defs.faults.command import InvalidParam
 from mavlink_defs.float32 import float32s
+from sitl_plant.vec3 import Vec3
 
 _CAUSES = ("well", "an actuator is degraded", "an actuator is lost", "silent")
 _POLICIES = ("it stays", "the formation slows down", "its slot moves outwards", "it leaves")
 _FARTHEST_M = 1000.0
 """Farthest place of a slot, in each direction [m]."""
+
+
+def slot_ordered(params: Sequence[float], in_formation: bool) -> tuple[Vec3 | None, str]:
+    """Return the slot that MAV_CMD_FTC_SET_SLOT orders, None: the planned one, and a text of it.
+
+    Raises:
+        InvalidParam: There is none, or it cannot be had.
+    """
+    if not in_formation:
+        raise InvalidParam(1, "Slot", "Slot: this UAV is in no formation")
+    ahead, right, up = slot = params[0], params[1], params[2]
+    if any(map(math.isnan, slot)):
+        if not all(map(math.isnan, slot)):
+            text = "Slot: is partly NaN, must be three distances or three NaN"
+            raise InvalidParam(1, "Slot", text)
+        return None, "slot is the planned one"
+    for i, name in enumerate(("ahead", "right", "up")):
+        if not abs(slot[i]) <= _FARTHEST_M:
+            limits = f"{-_FARTHEST_M:g} to {_FARTHEST_M:g} m"
+            text = f"Slot: {name} is {slot[i]:g} m, must be {limits}"
+            raise InvalidParam(i + 1, name, text)
+    return slot, f"slot is {ahead:g} m ahead, {right:g} m to the right, {up:g} m up"
 
 
 class FormationMessages:
@@ -56,22 +80,12 @@ class FormationMessages:
 
     def set_slot(self, params: Sequence[float]) -> int:
         """Execute MAV_CMD_FTC_SET_SLOT."""
-        slot = tuple(params[:3])
-        if self._formation is None:
-            return self._refuse("Slot: this UAV is in no formation")
-        if any(map(math.isnan, slot)):
-            if not all(map(math.isnan, slot)):
-                return self._refuse("Slot: is partly NaN, must be three distances or three NaN")
-            self._state["commanded"] = math.nan
-            self._say(dialect.MAV_SEVERITY_INFO, "slot is the planned one")
-            return dialect.MAV_RESULT_ACCEPTED
-        for name, distance in zip(("ahead", "right", "up"), slot, strict=True):
-            if not abs(distance) <= _FARTHEST_M:
-                limits = f"{-_FARTHEST_M:g} to {_FARTHEST_M:g} m"
-                return self._refuse(f"Slot: {name} is {distance:g} m, must be {limits}")
-        self._state["commanded"] = slot
-        ahead, right, up = slot
-        text = f"slot is {ahead:g} m ahead, {right:g} m to the right, {up:g} m up"
+        try:
+            slot, text = slot_ordered(params, self._formation is not None)
+        except InvalidParam as problem:
+            self._say(dialect.MAV_SEVERITY_WARNING, str(problem))
+            return dialect.MAV_RESULT_DENIED
+        self._state["commanded"] = math.nan if slot is None else slot
         self._say(dialect.MAV_SEVERITY_INFO, text)
         return dialect.MAV_RESULT_ACCEPTED
 
@@ -121,7 +135,3 @@ class FormationMessages:
         """Number of the path that is flown in formation; 0: none."""
         follows = int(self._controllers.uavs[0]["guidance"]["follows"]) == ReferenceSource.PATH
         return int(self._state["path_id"]) if follows else 0
-
-    def _refuse(self, text: str) -> int:
-        self._say(dialect.MAV_SEVERITY_WARNING, text)
-        return dialect.MAV_RESULT_DENIED

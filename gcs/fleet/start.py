@@ -78,7 +78,8 @@ async def start_vehicle(vehicle: Vehicle, scenario: Scenario) -> None:
     if own is None:
         await vehicle.start_mission()
         return
-    for command, params in own.commands(has_mission=scenario.mission is not None):
+    mission, slot = scenario.mission is not None, vehicle.id in scenario.slot_keepers
+    for command, params in own.commands(has_mission=mission, has_slot=slot):
         await vehicle.command(command, params)
 
 

@@ -52,5 +52,5 @@ def leaders_of(scenario: Scenario) -> tuple[int, ...]:
 
 def silent_in(scenario: Scenario) -> list[int]:
     """Return the indices of the UAVs whose autopilots do not say where on the path they are."""
-    foreign = scenario.foreign
-    return [i for i, uav in enumerate(scenario.uavs) if uav.id in foreign]
+    silent = scenario.foreign.keys() - scenario.slot_keepers
+    return [i for i, uav in enumerate(scenario.uavs) if uav.id in silent]

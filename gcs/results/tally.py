@@ -85,7 +85,7 @@ class Tally:
     def __init__(self, scenario: Scenario) -> None:
         n, step_us = len(scenario.uavs), scenario.step_us
         self._step_us, self._normal = step_us, scenario.ground.normal
-        self._foreign = silent_in(scenario)
+        self._foreign = [i for i, uav in enumerate(scenario.uavs) if uav.id in scenario.foreign]
         found = ((i, beside_of(scenario, uav.id)) for i, uav in enumerate(scenario.uavs))
         self.beside: dict[int, Beside] = {i: one for i, one in found if one is not None}
         self.motion = {i: np.array([[np.inf] * 4, [-np.inf] * 4]) for i in self._foreign}
@@ -97,7 +97,7 @@ class Tally:
         self.following = (
             None
             if paths is None
-            else PathFigures(paths, leaders_of(scenario), step_us, self._foreign)
+            else PathFigures(paths, leaders_of(scenario), step_us, silent_in(scenario))
         )
         self.uavs = np.zeros(n, TALLY)
         for name in ("last_event", "attitude_lost", "heading_lost", "control_failed"):

@@ -60,13 +60,14 @@ class Traffic:
         if scenario.links.signing_key is not None:
             self._frame += SIGNATURE_SIZE
         self._silent = np.zeros(SIM_STATE["silent"].shape, np.uint8)  # at the last step
+        hear = (scenario.neighbours, scenario.listeners)
+        self._degrees = [sum(len(one(i)) for one in hear) for i in self._ids]
         self.bytes = np.zeros((len(self._ids), len(KINDS)), np.int64)
 
     def add(self, steps: Steps) -> None:
         """Count the next steps."""
         silent = self._silent_before(steps)
-        for i, system in enumerate(self._ids):
-            degree = len(self._scenario.neighbours(system))
+        for i, degree in enumerate(self._degrees):
             self.bytes[i] += (
                 self._state_bytes(steps, i, silent),
                 self._bytes_of(self._actuator_messages(steps, i)),

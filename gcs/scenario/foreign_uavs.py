@@ -1,4 +1,4 @@
-"""A fleet without the UAVs of foreign autopilots, which tell nobody anything and keep no slot."""
+"""A fleet without the UAVs of foreign autopilots, which tell nobody anything."""
 
 from collections.abc import Collection
 

@@ -61,6 +61,21 @@ def slot_problems(
         yield ("formation", *loc), text
 
 
+def keeper_problems(keepers: Iterable[int], network: Network, ours: Sequence[int]) -> Found:
+    """Yield which UAVs with foreign autopilots have a slot, and hear nobody who knows where it is.
+
+    Args:
+        keepers: Their ids.
+        network: The communication graph, with them.
+        ours: Ids of the UAVs with autopilots of ours.
+    """
+    for uav in sorted(keepers):
+        joined = {end for edge in network.edges if uav in edge.between for end in edge.between}
+        if joined.isdisjoint(ours):
+            text = f"expected an edge of UAV {uav}, which keeps a slot, to a UAV of ours"
+            yield ("network", "edges"), f"{text}; or set its autopilot.mode to AUTO"
+
+
 def guidance_fit_problems(
     guidance: Guidance, aircraft: Iterable[Aircraft], formation: Formation | None
 ) -> Found:

@@ -12,6 +12,7 @@ from pydantic import model_validator
 
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.control.config import Neighbour, plugins_of
+from ftc_autopilot.guidance.formation import Formation
 from ftc_autopilot.plugins.loading import calling, without_code
 from gcs.scenario.aircraft_file import with_named_files, without_nulls
 from gcs.scenario.bundled import base_of, find_scenario
@@ -114,12 +115,13 @@ class Scenario(ScenarioSections):
             runway_guidance=self._on_runway,
             failsafe=self.failsafe,
             plugins=plugins_of(self.controller, self.trigger, self.guidance),
-            formation=None if uav_id in self.foreign else self.own_formation,
+            formation=self._formation_of(uav_id),
             leader_access=self.network.leader_access.get(uav_id, 0.0),
             neighbours=tuple(
                 Neighbour(id=other, weight=weight, address=self._formation_address(other))
-                for other, weight in self.neighbours(uav_id)
+                for other, weight in self.neighbours(uav_id) or self.heard_by(uav_id)
             ),
+            listeners=tuple(map(self._formation_address, self.listeners(uav_id))),
             neighbour_timeout_s=links.formation.neighbour_timeout_s,
             formation_bind=self._formation_address(uav_id),
             plant=links.plant_relay or links.address(links.plant_port),
@@ -150,6 +152,22 @@ class Scenario(ScenarioSections):
             if edge.between[end] == uav_id
         ]
 
+    def heard_by(self, uav_id: int) -> list[tuple[int, float]]:
+        """Return id and weight of each UAV of ours by which one with a foreign autopilot flies."""
+        if uav_id not in self.slot_keepers:
+            return []
+        return [
+            (edge.between[1 - end], edge.weight)
+            for edge in self.network.edges
+            for end in (0, 1)
+            if edge.between[end] == uav_id and edge.between[1 - end] not in self.foreign
+        ]
+
+    def listeners(self, uav_id: int) -> list[int]:
+        """Return the UAVs with foreign autopilots that fly by one of ours."""
+        heard = {uav: self.heard_by(uav) for uav in sorted(self.slot_keepers)}
+        return [uav for uav, of_ours in heard.items() if uav_id in dict(of_ours)]
+
     def signed(self, key_file: Path) -> Self:
         """Return the same scenario with every link signed."""
         links = self.links.model_copy(update={"signing_key": str(key_file.resolve())})
@@ -178,6 +196,12 @@ class Scenario(ScenarioSections):
     def actuator_faults(self) -> tuple[ScenarioFault, ...]:
         """The faults of actuators."""
         return tuple(fault for fault in self.faults if isinstance(fault, ScenarioFault))
+
+    def _formation_of(self, uav_id: int) -> Formation | None:
+        """Return the formation as a UAV has it; None: it flies in none."""
+        if uav_id in self.slot_keepers:
+            return self.formation
+        return None if uav_id in self.foreign else self.own_formation
 
     def _formation_address(self, uav_id: int) -> str:
         return self.links.address(self.links.formation_base_port + uav_id)

@@ -155,6 +155,14 @@ class ScenarioSections(Model):
         return {uav: own for uav, own in flown if not isinstance(own, FtcAutopilot)}
 
     @property
+    def slot_keepers(self) -> frozenset[int]:
+        """UAVs with foreign autopilots that their bridges steer to their slots on the path."""
+        if self.formation is None or self.mission is None:
+            return frozenset()
+        foreign, slots = self.foreign, self.formation.slots
+        return frozenset(uav for uav, own in foreign.items() if own.takes_slots and uav in slots)
+
+    @property
     def own_formation(self) -> Formation | None:
         """The formation of UAVs with autopilots of ours; None: there is none."""
         return formation_without(self.formation, self.foreign)

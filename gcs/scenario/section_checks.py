@@ -14,6 +14,7 @@ from gcs.scenario.fence import fence_problems
 from gcs.scenario.foreign_uavs import network_without
 from gcs.scenario.formation_checks import (
     guidance_fit_problems,
+    keeper_problems,
     mission_problems,
     network_problems,
     slot_problems,
@@ -55,8 +56,9 @@ def section_problems(scenario: ScenarioSections) -> Found:
     yield from profile_problems(
         scenario.profile, scenario.mission is not None, _airspeeds(scenario)
     )
+    yield from keeper_problems(scenario.slot_keepers, scenario.network, own_ids)
     yield from guidance_fit_problems(
-        scenario.guidance, map(scenario.aircraft_of, own_ids), formation
+        scenario.guidance, map(scenario.aircraft_of, [*own_ids, *scenario.slot_keepers]), formation
     )
     yield from mission_problems(
         scenario.mission, map(scenario.planner, ids), [uav.initial for uav in uavs], scenario.origin

@@ -43,6 +43,16 @@ def parameter_text(parameters: list[DerivedParameter]) -> str:
     return "".join(f"{one.name:<17} {one.value:<10.6g} # {one.why}\n" for one in parameters)
 
 
+def acceleration(aircraft: Aircraft) -> float:
+    """Return how fast its airspeed may grow [m/s²]: by half of the energy of TECS_CLMB_MAX."""
+    figures = cruise_figures(aircraft)
+    return 0.5 * aircraft.gravity_m_s2 * _climb(figures) / figures.airspeed
+
+
+def _climb(figures: CruiseFigures) -> float:
+    return round(min(0.7 * figures.climb_m_s, 10.0), 1)
+
+
 def _periods(step_us: int) -> int:
     """Return the control periods of a frame."""
     return max(math.floor(1e6 / (_FRAMES_PER_S * step_us)), 1)
@@ -64,7 +74,7 @@ def _outputs(outputs: ArduPilot) -> list[DerivedParameter]:
 
 def _limits(aircraft: Aircraft, figures: CruiseFigures) -> list[DerivedParameter]:
     cruise, radius = figures.airspeed, math.ceil(figures.circle_m)
-    climb, sink = figures.climb_m_s, figures.sink_m_s
+    sink = figures.sink_m_s
     return [
         DerivedParameter("AIRSPEED_CRUISE", cruise, "m/s"),
         DerivedParameter("AIRSPEED_MIN", max(math.floor(aircraft.airspeed_min_m_s), 5), "m/s"),
@@ -80,9 +90,7 @@ def _limits(aircraft: Aircraft, figures: CruiseFigures) -> list[DerivedParameter
         DerivedParameter("PTCH_LIM_MIN_DEG", -20, "deg"),
         DerivedParameter("WP_LOITER_RAD", radius, "m, 25 deg of bank"),
         DerivedParameter("WP_RADIUS", math.ceil(figures.circle_m / 2.0), "m"),
-        DerivedParameter(
-            "TECS_CLMB_MAX", round(min(0.7 * climb, 10.0), 1), "m/s, 70 % of the excess"
-        ),
+        DerivedParameter("TECS_CLMB_MAX", _climb(figures), "m/s, 70 % of the excess"),
         DerivedParameter(
             "TECS_SINK_MIN", round(min(sink, 5.0), 1), "m/s, without thrust at cruise"
         ),

@@ -1,7 +1,8 @@
 """A program with ArduPlane's arguments that speaks as it does: JSON frames and MAVLink.
 
 Written from the published protocols; nothing is shared with the code under test. It flies by the
-law of `json_peer`. Its clock is that of the answers, so its MAVLink has the same times in each run.
+law of `json_peer`, and in GUIDED to where it is told. Its clock is that of the answers, so its
+MAVLink has the same times in each run.
 
 Options of its own, in the environment: PEER_READY_S, its time until it can be armed; PEER_REFUSES,
 the reason for which it refuses to be armed; PEER_DIES_S, its time at which it ends; PEER_HEARD, a
@@ -12,16 +13,32 @@ the answers.
 """
 
 import argparse
+import math
 import os
 import socket
 import sys
-from typing import Any
+from typing import Any, NamedTuple
 
 from json_peer import Autopilot, servo_packet
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+GUIDED = 15
+EARTH_RADIUS_M = 6378137.0
 HEALTHY = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+
+
+class Target(NamedTuple):
+    """What it is told in GUIDED: a place [rad], a height above the sea [m], an airspeed [m/s]."""
+
+    latitude: float = 0.0
+    longitude: float = 0.0
+    altitude: float = 0.0
+    airspeed: float = 0.0
+
+    def bearing(self, latitude: float, longitude: float) -> float:
+        east = (self.longitude - longitude) * math.cos(latitude)
+        return math.atan2(east, self.latitude - latitude)
 
 
 class Vehicle:
@@ -37,6 +54,7 @@ class Vehicle:
         self._link.robust_parsing = True
         self.armed, self.mode, self.items, self.home, self.item = False, 0, 0, False, 0
         self._expected = 0
+        self.target = Target()
         self._refuses = os.environ.get("PEER_REFUSES", "")
         self.ready = False
 
@@ -81,6 +99,10 @@ class Vehicle:
             case "MISSION_COUNT":
                 self._expected, self.items = message.count, 0
                 self._ask(back, message.mission_type)
+            case "SET_POSITION_TARGET_GLOBAL_INT" if self.mode == GUIDED:
+                assert (message.coordinate_frame, message.type_mask) == (5, 0xFFFB)
+                self.target = self.target._replace(altitude=message.alt)
+                self.note(f"height {message.alt:.3f}")
             case "MISSION_ITEM_INT" if message.seq == self.items:
                 self.items += 1
                 self._ask(back, message.mission_type)
@@ -112,6 +134,13 @@ class Vehicle:
             case mavlink.MAV_CMD_DO_SET_MISSION_CURRENT:
                 self.item = int(message.param1)
                 self.note(f"item {self.item}")
+            case mavlink.MAV_CMD_DO_REPOSITION if self.mode == GUIDED:
+                place = math.radians(message.x / 1e7), math.radians(message.y / 1e7), message.z
+                self.target = Target(*place, self.target.airspeed)
+                self.note("place")
+            case mavlink.MAV_CMD_GUIDED_CHANGE_SPEED if self.mode == GUIDED:
+                self.target = self.target._replace(airspeed=message.param2)
+                self.note(f"airspeed {message.param2:.3f}")
             case mavlink.MAV_CMD_SET_MESSAGE_INTERVAL if message.param1 < 50_000:
                 pass
             case _:
@@ -162,6 +191,13 @@ def main() -> None:
                 print("panic: the peer was to end here", flush=True)
                 sys.exit(3)
             vehicle.serve()
+            if vehicle.target.airspeed:
+                latitude, longitude, altitude, _ = map(float, options.home.split(","))
+                north, east, _ = answer["position"]
+                here = math.radians(latitude) + north / EARTH_RADIUS_M, math.radians(longitude)
+                here = here[0], here[1] + east / EARTH_RADIUS_M / math.cos(here[0])
+                to = vehicle.target
+                peer.steer(to.bearing(*here), to.altitude - altitude, to.airspeed)
             if frame % (rate_hz // 5) == 0:
                 vehicle.beat(time_s, answer)
             frame += 1

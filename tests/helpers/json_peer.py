@@ -2,7 +2,8 @@
 
 Written from libraries/SITL/examples/JSON/readme.md of ArduPilot and what its SIM_JSON.cpp does with
 answers; nothing is shared with the code under test. It holds its wings level, its first pitch angle
-and its first airspeed by proportional and integral laws, with outputs as ArduPlane's.
+and the airspeed that it has when it slows for the first time, after its launch, by proportional and
+integral laws, with outputs as ArduPlane's. `steer` asks for others.
 """
 
 import json
@@ -76,7 +77,9 @@ class Autopilot:
         self.lines: list[bytes] = []
         self.pwm = [1500] * channels
         self.pwm[2] = 1000
-        self._target: tuple[float, float] | None = None
+        self._to_roll = self._climb = 0.0
+        self._to_pitch: float | None = None
+        self._to_speed: float | None = None
         self._sums = [0.0, 0.0]
         self._sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._sock.settimeout(120.0)
@@ -104,19 +107,29 @@ class Autopilot:
         self.answers.append(read_by_text(line))
         return self.answers[-1]
 
+    def steer(self, bearing: float, height: float, airspeed: float) -> None:
+        """Lean towards a bearing [rad], and fly to a height [m] at an airspeed [m/s]."""
+        north, east, down = self.answers[-1]["velocity"][:2] + self.answers[-1]["position"][2:]
+        off = math.remainder(bearing - math.atan2(east, north), math.tau)
+        self._to_roll = min(max(off, -0.02), 0.02)
+        self._climb = min(max(0.01 * (height + down), -0.1), 0.1)
+        self._to_speed = airspeed
+
     def outputs(self, thrust: float) -> list[int]:
         """Return the pulses of the law, around a share of the thrust [µs]."""
         pwm = list(self.pwm)
         if not self.answers:
             pwm[2] = round(1000 + 1000 * thrust)
             return pwm
-        now = self.answers[-1]
+        before, now = self.answers[-2:] if len(self.answers) > 1 else self.answers * 2
         roll, pitch, _ = now["attitude"]
         p, q, r = now["imu/gyro"]
-        if self._target is None:
-            self._target = pitch, now["airspeed"]
-        to_pitch, to_speed = self._target
-        errors = -roll, to_pitch - pitch
+        if self._to_pitch is None:
+            self._to_pitch = pitch
+        if self._to_speed is None and now["airspeed"] < before["airspeed"]:
+            self._to_speed = before["airspeed"]
+        to_speed = now["airspeed"] if self._to_speed is None else self._to_speed
+        errors = self._to_roll - roll, self._to_pitch + self._climb - pitch
         self._sums = [x + e / self.rate_hz for x, e in zip(self._sums, errors, strict=True)]
         outputs = {
             0: 2.0 * errors[0] + 4.0 * self._sums[0] - 0.15 * p,  # positive: to the right

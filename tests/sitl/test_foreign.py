@@ -9,12 +9,22 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from flying import assert_one_message, run, scenario_tree, start, summary_of, table_of, wait_until
+from flying import (
+    assert_one_message,
+    hexagon_tree,
+    run,
+    scenario_tree,
+    start,
+    summary_of,
+    table_of,
+    wait_until,
+)
 from flying import write_scenario as written
 from needs import ARDUPLANE
 
@@ -37,12 +47,33 @@ def peer(folder: Path, **environment: str) -> str:
     return str(path)
 
 
-def mixed(folder: Path, binary: str, duration_s: float = 1.0, **changes: Any) -> Path:
+def mixed(
+    folder: Path,
+    binary: str,
+    duration_s: float = 1.0,
+    ready_within_s: float = 60.0,
+    **changes: Any,
+) -> Path:
     """Return a scenario of two UAVs of ours and one of an ArduPlane."""
     tree = scenario_tree(faults=[], duration_s=duration_s) | changes
     if "mission" in tree:
         del tree["profile"]
-    tree["uavs"][2]["autopilot"] = {"kind": "ardupilot", "binary": binary, "ready_within_s": 60.0}
+    keys = {"binary": binary, "ready_within_s": ready_within_s}
+    tree["uavs"][2]["autopilot"] = {"kind": "ardupilot", **keys}
+    return written(folder, tree)
+
+
+def in_formation(folder: Path, binary: str, duration_s: float, **changes: Any) -> Path:
+    """Return three Aerosondes in V formation, of which an ArduPlane flies one, 8 m behind it."""
+    tree = scenario_tree() | hexagon_tree()
+    keys = ("formation", "mission", "profile", "faults", "network", "uavs")
+    tree = {"extends": "airframes/aerosonde_designed"} | {key: tree[key] for key in keys}
+    tree |= {"duration_s": duration_s, "guidance": {"cruise_m_s": 25.0}} | changes
+    for uav in tree["uavs"]:
+        uav["initial"] |= {"airspeed_m_s": 25.0, "pitch_deg": 3.0}
+    own = tree["uavs"][2]
+    own["initial"]["north_m"] -= 8.0
+    own["autopilot"] = {"kind": "ardupilot", "binary": binary, "ready_within_s": 60.0}
     return written(folder, tree)
 
 
@@ -84,6 +115,29 @@ def test_it_flies_beside_ours_in_lockstep_twice_the_same(tmp_path: Path) -> None
     assert recorded[0] == recorded[1]
 
 
+def test_it_keeps_its_slot_beside_ours_twice_the_same(tmp_path: Path) -> None:
+    """It hears the same at the same times, 5 times a second, and flies by it."""
+    recorded, heard = [], []
+    for name in ("first", "second"):
+        folder = tmp_path / name
+        folder.mkdir()
+        binary = peer(folder, PEER_HEARD=str(folder / "heard"))
+        done = flown(folder, in_formation(folder, binary, 6.0), "--record", "full")
+        assert done.returncode == 0, done.stderr
+        recorded.append((folder / "run" / "trajectory.arrows").read_bytes())
+        heard.append((folder / "heard").read_text().splitlines())
+    assert recorded[0] == recorded[1]
+    assert heard[0] == heard[1]
+    assert sum(line.startswith("height") for line in heard[0]) == 30
+    assert "mode 15" in heard[0]
+    table = table_of(tmp_path / "first" / "run" / "trajectory.arrows")
+    behind = (table["north"][table["uav"] == 1] - table["north"][table["uav"] == 3])[-1] - 20.0
+    assert abs(behind) < 4.0, "it was 8 m behind"
+    assert np.allclose(table["slot_right"][table["uav"] == 3][100:], -20.0)
+    summary = summary_of(tmp_path / "first" / "run")
+    assert summary["uavs"][2]["active_steps"] == summary["steps"]
+
+
 def test_a_fault_of_the_scenario_acts_on_it(tmp_path: Path) -> None:
     stuck = {"uav": 3, "actuator": "rudder", "stuck_deg": 15.0, "start_s": 0.3, "end_s": 0.6}
     done = flown(tmp_path, mixed(tmp_path, peer(tmp_path), faults=[stuck]), "--record", "full")
@@ -113,7 +167,10 @@ def test_stations_set_faults_that_it_does_not_hear_of(tmp_path: Path) -> None:
     (port,) = free_ports(1)
     to = ("--connect", f"udpout:127.0.0.1:{port}", "--uav", "3")
     options = ("--out", str(tmp_path / "run"), "--free-ports", "--hub-port", str(port), "--start")
-    up = start("gcs", "up", str(mixed(tmp_path, peer(tmp_path))), *options, "--speed", "1")
+    uavs = scenario_tree()["uavs"]
+    uavs[2]["initial"]["altitude_m"] = 3000.0  # a slow machine takes its time, and it descends
+    scenario = mixed(tmp_path, peer(tmp_path), uavs=uavs)
+    up = start("gcs", "up", str(scenario), *options, "--speed", "0.3")
     try:
         wait_until(lambda: run("gcs", "status", *to).returncode == 0, "it is heard")
         set_one = run(
@@ -124,7 +181,8 @@ def test_stations_set_faults_that_it_does_not_hear_of(tmp_path: Path) -> None:
         (fault,) = json.loads(listed.stdout)[0]["faults"]
         assert fault["actuator"] == "rudder"
         sensor = ("gcs", "fault", "sensor", "set")
-        set_one = run(*sensor, "gyro", "--failure", "stuck", "--for-s", "60", *to)
+        later = ("--start-s", "2000", "--end-s", "2060")
+        set_one = run(*sensor, "gyro", "--failure", "stuck", *later, *to)
         assert set_one.returncode == 0, set_one.stderr
         refused = run(*sensor, "barometer", "--failure", "stuck", *to)
         assert refused.returncode == 3
@@ -141,10 +199,40 @@ def test_stations_set_faults_that_it_does_not_hear_of(tmp_path: Path) -> None:
     assert not children_of(str(tmp_path / "arduplane")), error
 
 
+def test_its_slot_is_ordered_as_those_of_ours(tmp_path: Path) -> None:
+    (port,) = free_ports(1)
+    to = ("--connect", f"udpout:127.0.0.1:{port}", "--uav", "3")
+    options = ("--out", str(tmp_path / "run"), "--free-ports", "--hub-port", str(port), "--start")
+    heard = tmp_path / "heard"
+    scenario = in_formation(tmp_path, peer(tmp_path, PEER_HEARD=str(heard)), 600.0)
+
+    def heights() -> list[float]:
+        lines = heard.read_text().splitlines() if heard.exists() else []
+        return [float(line.split()[1]) for line in lines if line.startswith("height")]
+
+    up = start("gcs", "up", str(scenario), *options, "--speed", "1")
+    try:
+        wait_until(lambda: bool(heights()), "it is steered")
+        planned = heights()[0]
+        done = run("gcs", "formation", "slot", "-20", "-20", "10", *to)
+        assert done.returncode == 0, done.stderr
+        wait_until(lambda: heights()[-1] > planned + 5.0, "it is told to fly higher")
+        refused = run("gcs", "formation", "slot", "5000", "0", "0", *to)
+        assert refused.returncode == 3
+        assert "Slot: ahead is 5000 m, must be -1000 to 1000 m" in refused.stderr
+        done = run("gcs", "formation", "slot", "--planned", *to)
+        assert done.returncode == 0, done.stderr
+        wait_until(lambda: heights()[-1] < planned + 3.0, "it is told to come back")
+    finally:
+        up.terminate()
+        _, error = up.communicate(timeout=60)
+    assert not children_of(str(tmp_path / "arduplane")), error
+
+
 @pytest.mark.parametrize(
     ("settings", "status", "text"),
     [
-        ({"PEER_READY_S": "1e9"}, 1, "not ready to be armed after 60 s of its time"),
+        ({"PEER_READY_S": "1e9"}, 1, "not ready to be armed after 15 s of its time"),
         ({"PEER_REFUSES": "Compass not healthy"}, 3, "Arm: Compass not healthy"),
         ({"PEER_DIES_S": "0.5"}, 1, "ArduPlane ended with status 3 before the flight: panic: the"),
         ({"PEER_DIES_S": "9"}, 1, "UAV 3: ArduPlane ended with status 3 at "),
@@ -154,7 +242,7 @@ def test_what_goes_wrong_is_one_line(
     tmp_path: Path, settings: dict[str, str], status: int, text: str
 ) -> None:
     binary = peer(tmp_path, **settings)
-    done = flown(tmp_path, mixed(tmp_path, binary, duration_s=30.0))
+    done = flown(tmp_path, mixed(tmp_path, binary, duration_s=30.0, ready_within_s=15.0))
     assert (done.returncode, text in done.stderr) == (status, True), done.stderr
     assert not children_of(binary)
 
@@ -192,6 +280,15 @@ def test_bad_input_is_one_message(tmp_path: Path) -> None:
         assert done.returncode == 2, done.stderr
         assert text in done.stderr
         assert_one_message(done.stderr)
+
+
+def test_a_slot_that_nobody_tells_it_of_is_refused(tmp_path: Path) -> None:
+    alone = {"leader_access": {1: 1.0}, "edges": [{"between": [1, 2], "weight": 1.0}]}
+    done = flown(tmp_path, in_formation(tmp_path, peer(tmp_path), 1.0, network=alone))
+    assert done.returncode == 2, done.stderr
+    text = "network.edges: expected an edge of UAV 3, which keeps a slot, to a UAV of ours"
+    assert text in done.stderr
+    assert_one_message(done.stderr)
 
 
 MISSION = {
@@ -233,12 +330,13 @@ def test_in_real_time_it_is_not_started_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.real_arduplane
-def test_a_real_one_flies_twice_the_same(tmp_path: Path) -> None:
+@pytest.mark.parametrize("of", [mixed, in_formation])
+def test_a_real_one_flies_twice_the_same(of: Callable[..., Path], tmp_path: Path) -> None:
     recorded = []
     for name in ("first", "second"):
         folder = tmp_path / name
         folder.mkdir()
-        done = flown(folder, mixed(folder, ARDUPLANE, duration_s=10.0), "--record", "full")
+        done = flown(folder, of(folder, ARDUPLANE, duration_s=10.0), "--record", "full")
         assert done.returncode == 0, done.stderr
         own = summary_of(folder / "run")["uavs"][2]
         assert own["attitude_lost_at_s"] is None

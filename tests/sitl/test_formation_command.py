@@ -36,9 +36,9 @@ def test_the_formation_is_shown_and_a_slot_is_changed(fleet: Up) -> None:
     assert 25.0 < before[1]["distance_m"] < 30.0
     assert (before[3]["cause"], before[3]["policy"]) == ("well", "stay")
 
-    text = fleet.gcs("formation", "slot", "--uav", "3", "-50", "-20", "8").stdout
-    assert text == "UAV 3 takes slot -50 m ahead, -20 m right, 8 m up\n"
-    wait_until(lambda: is_slot(fleet, 3, -50.0, -20.0, 8.0), "the slot that was ordered")
+    text = fleet.gcs("formation", "slot", "--uav", "3", "-26", "-20", "2").stdout
+    assert text == "UAV 3 takes slot -26 m ahead, -20 m right, 2 m up\n"
+    wait_until(lambda: is_slot(fleet, 3, -26.0, -20.0, 2.0), "the slot that was ordered")
     assert is_slot(fleet, 2, -20.0, 20.0, 0.0)
     assert fleet.gcs("formation", "slot", "--uav", "3", "--planned").returncode == 0
     wait_until(lambda: is_slot(fleet, 3, -20.0, -20.0, 0.0), "the planned slot")

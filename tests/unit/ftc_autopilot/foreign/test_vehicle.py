@@ -21,6 +21,7 @@ from sitl_plant.ardupilot.instruments import JsonInstruments
 from sitl_plant.sensing.config import NavigationSensors
 
 UAV = 7
+SET_SLOT = dialect.MAV_CMD_FTC_SET_SLOT
 
 
 PLANE = ArduPlaneAutopilot(kind="ardupilot", binary="arduplane")
@@ -82,6 +83,26 @@ def test_its_heartbeat_shows_when_it_is_ready_and_has_its_home(
     vehicle.receive(bytes(ack) + beat)
     assert vehicle.to_stations() == [beat], "not the acknowledgement"
     assert vehicle.is_shown
+
+
+def test_a_slot_is_ordered_of_the_bridge(link: Any) -> None:
+    ordered: list[Any] = []
+    counts = PlantSide(UAV, None).counts
+    keeps = ForeignVehicle(UAV, Origin(), counts, faults(), None, ordered.append)
+    alone = ForeignVehicle(UAV, Origin(), counts, faults())
+    for vehicle, params, result in (
+        (keeps, (-60.0, 20.0, 10.0), dialect.MAV_RESULT_ACCEPTED),
+        (keeps, (np.nan, np.nan, np.nan), dialect.MAV_RESULT_ACCEPTED),
+        (keeps, (5000.0, 0.0, 0.0), dialect.MAV_RESULT_DENIED),
+        (alone, (-60.0, 20.0, 10.0), dialect.MAV_RESULT_DENIED),
+    ):
+        vehicle.receive_from_station(station_command(SET_SLOT, *params), 0.0, 0)
+        said = [parse(frame) for frame in vehicle.to_stations()]
+        (ack,) = (m for m in said if isinstance(m, dialect.MAVLink_command_ack_message))
+        assert (ack.command, ack.result) == (SET_SLOT, result)
+        assert len(said) > 1, "and a text"
+        assert not vehicle.release(), "ArduPlane does not hear of it"
+    assert ordered == [(-60.0, 20.0, 10.0), None]
 
 
 def test_faults_go_to_the_plant_and_all_else_to_it(vehicle: ForeignVehicle) -> None:
