@@ -4,6 +4,7 @@ Timing is noisy on shared machines: what counts are the medians and, for the cod
 to pymavlink, measured in alternating rounds.
 """
 
+import argparse
 import json
 import os
 import platform
@@ -32,6 +33,10 @@ TRIGGERED = "links.formation.trigger={}"
 
 
 def main() -> None:
+    form = argparse.RawDescriptionHelpFormatter
+    argparse.ArgumentParser(
+        "python -m benchmarks", description=__doc__, formatter_class=form
+    ).parse_args()
     print(f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}\n")
     with tempfile.TemporaryDirectory() as folder:
         cold_s = [first_step_s(Path(folder) / "cold", new_cache=True)]

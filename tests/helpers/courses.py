@@ -93,7 +93,7 @@ def _step(
     signals: np.void,
 ) -> None:
     """Call `control_step` with the types that a flight has: its machine code is in the cache."""
-    seen = Seen(motion, ahead, links, int(after_gap))
+    seen = Seen(motion, ahead, links, int(after_gap), 0)
     inputs = Inputs(time[0], time[1], motion, seen, guidance["command"], edges, math.inf)
     records = Records(
         aircraft, parameters, state, actuators["controls"], signals, guidance["runway"]

@@ -44,7 +44,7 @@ def step_of(motion: Any, first: bool = False, **changes: Any) -> Step:
         filtered=((45.0, 0.0, 0.0), NOTHING, NOTHING, NOTHING),
         errors=FormationErrors(0.0, NOTHING, 0.0, NOTHING, 1.0, 1.0, 0.0, NOTHING),
         motion=motion,
-        seen=Seen(motion, 0, 0, 0),
+        seen=Seen(motion, 0, 0, 0, 0),
         reference=Reference(45.0, 0.0, NOTHING, NOTHING),
     )
     return step._replace(**changes)
@@ -109,7 +109,7 @@ def _step_alone(
     signals: np.void,
 ) -> None:
     """Call `control_step` with the types that a flight has: its machine code is in the cache."""
-    seen = Seen(motion, 0, 0, 0)
+    seen = Seen(motion, 0, 0, 0, 0)
     inputs = Inputs(0.0, 1e-3, motion, seen, guidance["command"], edges, math.inf)
     records = Records(
         aircraft, parameters, state, actuators["controls"], signals, guidance["runway"]

@@ -35,7 +35,7 @@ def distances(folder: Path) -> tuple[np.ndarray, bytes]:
 
 
 def test_a_breach_turns_the_aircraft_back_with_the_same_bits(tmp_path: Path) -> None:
-    scenario = write_scenario(tmp_path, fence_tree(duration_s=90.0))
+    scenario = write_scenario(tmp_path, fence_tree(duration_s=70.0))
     flights = []
     for name in ("one", "other"):
         folder = tmp_path / name

@@ -44,7 +44,7 @@ def jsbsim(folder: Path, **keys: Any) -> dict[str, Any]:
 
 
 @needs_jsbsim
-@pytest.mark.parametrize("flown_by", ["jsbsim", "jsbsim in small steps", "both"])
+@pytest.mark.parametrize("flown_by", ["jsbsim in small steps", "both"])
 def test_lockstep_and_in_process_are_equal_bit_for_bit(tmp_path: Path, flown_by: str) -> None:
     plant = jsbsim(tmp_path, **({"step_us": 250} if "small" in flown_by else {}))
     uavs = [uav.model_dump(exclude_none=True) for uav in load_scenario("airframes/aerosonde").uavs]

@@ -215,7 +215,7 @@ def test_a_line_astern_on_a_chain_is_equal_bit_for_bit_and_keeps_its_distance(
     scenario = write_scenario(
         tmp_path,
         {"extends": str(HEXAGON)},
-        duration_s=18.0,
+        duration_s=12.0,
         uavs=[
             {"id": k + 1, "name": f"UAV {k + 1}", "initial": {"north_m": -25.0 * k, **initial}}
             for k in range(4)

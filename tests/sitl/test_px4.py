@@ -197,9 +197,9 @@ def fly_under_attack(folder: Path, attacks: int) -> None:
     ("parameters", "text"),
     [
         ({"PEER_STOPS_S": 0.4}, "PX4 has not answered a frame for 5 s before the flight"),
-        ({"PEER_STOPS_FLY": 12.0}, "PX4 has not answered a frame for 5 s at "),
+        ({"PEER_STOPS_FLY": 5.0}, "PX4 has not answered a frame for 5 s at "),
         ({"PEER_CLOSES_S": 0.4}, "PX4 ended with status 0 before the flight"),
-        ({"PEER_CLOSES_FLY": 12.0}, "PX4 ended with status 0 at "),
+        ({"PEER_CLOSES_FLY": 5.0}, "PX4 ended with status 0 at "),
         ({"PEER_NO_LOCKSTEP": 1}, "built without lockstep before the flight"),
         ({"PEER_AHEAD_US": 4000}, "another simulator sets it, too before the flight"),
         ({"PEER_READY_S": 1e6}, "PX4 is not ready to be armed after 5 s of its time"),

@@ -110,43 +110,6 @@ def test_a_key_changes_what_a_browser_shows(url: str, tmp_path: Path) -> None:
     assert differing(before, after) > 0.02
 
 
-async def press_everything(page: Page) -> None:
-    """Press each key that commands vehicles, or confirms or fills in a form that does."""
-    for key in ("*", "s", "a", "\r", "m", "\r", "r", "C", "\r"):
-        await page.press(key)
-        await asyncio.sleep(0.3)
-    for panel in "345":
-        for key in (panel, "n", "u", "d", "w", "g", "f", "\r", "\r", "\x13"):
-            await page.press(key)
-            await asyncio.sleep(0.1)
-        await page.press("\x1b")
-
-
-@needs("chromium")
-@pytest.mark.parametrize("url", [(), ("--control",)], ids=["read_only", "control"], indirect=True)
-def test_keys_command_vehicles_only_with_control(
-    url: str, fleet: Up, tmp_path: Path, request: pytest.FixtureRequest
-) -> None:
-    control = "control" in request.node.name.rpartition("[")[2]
-
-    async def work() -> None:
-        async with browser(tmp_path) as page:
-            await page.open(url)
-            await page.shows("Fleet", "3 UAVs", "LOITER")
-            await asyncio.sleep(1.0)
-            await press_everything(page)
-
-    before = states(fleet)
-    assert not any(armed for armed, _ in before)
-    asyncio.run(work())
-    if control:
-        wait_until(lambda: all(armed for armed, _ in states(fleet)), "all are armed")
-    else:
-        assert states(fleet) == before
-        listed = fleet.gcs_json("fault", "list")
-        assert not any(vehicle["faults"] for vehicle in listed)
-
-
 def test_pages_of_other_sites_are_refused(url: str) -> None:
     async def statuses() -> list[int]:
         headers: list[dict[str, str]] = [
@@ -212,3 +175,47 @@ def test_a_port_in_use_is_one_message(fleet: Up, url: str) -> None:
     assert f"--listen: port {port} of 127.0.0.1 is in use" in text
     text = failed(fleet.gcs("web", "--listen", "nowhere"), BAD_INPUT)
     assert "--listen: expected host:port" in text
+
+
+async def press_to_arm(page: Page) -> None:
+    for key in ("*", "s", "a", "\r"):
+        await page.press(key)
+        await asyncio.sleep(0.3)
+
+
+async def press_everything(page: Page) -> None:
+    """Press each key that commands vehicles, or confirms or fills in a form that does."""
+    await press_to_arm(page)
+    for key in ("m", "\r", "r", "C", "\r"):
+        await page.press(key)
+        await asyncio.sleep(0.3)
+    for panel in "345":
+        for key in (panel, "n", "u", "d", "w", "g", "f", "\r", "\r", "\x13"):
+            await page.press(key)
+            await asyncio.sleep(0.1)
+        await page.press("\x1b")
+
+
+@needs("chromium")
+@pytest.mark.parametrize("url", [(), ("--control",)], ids=["read_only", "control"], indirect=True)
+def test_keys_command_vehicles_only_with_control(
+    url: str, fleet: Up, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    control = "control" in request.node.name.rpartition("[")[2]
+
+    async def work() -> None:
+        async with browser(tmp_path) as page:
+            await page.open(url)
+            await page.shows("Fleet", "3 UAVs", "LOITER")
+            await asyncio.sleep(1.0)
+            await (press_to_arm if control else press_everything)(page)
+
+    before = states(fleet)
+    assert not any(armed for armed, _ in before)
+    asyncio.run(work())
+    if control:
+        wait_until(lambda: all(armed for armed, _ in states(fleet)), "all are armed")
+    else:
+        assert states(fleet) == before
+        listed = fleet.gcs_json("fault", "list")
+        assert not any(vehicle["faults"] for vehicle in listed)

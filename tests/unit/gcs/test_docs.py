@@ -7,6 +7,7 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
@@ -58,6 +59,7 @@ def nav_pages() -> set[str]:
     return {path for pages in docs_pages.navigation().values() for path in pages.values()}
 
 
+@cache
 def generated(page: str) -> str:
     """A page of the reference as the site has it, with its generated tables."""
     return docs_pages.on_page_markdown((DOCS / "reference" / f"{page}.md").read_text())
@@ -241,6 +243,7 @@ def test_the_site_builds_without_a_warning_and_reads_offline(tmp_path: Path) -> 
         assert fetches.findall(html.read_text()) == [], html
 
 
+@cache
 def anchors_of(path: Path) -> set[str]:
     """Anchors of the headings of a page, as GitHub gives them, and those it names itself."""
     text = re.sub(r"^```.*?^```", "", path.read_text(), flags=re.DOTALL | re.MULTILINE)

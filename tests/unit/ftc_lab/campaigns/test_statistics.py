@@ -177,7 +177,7 @@ def test_fisher_on_the_lady_tasting_tea() -> None:
 
 @pytest.mark.parametrize("paired", [True, False])
 def test_intervals_of_a_difference_cover(paired: bool) -> None:
-    random, inside, rounds = np.random.default_rng(3), 0, 200
+    random, inside, rounds = np.random.default_rng(3), 0, 100
     for _ in range(rounds):
         old, new = random.random(30) < 0.9, random.random(30) < 0.7
         compare = compare_paired_successes if paired else compare_successes
@@ -271,7 +271,7 @@ def test_mann_and_whitney_by_hand() -> None:
 
 @pytest.mark.parametrize("compare", [compare_costs, compare_paired_costs])
 def test_tests_reject_no_more_often_than_stated(compare: Callable[..., Any]) -> None:
-    random, rejected, rounds = np.random.default_rng(5), 0, 400
+    random, rejected, rounds = np.random.default_rng(5), 0, 200
     for _ in range(rounds):
         old, new = (random.exponential(size=25) for _ in range(2))
         old[random.random(25) < 0.1] = math.inf
@@ -307,7 +307,7 @@ def test_differences_are_of_pairs_with_two_costs() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("estimate", [mean_difference, median_difference])
 def test_bootstrap_intervals_cover_roughly(estimate: Callable[..., Any]) -> None:
-    random, inside, rounds = np.random.default_rng(9), 0, 60
+    random, inside, rounds = np.random.default_rng(9), 0, 30
     for _ in range(rounds):
         old = random.normal(10.0, 2.0, 60)
         found = estimate(old, old + random.normal(1.0, 0.5, 60), 0.9)

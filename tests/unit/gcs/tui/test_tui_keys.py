@@ -161,7 +161,7 @@ def test_the_fault_form_is_left_after_an_accepted_fault_of_the_marked_vehicles()
         assert counts == [1, 1, 0]
         await pilot.press("n")
         await until_focused(pilot, "actuator")
-        assert "esc" in shown(app)
+        await until(pilot, lambda: "esc" in shown(app))
         await pilot.press("escape")
         await until_focused(pilot, "fault-list")
         await pilot.press("C")  # is a key again

@@ -18,12 +18,14 @@ def config_of(scenario1: Scenario, sensors: dict[str, Any], **more: Any) -> Plan
     return scenario_of("sensors", tree).plant_config()
 
 
-def measured(config: PlantConfig, field: str, steps: int, i: int = 1) -> np.ndarray:
-    """What aircraft i measures while it stands still, shape (steps, 3)."""
+def measured(
+    config: PlantConfig, field: str, steps: int, i: int = 1, beside: tuple[int, ...] = ()
+) -> np.ndarray:
+    """What aircraft i measures, after those beside it, while all stand still: (steps, 3)."""
     fleet = new_plant_state(config)
     values = []
     for step in range(steps):
-        for k in range(len(fleet.uavs["state"])):
+        for k in (*beside, i):
             observe(fleet, k, step, config.step_us)
         values.append(fleet.uavs[i]["message"][field].copy())
     return np.array(values)
@@ -101,7 +103,7 @@ def test_noise_depends_on_seed_and_aircraft_and_not_on_the_rest_of_the_fleet(
 ) -> None:
     noisy = {"gyro_deg_s": {"noise_rms": 1.0}}
     config = config_of(scenario1, noisy)
-    first, second = (measured(config, "rates", 3, i) for i in (0, 1))
+    first, second = (measured(config, "rates", 3, i, (1 - i, 2)) for i in (0, 1))
     assert not np.isclose(first, second).any()
     other = config_of(scenario1, noisy, seed=2)
     assert not np.isclose(measured(other, "rates", 3), second).any()
