@@ -53,8 +53,7 @@ def compiled(function: _F) -> _F:
 def inlined(function: _F) -> _F:
     """Compile a function as `compiled` does, into the machine code of each caller.
 
-    A call passes a tuple of arrays by value, seven words for each array: for the arrays of a fleet
-    that takes longer than many a function.
+    For functions of a few operations: a call, with its tuples by value, takes longer than they do.
     """
     return _compiled(function, forceinline=True)
 
