@@ -17,6 +17,9 @@ COMPILED := $(addprefix --ignore=,$(shell cat $(PLAIN)))
 # whole tutorials, every aircraft, rare machines: half of the time of all tests
 NIGHTLY := tests/nightly.txt
 
+# threads of the linear algebra wait for each other by burning processor time; the tests are parallel
+test nightly check coverage explore: export OPENBLAS_NUM_THREADS := 1
+
 .PHONY: fly packages check test nightly coverage explore mutants docs bench fuzz soak lock clean
 
 fly: $(FLY)  ## fly the paper's scenario 1 over MAVLink
@@ -41,7 +44,7 @@ nightly: $(READY)  ## what must pass, too, and takes longest: whole tutorials, e
 lint: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(BIN)/mypy
+	$(BIN)/mypy --num-workers auto
 	$(BIN)/lint-imports
 
 MUTANTS_SEED := $(or $(SEED),1)

@@ -48,7 +48,7 @@ for command in json.loads(sys.argv[1]):
 
 def test_imports_go_one_way() -> None:
     config = str(ROOT / "pyproject.toml")
-    assert lint_imports(config_filename=config, no_cache=True) == EXIT_STATUS_SUCCESS
+    assert lint_imports(config_filename=config) == EXIT_STATUS_SUCCESS
 
 
 def run_without(

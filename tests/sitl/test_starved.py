@@ -7,6 +7,7 @@ import os
 import signal
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,7 +25,7 @@ from mavlink_defs.services.machine import SystemId
 
 pytestmark = pytest.mark.sitl
 STARVED, OTHER = 1, 2
-WITHOUT_S, WITH_S = 0.15, 0.05  # of its turns [s]
+WITHOUT_S, WITH_S, AT_MOST_S = 0.15, 0.05, 2.0  # of its turns [s]
 OLD, NEW = "acted on a state", "acts on new states again"
 INTERVAL_S = 0.02  # of FTC_EVENTS
 RESOLUTION_S = 5 * INTERVAL_S  # of times compared
@@ -53,7 +54,11 @@ class Listener:
     def __init__(self) -> None:
         self.heard: list[Heard] = []
         self.texts = ""
-        self._other_s = 0.0
+        self.other_s = 0.0
+
+    def has_acted_on(self, time_s: float) -> bool:
+        """Whether it has acted on the state of a time [s]."""
+        return self.heard[-1].own_s >= time_s
 
     def receive(self, message: MAVLink_message) -> None:
         system = message.get_srcSystem()
@@ -63,17 +68,20 @@ class Listener:
             return
         time_s = message.time_boot_ms / 1e3
         if system == OTHER:
-            self._other_s = time_s
+            self.other_s = time_s
         elif system == STARVED:
             oldest_s = message.oldest_state_us / 1e6
-            self.heard.append(Heard(time_s, self._other_s, oldest_s))
+            self.heard.append(Heard(time_s, self.other_s, oldest_s))
 
 
-async def starving(client: Client, pid: int, is_seen: Callable[[], bool]) -> bool:
+async def starving(
+    client: Client, pid: int, listener: Listener, is_seen: Callable[[], bool]
+) -> bool:
     """Give a process little time in turns, until something is seen; return whether it was.
 
-    As a core does that it shares with others, but in shares that are the same on any machine: on a
-    busy one with more of them, an aircraft would be without control until it is lost.
+    As a core does that it shares with others, but in shares that are the same on any machine: each
+    lasts until it has acted on what it had missed. On a busy machine it would do so too seldom, and
+    its aircraft, without control, be lost.
     """
     deadline = time.monotonic() + MAX_WAIT_S
     try:
@@ -81,6 +89,7 @@ async def starving(client: Client, pid: int, is_seen: Callable[[], bool]) -> boo
             os.kill(pid, signal.SIGSTOP)
             await asyncio.sleep(WITHOUT_S)
             os.kill(pid, signal.SIGCONT)
+            await client.until(partial(listener.has_acted_on, listener.other_s), AT_MOST_S)
             await client.until(is_seen, WITH_S)
     finally:
         with contextlib.suppress(ProcessLookupError):  # its end is reported elsewhere
@@ -102,9 +111,11 @@ async def starve(hub: str, pid: int, listener: Listener) -> int:
             await vehicle.set_interval(dialect.MAVLINK_MSG_ID_FTC_EVENTS, INTERVAL_S)
         assert await client.until(lambda: len(listener.heard) > MESSAGES, MAX_WAIT_S)
         begun = len(listener.heard)
-        assert await starving(
-            client, pid, lambda: OLD in listener.texts and len(listener.heard) > begun + MESSAGES
-        ), listener.texts
+
+        def is_seen() -> bool:
+            return OLD in listener.texts and len(listener.heard) > begun + MESSAGES
+
+        assert await starving(client, pid, listener, is_seen), listener.texts
         assert await client.until(lambda: NEW in listener.texts, MAX_WAIT_S), listener.texts
         vehicle = client.vehicle(STARVED)
         await vehicle.request(dialect.MAVLINK_MSG_ID_FTC_DROPS)
