@@ -155,24 +155,15 @@ def test_those_far_apart_or_forgotten_are_left_alone() -> None:
     assert evaded(expected, here, expected, near).tolist() == list(expected)
 
 
-@settings(max_examples=settings().max_examples // 4)  # two flights each
-@given(angles, st.floats(2.0, 6.0), st.floats(-8.0, 8.0))
-def test_one_that_is_degraded_is_evaded_by_the_other_alone(
-    angle: float, speed: float, miss: float
-) -> None:
+@pytest.mark.parametrize("miss", [0.0, 8.0])
+@pytest.mark.parametrize("speed", [2.0, 6.0])
+def test_one_that_is_degraded_is_evaded_by_the_other_alone(speed: float, miss: float) -> None:
     """It comes nearer where only half of the evasion is left to the other."""
-    towards = np.array([math.cos(angle), math.sin(angle), 0.0])
-    aside = np.array([-towards[1], towards[0], 0.0])
+    ahead, aside = np.eye(3)[:2]
 
     def least(state: int) -> float:
-        degraded = Uav(np.zeros(3), np.array([40.0, 0.0, 0.0]), evades=False)
-        degraded.place, degraded.velocity = (
-            degraded.place - 30.0 * towards,
-            degraded.velocity + speed * towards,
-        )
-        degraded.position = degraded.place.copy()
-        degraded.lags = [degraded.velocity.copy() for _ in range(3)]
-        other = Uav(miss * aside, np.array([40.0, 0.0, 0.0]))
+        degraded = Uav(-30.0 * ahead, (40.0 + speed) * ahead, evades=False)
+        other = Uav(miss * aside, 40.0 * ahead)
         nearest_m = math.inf
         for _ in range(round(15.0 / DT)):
             asked = degraded.ask([other], 0), other.ask([degraded], 1, state)
@@ -183,7 +174,7 @@ def test_one_that_is_degraded_is_evaded_by_the_other_alone(
 
     known = least(4 * LOST + STAY)
     assert known >= MET
-    assert known >= least(0) - 1e-6
+    assert known > least(0) + 2.0
 
 
 @pytest.mark.parametrize("own", [0, 1])
