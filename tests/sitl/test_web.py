@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from aiohttp import ClientSession, WSServerHandshakeError
-from browser import Page, browser
+from browser import Page, browser, until
 from flying import TIMEOUT_S, scenario_tree, wait_until
 from needs import needs
 from PIL import Image
@@ -177,15 +177,19 @@ def test_a_port_in_use_is_one_message(fleet: Up, url: str) -> None:
     assert "--listen: expected host:port" in text
 
 
-async def press_to_arm(page: Page) -> None:
-    for key in ("*", "s", "a", "\r"):
+async def press_to_arm(page: Page, question: str | None) -> None:
+    """Press what arms all, and confirms it once a question is shown, if one is expected."""
+    for key in ("*", "s", "a"):
         await page.press(key)
         await asyncio.sleep(0.3)
+    if question is not None:
+        await page.shows(question)
+    await page.press("\r")
+    await asyncio.sleep(0.3)
 
 
-async def press_everything(page: Page) -> None:
-    """Press each key that commands vehicles, or confirms or fills in a form that does."""
-    await press_to_arm(page)
+async def press_everything_else(page: Page) -> None:
+    """Press each other key that commands vehicles, or confirms or fills in a form that does."""
     for key in ("m", "\r", "r", "C", "\r"):
         await page.press(key)
         await asyncio.sleep(0.3)
@@ -208,14 +212,16 @@ def test_keys_command_vehicles_only_with_control(
             await page.open(url)
             await page.shows("Fleet", "3 UAVs", "LOITER")
             await asyncio.sleep(1.0)
-            await (press_to_arm if control else press_everything)(page)
+            await press_to_arm(page, "begins for all" if control else None)
+            if control:
+                await until(lambda: all(armed for armed, _ in states(fleet)))
+            else:
+                await press_everything_else(page)
 
     before = states(fleet)
     assert not any(armed for armed, _ in before)
     asyncio.run(work())
-    if control:
-        wait_until(lambda: all(armed for armed, _ in states(fleet)), "all are armed")
-    else:
+    if not control:
         assert states(fleet) == before
         listed = fleet.gcs_json("fault", "list")
         assert not any(vehicle["faults"] for vehicle in listed)
