@@ -90,7 +90,7 @@ MET = 0.9 * MIN_M
 """What is left of the least distance when the aircraft are late [m]."""
 
 
-@settings(max_examples=settings().max_examples // 4)  # a minute of flight each
+@settings(max_examples=settings().max_examples // 8)  # a minute of flight each
 @given(angles, st.floats(0.5, 4.0), st.floats(-20.0, 20.0), st.floats(-5.0, 5.0))
 def test_ways_that_cross_at_whatever_angle(
     angle: float, speed: float, miss: float, higher: float
