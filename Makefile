@@ -14,7 +14,7 @@ WORKERS ?= $(shell echo $$((2 * $$(getconf _NPROCESSORS_ONLN))))
 PLAIN := tests/plain_python.txt
 COMPILED := $(addprefix --ignore=,$(shell cat $(PLAIN)))
 
-# whole tutorials, every aircraft, rare machines: half of the time of all tests
+# whole tutorials, every aircraft, rare machines: two thirds of the time of all tests
 NIGHTLY := tests/nightly.txt
 
 # threads of the linear algebra wait for each other by burning processor time; the tests are parallel
