@@ -9,6 +9,7 @@ import os
 import select
 import signal
 import sys
+import termios
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -19,6 +20,7 @@ from gcs.console.errors import Interrupted
 from gcs.console.lines import print_line
 
 _LONG_S = 5.0
+_STDIN = 0
 
 _FORCE_S = 1.7
 """Time that a process has to end well after its session [s]."""
@@ -59,10 +61,12 @@ def end_with_session(end: Callable[[], object]) -> None:
         end: Called in the middle of whatever runs, in any thread; RuntimeError if it is too late.
     """
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
+    restore = _terminal_as_it_is()
 
     def ended(*_: object) -> None:
         if not signal.getitimer(signal.ITIMER_REAL)[0]:
             signal.setitimer(signal.ITIMER_REAL, _FORCE_S)
+        restore()
         with contextlib.suppress(RuntimeError):
             end()
 
@@ -81,6 +85,20 @@ def end_with_session(end: Callable[[], object]) -> None:
     for number in numbers:
         signal.signal(number, ended)
     threading.Thread(target=watch, daemon=True).start()
+
+
+def _terminal_as_it_is() -> Callable[[], None]:
+    """Return what gives the terminal the modes that it has now: no matter how a program ends."""
+    modes = None
+    with contextlib.suppress(termios.error):
+        modes = termios.tcgetattr(_STDIN)
+
+    def restore() -> None:
+        with contextlib.suppress(OSError, termios.error):  # it is gone
+            if modes is not None and os.tcgetpgrp(_STDIN) == os.getpgrp():  # or it would be stopped
+                termios.tcsetattr(_STDIN, termios.TCSANOW, modes)
+
+    return restore
 
 
 def die_with(parent: int) -> None:

@@ -9,6 +9,7 @@ import signal
 import socket
 import struct
 import subprocess
+import sys
 import termios
 import time
 from collections.abc import Callable, Iterator
@@ -144,6 +145,26 @@ def test_a_dashboard_that_is_read_leaves_its_terminal_as_it_was(
         before = termios.tcgetattr(shown.slave)
         shown.read(b"Fleet")
         assert termios.tcgetattr(shown.slave) != before
+        os.kill(shown.program, signal.SIGTERM)
+        wait_until(lambda: shown.has_ended, "it ends")
+        assert termios.tcgetattr(shown.slave) == before
+
+
+HANGS = """
+import time, tty
+from gcs.console.stopping import end_with_session
+end_with_session(lambda: None)
+tty.setraw(0)
+print("Fleet", flush=True)
+time.sleep(600)
+"""
+
+
+def test_what_is_ended_by_force_leaves_its_terminal_as_it_was(tmp_path: Path) -> None:
+    """As is a dashboard that does not come to that itself, on a machine that is too busy."""
+    with terminal(str(tmp_path), sys.executable, "-c", HANGS) as shown:
+        before = termios.tcgetattr(shown.slave)
+        shown.read(b"Fleet")
         os.kill(shown.program, signal.SIGTERM)
         wait_until(lambda: shown.has_ended, "it ends")
         assert termios.tcgetattr(shown.slave) == before
