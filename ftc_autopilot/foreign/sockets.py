@@ -1,10 +1,13 @@
 """The sockets of the bridge of a foreign autopilot."""
 
 import contextlib
+import os
 import socket
+import sys
 
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.foreign.by_hand import waiting
+from ftc_autopilot.kinds import Px4Autopilot
 from mavlink_defs import endpoint
 from mavlink_defs.constants import MAX_DATAGRAM
 from mavlink_defs.endpoint import UdpAddress
@@ -43,7 +46,8 @@ class BridgeSockets:
         self.gcs = sockets.enter_context(endpoint.open_udp(stations))
         by_hand = waiting(config)
         self.is_by_hand = by_hand is not None
-        own = UdpAddress(_LOOPBACK, 0) if by_hand is None else by_hand.mavlink
+        host = _LOOPBACK if isinstance(config.autopilot, Px4Autopilot) else _own_loopback()
+        own = UdpAddress(host, 0) if by_hand is None else by_hand.mavlink
         hint = "choose others with autopilot.port"
         self.side = sockets.enter_context(
             endpoint.bind_udp(own, f"MAVLink of UAV {config.id}", hint)
@@ -67,6 +71,17 @@ class BridgeSockets:
         """Send each ground station a frame."""
         for station in self.stations:
             _post(self.gcs, frame, station)
+
+
+def _own_loopback() -> str:
+    """Return an address of this machine that no other process has.
+
+    The first to send to the port is taken for the autopilot: it is not to be one that still sends
+    to whoever had that port before, at the address that all have. PX4 knows no other.
+    """
+    pid = os.getpid()
+    alone = sys.platform == "linux"  # elsewhere the machine has one, unless it is given more
+    return f"127.{1 + (pid >> 16)}.{pid >> 8 & 255}.{pid & 255}" if alone else _LOOPBACK
 
 
 def _post(sock: socket.socket, frame: bytes, to: tuple[str, int]) -> None:

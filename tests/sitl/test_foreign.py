@@ -312,10 +312,13 @@ def restarted(folder: Path, scenario: Path) -> dict[str, Any]:
 
 def test_one_that_ends_in_flight_is_told_all_again(tmp_path: Path) -> None:
     heard = tmp_path / "heard"
-    binary = peer(tmp_path, PEER_DIES_S="8", PEER_HEARD=str(heard))
+    binary = peer(tmp_path, PEER_DIES_S="10", PEER_HEARD=str(heard))
     restarted(tmp_path, mixed(tmp_path, binary, duration_s=6.0, mission=MISSION))
     lines = heard.read_text().splitlines()
-    assert lines == ["4 items", "mission", "armed", "4 items", "mode 10", "item 2", "armed"]
+    log = (tmp_path / "run" / "processes" / "uav3.log").read_text()
+    first = ["4 items", "mission", "armed"]
+    assert lines == [*first, "4 items", "mode 10", "item 2", "armed"], log
+    assert "ended with status 3 at " in log
     assert not children_of(binary)
 
 
