@@ -14,8 +14,10 @@ WORKERS ?= $(shell echo $$((2 * $$(getconf _NPROCESSORS_ONLN))))
 PLAIN := tests/plain_python.txt
 COMPILED := $(addprefix --ignore=,$(shell cat $(PLAIN)))
 
-# whole tutorials, every aircraft, rare machines: two thirds of the time of all tests
-NIGHTLY := tests/nightly.txt
+# whole tutorials, every aircraft, rare machines: four fifths of the time of all tests
+NIGHTLY := $(shell cat tests/nightly.txt)
+PLAIN_NIGHTLY := $(foreach file,$(shell cat $(PLAIN)),$(filter $(file)::%,$(NIGHTLY)))
+BY_DAY := $(addprefix --deselect=,$(NIGHTLY))
 
 # threads of the linear algebra wait for each other by burning processor time; the tests are parallel
 test nightly check coverage explore: export OPENBLAS_NUM_THREADS := 1
@@ -34,11 +36,12 @@ check: lint  ## for the daily loop: format, lint, types and the quick tests
 # a worker that dies ends the session: xdist hangs where it goes on without it
 ALL := -n $(WORKERS) --dist loadfile --no-loadscope-reorder --max-worker-restart 0
 test: lint  ## everything that must pass before a change: format, lint, types, tests
-	NUMBA_DISABLE_JIT=1 $(BIN)/pytest $(ALL) @$(PLAIN)
-	$(BIN)/pytest $(ALL) $(COMPILED) $(addprefix --deselect=,$(shell cat $(NIGHTLY))) tests
+	NUMBA_DISABLE_JIT=1 $(BIN)/pytest $(ALL) $(BY_DAY) @$(PLAIN)
+	$(BIN)/pytest $(ALL) $(COMPILED) $(BY_DAY) tests
 
 nightly: $(READY)  ## what must pass, too, and takes longest: whole tutorials, every aircraft, rare machines
-	$(BIN)/pytest $(ALL) @$(NIGHTLY)
+	NUMBA_DISABLE_JIT=1 $(BIN)/pytest $(ALL) $(PLAIN_NIGHTLY)
+	$(BIN)/pytest $(ALL) $(filter-out $(PLAIN_NIGHTLY),$(NIGHTLY))
 
 .PHONY: lint
 lint: $(READY)
