@@ -64,7 +64,6 @@ def test_the_command_line_python_and_fixtures_remark_the_same(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("gcs.fleet.preparation._LARGE", 0.0 if not changes else 1e12)
-    monkeypatch.setattr("gcs.console.progress.EVERY_S", math.inf)  # on a machine however busy
     write_law(tmp_path, "plain")
     changes = json.loads(json.dumps(changes).replace("FOLDER", str(tmp_path)))
     changes = {"duration_s": 0.05, "faults": [], **changes}
