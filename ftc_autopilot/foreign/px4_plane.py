@@ -114,7 +114,8 @@ class Px4Plane:
         folder = self._child.folder / _STARTUP
         folder.mkdir()
         (own,) = free_ports(1)
-        line = f"mavlink start -x -u {own} -r 4000000 -f -o {self._link.port}\n"
+        to = f"-t {self._link.host} -o {self._link.port}"
+        line = f"mavlink start -x -u {own} -r 4000000 -f {to}\n"
         (folder / _MAVLINK).write_text(line)
         return os.pathsep.join((str(folder), os.environ.get("PATH", os.defpath)))
 

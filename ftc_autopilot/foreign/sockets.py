@@ -7,7 +7,6 @@ import sys
 
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.foreign.by_hand import waiting
-from ftc_autopilot.kinds import Px4Autopilot
 from mavlink_defs import endpoint
 from mavlink_defs.constants import MAX_DATAGRAM
 from mavlink_defs.endpoint import UdpAddress
@@ -46,8 +45,7 @@ class BridgeSockets:
         self.gcs = sockets.enter_context(endpoint.open_udp(stations))
         by_hand = waiting(config)
         self.is_by_hand = by_hand is not None
-        host = _LOOPBACK if isinstance(config.autopilot, Px4Autopilot) else _own_loopback()
-        own = UdpAddress(host, 0) if by_hand is None else by_hand.mavlink
+        own = UdpAddress(_own_loopback(), 0) if by_hand is None else by_hand.mavlink
         hint = "choose others with autopilot.port"
         self.side = sockets.enter_context(
             endpoint.bind_udp(own, f"MAVLink of UAV {config.id}", hint)
@@ -77,7 +75,7 @@ def _own_loopback() -> str:
     """Return an address of this machine that no other process has.
 
     The first to send to the port is taken for the autopilot: it is not to be one that still sends
-    to whoever had that port before, at the address that all have. PX4 knows no other.
+    to whoever had that port before, at the address that all have.
     """
     pid = os.getpid()
     alone = sys.platform == "linux"  # elsewhere the machine has one, unless it is given more

@@ -165,11 +165,10 @@ class Checks:
 
 
 class Mavlink:
-    """PX4's MAVLink instance of px4-rc.mavlink: UDP to the port of its option -o."""
+    """PX4's MAVLink instance of px4-rc.mavlink: UDP to the address of its options -t and -o."""
 
     def __init__(self, instance: int) -> None:
-        local, remote = _ports_of_script()
-        self._to = ("127.0.0.1", remote)
+        local, self._to = _ends_of_script()
         self._sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._sock.bind(("127.0.0.1", local))
         self._sock.setblocking(False)
@@ -244,14 +243,15 @@ class Mavlink:
         return int(mavlink.MAV_RESULT_ACCEPTED)
 
 
-def _ports_of_script() -> tuple[int, int]:
-    """Return local and remote port of the one instance that px4-rc.mavlink in the PATH starts."""
+def _ends_of_script() -> tuple[int, tuple[str, int]]:
+    """Return own port and partner of the one instance that px4-rc.mavlink in the PATH starts."""
     for folder in os.environ["PATH"].split(os.pathsep):
         script = Path(folder) / "px4-rc.mavlink"
         if script.is_file():
             (line,) = (x for x in script.read_text().splitlines() if x.startswith("mavlink start"))
             words = line.split()
-            return int(words[words.index("-u") + 1]), int(words[words.index("-o") + 1])
+            own, host, port = (words[words.index(one) + 1] for one in ("-u", "-t", "-o"))
+            return int(own), (host, int(port))
     raise AssertionError("no px4-rc.mavlink in the PATH")
 
 

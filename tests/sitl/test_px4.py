@@ -139,9 +139,10 @@ def attack(folder: Path, binary: str, host: str) -> Iterator[int]:
     """Send damaged, strange and spoofed datagrams to the ports of a flight, without end."""
     configs = [yaml.safe_load(f.read_text()) for f in (folder / "processes").glob("*.yaml")]
     (links,) = (c for c in configs if c.get("autopilot", {}).get("kind") == "px4")
-    plant = int(links["plant"].rpartition(":")[2])
+    plant = "127.0.0.1", int(links["plant"].rpartition(":")[2])
     script = Path(f"/proc/{children_of(binary)[0]}/cwd/startup/px4-rc.mavlink").read_text()
-    side = int(script.split("-o ")[1])
+    at, port = script.partition("-t ")[2].split(" -o ")
+    side = at, int(port)
     chance, packer = random.Random(1), FramePacker(3, 1)
     controls = dialect.MAVLink_hil_actuator_controls_message(2**60, [1.0] * 16, 129, 1)
     beat = dialect.MAVLink_heartbeat_message(1, 12, 0, 0, 3, 3)
@@ -158,7 +159,7 @@ def attack(folder: Path, binary: str, host: str) -> Iterator[int]:
                 with contextlib.suppress(OSError), socket.create_connection((host, 4562)) as tcp:
                     tcp.sendall(spoofed[1] + spoofed[0] + data)
             with contextlib.suppress(OSError):
-                sock.sendto(data, ("127.0.0.1", (plant, side)[count % 2]))
+                sock.sendto(data, (plant, side)[count % 2])
             count += 1
             yield count
 
