@@ -11,8 +11,8 @@ from mavlink_defs import dialect
 from mavlink_defs.config.models import AtMost, Model, Problems, Title
 from mavlink_defs.config.quantity import quantity, whole
 from mavlink_defs.faults.fault import Fault
-from sitl_plant.ardupilot.config import JSON_INSTRUMENTS, PORT, ArduPilot
-from sitl_plant.px4.config import Px4Outputs
+from sitl_plant.foreign.ardupilot.config import JSON_INSTRUMENTS, PORT, ArduPilot
+from sitl_plant.foreign.px4.config import Px4Outputs
 
 _MODES = {"TAKEOFF": 13, "LOITER": 12, "CRUISE": 7, "FBWB": 6, "GUIDED": 15}
 """custom_mode numbers of ArduPlane."""

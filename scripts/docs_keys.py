@@ -62,8 +62,8 @@ from sitl_plant.air.config import Disturbance, Dryden, Sinusoid, Wind
 from sitl_plant.airframe.config import Aircraft, Uncertainty
 from sitl_plant.airframe.gear import Gear, Ground, Runway
 from sitl_plant.airframe.propulsion import Propulsion
-from sitl_plant.ardupilot.config import ArduPilot
-from sitl_plant.px4.config import ServoOutput
+from sitl_plant.foreign.ardupilot.config import ArduPilot
+from sitl_plant.foreign.px4.config import ServoOutput
 from sitl_plant.sensing.config import (
     Accelerometer,
     Barometer,

@@ -33,8 +33,8 @@ from mavlink_defs.origin import Origin
 from mavlink_defs.runtime.ahead_of_time import Calls
 from mavlink_defs.runtime.native import ADDRESS_SIZE
 from mavlink_defs.runtime.sources import ROOT
+from sitl_plant.foreign.px4.instruments import Instruments
 from sitl_plant.loop.fleet import loss_of, new_plant_state
-from sitl_plant.px4.instruments import Instruments
 from sitl_plant.sensing.config import NavigationSensors
 from sitl_plant.simulators.own import OwnSimulator
 from sitl_plant.vec3 import norm, scale, sub, vec3

@@ -17,11 +17,11 @@ from ftc_autopilot.foreign.child import Child
 from ftc_autopilot.kinds import ArduPlaneAutopilot
 from mavlink_defs.endpoint import UdpAddress, bind_udp, free_ports
 from sitl_plant.airframe.aircraft import aircraft_record
-from sitl_plant.ardupilot.instruments import JsonInstruments
-from sitl_plant.ardupilot.launch import AircraftLaunch, new_launch, out_of_body
-from sitl_plant.ardupilot.outputs import Outputs
-from sitl_plant.ardupilot.peer import Frame, Peer
-from sitl_plant.ardupilot.protocol import Measured, answer, steps_of
+from sitl_plant.foreign.ardupilot.instruments import JsonInstruments
+from sitl_plant.foreign.ardupilot.launch import AircraftLaunch, new_launch, out_of_body
+from sitl_plant.foreign.ardupilot.outputs import Outputs
+from sitl_plant.foreign.ardupilot.peer import Frame, Peer
+from sitl_plant.foreign.ardupilot.protocol import Measured, answer, steps_of
 from sitl_plant.vec3 import Vec3
 
 _NO_LOGS = "LOG_BACKEND_TYPE 0\n"

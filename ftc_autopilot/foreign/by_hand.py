@@ -8,8 +8,8 @@ from typing import NamedTuple
 from ftc_autopilot.config import AutopilotConfig
 from ftc_autopilot.kinds import ArduPlaneAutopilot
 from mavlink_defs.endpoint import UdpAddress, parse_address
-from sitl_plant.ardupilot.config import PORTS_APART
-from sitl_plant.ardupilot.parameters import parameter_text, parameters_of
+from sitl_plant.foreign.ardupilot.config import PORTS_APART
+from sitl_plant.foreign.ardupilot.parameters import parameter_text, parameters_of
 
 
 class Waiting(NamedTuple):

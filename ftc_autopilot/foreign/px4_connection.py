@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 from ftc_autopilot.foreign.base import ForeignError
 from mavlink_defs.endpoint import EndpointError, PortTaken
-from sitl_plant.px4.lockstep import is_px4
+from sitl_plant.foreign.px4.lockstep import is_px4
 
 _BLOCK = 65536  # bytes read at a time
 _MOST_CALLERS = 8  # that have not said yet who they are

@@ -19,11 +19,11 @@ from mavlink_defs.constants import THROTTLE
 from mavlink_defs.endpoint import UdpAddress, free_ports
 from mavlink_defs.framing.codec import SIM_STATE
 from sitl_plant.airframe.aircraft import aircraft_record
-from sitl_plant.ardupilot.launch import AircraftLaunch, into_body, new_launch
-from sitl_plant.px4.instruments import Instruments
-from sitl_plant.px4.lockstep import PORT, NotInLockstep, Px4Lockstep, Turn
-from sitl_plant.px4.outputs import Px4Actuators
-from sitl_plant.px4.parameters import px4_parameters
+from sitl_plant.foreign.ardupilot.launch import AircraftLaunch, into_body, new_launch
+from sitl_plant.foreign.px4.instruments import Instruments
+from sitl_plant.foreign.px4.lockstep import PORT, NotInLockstep, Px4Lockstep, Turn
+from sitl_plant.foreign.px4.outputs import Px4Actuators
+from sitl_plant.foreign.px4.parameters import px4_parameters
 
 _TURN_S = 0.02
 _WAIT_S = 0.5  # between two looks whether it runs

@@ -8,11 +8,11 @@ from collections.abc import Callable
 import numpy as np
 
 from mavlink_defs import dialect
+from mavlink_defs.faults.aircraft import AircraftFaults
 from mavlink_defs.faults.command import InvalidParam, failure_from_params, fault_from_params
 from mavlink_defs.faults.fault import Fault
 from mavlink_defs.faults.kinds import ANY_LIMITS
 from mavlink_defs.faults.sensors import SENSOR_FAULTS
-from sitl_plant.fault_commands import AircraftFaults
 from sitl_plant.sensing.failures import Failures, fault_table
 
 _ALL = -1.0

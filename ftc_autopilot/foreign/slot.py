@@ -27,8 +27,8 @@ from mavlink_defs.framing.header import COMPONENT, HEADER_SIZE, MESSAGE_ID, PAYL
 from mavlink_defs.framing.signing import Signer
 from mavlink_defs.runtime.jit import in_python
 from mavlink_defs.services.mission import MissionItem
-from sitl_plant.ardupilot.launch import out_of_body
-from sitl_plant.ardupilot.parameters import acceleration
+from sitl_plant.foreign.ardupilot.launch import out_of_body
+from sitl_plant.foreign.ardupilot.parameters import acceleration
 from sitl_plant.vec3 import Vec3
 
 _move = in_python(move)

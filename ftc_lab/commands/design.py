@@ -168,9 +168,9 @@ def _write_parameters(aircraft: str, options: DesignOptions) -> None:
 
 
 def _parameters_of(aircraft: "Aircraft", kind: str) -> str:
-    from sitl_plant.ardupilot.config import ArduPilot
-    from sitl_plant.ardupilot.parameters import parameter_text, parameters_of
-    from sitl_plant.px4.parameters import px4_parameters
+    from sitl_plant.foreign.ardupilot.config import ArduPilot
+    from sitl_plant.foreign.ardupilot.parameters import parameter_text, parameters_of
+    from sitl_plant.foreign.px4.parameters import px4_parameters
     from sitl_plant.sensing.config import NavigationSensors
 
     if kind == "ardupilot":

@@ -1,7 +1,7 @@
 """The faults of an aircraft of the plant, for its simulator component."""
 
+from mavlink_defs.faults.aircraft import AircraftFaults
 from mavlink_defs.faults.kinds import FaultLimits
-from sitl_plant.fault_commands import AircraftFaults
 from sitl_plant.loop.fleet import PlantState, fault_tables
 
 

@@ -6,12 +6,12 @@ No socket and no clock: messages and the time go in, messages to send come out.
 from mavlink_defs import dialect
 from mavlink_defs.dialect import MAVLink_message
 from mavlink_defs.faults import SETTING
+from mavlink_defs.faults.aircraft import AircraftFaults
 from mavlink_defs.faults.command import InvalidParam
 from mavlink_defs.framing.frames import text_chunks
 from mavlink_defs.services.command import CommandMessage, command_params
 from mavlink_defs.services.command_server import CommandServer
 from mavlink_defs.services.machine import SystemId
-from sitl_plant.fault_commands import AircraftFaults
 
 
 class AircraftService:

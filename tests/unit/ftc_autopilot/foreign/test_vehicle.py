@@ -17,7 +17,7 @@ from mavlink_defs import dialect
 from mavlink_defs.framing.frames import FramePacker, parse
 from mavlink_defs.origin import Origin
 from mavlink_defs.services.machine import SystemId
-from sitl_plant.ardupilot.instruments import JsonInstruments
+from sitl_plant.foreign.ardupilot.instruments import JsonInstruments
 from sitl_plant.sensing.config import NavigationSensors
 
 UAV = 7

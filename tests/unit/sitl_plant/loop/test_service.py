@@ -9,12 +9,12 @@ import pytest
 
 from mavlink_defs import dialect
 from mavlink_defs.faults.actuators import ACTUATOR_FAULTS, MAX_FAULTS
+from mavlink_defs.faults.aircraft import AircraftFaults
 from mavlink_defs.faults.kinds import FaultLimits
 from mavlink_defs.faults.sensors import MAX_SENSOR_FAULTS, SENSOR_FAULTS
 from mavlink_defs.faults.table import FaultTable, no_faults
 from mavlink_defs.framing.frames import FramePacker, parse
 from mavlink_defs.services.fault_list import FaultList
-from sitl_plant.fault_commands import AircraftFaults
 from sitl_plant.loop.service import AircraftService
 from sitl_plant.sensing.failures import SensorRange, fault_table, new_failures
 

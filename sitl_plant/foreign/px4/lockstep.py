@@ -15,7 +15,7 @@ from mavlink_defs.framing.codec import ACTUATORS, MessageId
 from mavlink_defs.framing.frames import parse
 from mavlink_defs.framing.header import HEADER_SIZE, MESSAGE_ID, PAYLOAD_SIZE
 from mavlink_defs.framing.stream import FrameStream
-from sitl_plant.px4.instruments import Instruments
+from sitl_plant.foreign.px4.instruments import Instruments
 
 LOCKSTEP = 1
 """Bit of HIL_ACTUATOR_CONTROLS.flags: its sender waits for the simulator's time."""

@@ -8,7 +8,7 @@ import math
 
 from sitl_plant.airframe.config import Aircraft
 from sitl_plant.airframe.cruise import CruiseFigures, DerivedParameter, cruise_figures
-from sitl_plant.ardupilot.config import ArduPilot, SurfaceOutput
+from sitl_plant.foreign.ardupilot.config import ArduPilot, SurfaceOutput
 
 _FULL_RAD = math.radians(45.0)
 """What ArduPlane's rate controllers call the full travel of a surface."""

@@ -7,7 +7,7 @@ from mavlink_defs.dialect import MAV_MODE_FLAG_SAFETY_ARMED
 from mavlink_defs.runtime.jit import in_python
 from sitl_plant.airframe import aerodynamics
 from sitl_plant.airframe.aircraft import AircraftRecord
-from sitl_plant.px4.config import MotorOutput, Px4Outputs, ServoOutput
+from sitl_plant.foreign.px4.config import MotorOutput, Px4Outputs, ServoOutput
 
 _SURFACES = (AILERON, ELEVATOR, RUDDER)
 _aerodynamics = in_python(aerodynamics.aerodynamics)

@@ -7,7 +7,12 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from json_peer import read_as_json, read_by_text, servo_packet
 
-from sitl_plant.ardupilot.protocol import Measured, NotServoPacket, answer, parse_servo_packet
+from sitl_plant.foreign.ardupilot.protocol import (
+    Measured,
+    NotServoPacket,
+    answer,
+    parse_servo_packet,
+)
 
 PULSES = st.sampled_from([16, 32]).flatmap(
     lambda n: st.lists(st.integers(0, 65535), min_size=n, max_size=n)

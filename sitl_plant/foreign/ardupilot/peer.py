@@ -6,7 +6,7 @@ No socket and no clock: datagrams and the time go in.
 from collections import Counter
 from enum import Enum
 
-from sitl_plant.ardupilot.protocol import NotServoPacket, ServoPacket, parse_servo_packet
+from sitl_plant.foreign.ardupilot.protocol import NotServoPacket, ServoPacket, parse_servo_packet
 
 TAKEOVER_S = 1.0
 """Silence of an ArduPilot after which another address is followed, or a count that is late [s]."""

@@ -8,8 +8,8 @@ from mavlink_defs.dialect import MAV_MODE_FLAG_SAFETY_ARMED
 from mavlink_defs.framing.codec import ACTUATORS
 from sitl_plant.airframe.aerodynamics import aerodynamics, moment
 from sitl_plant.airframe.aircraft import aircraft_record
-from sitl_plant.px4.config import MotorOutput, Px4Outputs, ServoOutput
-from sitl_plant.px4.outputs import Px4Actuators
+from sitl_plant.foreign.px4.config import MotorOutput, Px4Outputs, ServoOutput
+from sitl_plant.foreign.px4.outputs import Px4Actuators
 
 RUDDER, MOTOR, LEFT, RIGHT, ELEVATOR = 3, 5, 6, 7, 8  # of PX4's plane
 

@@ -4,7 +4,7 @@ import pytest
 
 from mavlink_defs import dialect
 from mavlink_defs.framing.frames import FramePacker
-from sitl_plant.px4.lockstep import NotInLockstep, Px4Lockstep, Turn, is_px4
+from sitl_plant.foreign.px4.lockstep import NotInLockstep, Px4Lockstep, Turn, is_px4
 
 FRAME_US = 4000
 packer = FramePacker(1, 1)

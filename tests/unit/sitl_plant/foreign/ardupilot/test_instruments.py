@@ -6,9 +6,9 @@ import pytest
 
 from mavlink_defs.faults.fault import Fault
 from mavlink_defs.faults.sensors import SENSOR_FAULTS
-from sitl_plant.ardupilot.config import JSON_INSTRUMENTS
-from sitl_plant.ardupilot.instruments import JsonInstruments
-from sitl_plant.ardupilot.protocol import Measured
+from sitl_plant.foreign.ardupilot.config import JSON_INSTRUMENTS
+from sitl_plant.foreign.ardupilot.instruments import JsonInstruments
+from sitl_plant.foreign.ardupilot.protocol import Measured
 from sitl_plant.sensing.config import NavigationSensors
 from sitl_plant.sensing.failures import fault_table
 

@@ -8,8 +8,8 @@ from pydantic import ValidationError
 
 from sitl_plant.airframe.aerodynamics import aerodynamics, moment
 from sitl_plant.airframe.aircraft import aircraft_record
-from sitl_plant.ardupilot.config import ArduPilot, SurfaceOutput
-from sitl_plant.ardupilot.outputs import Outputs, surface_share
+from sitl_plant.foreign.ardupilot.config import ArduPilot, SurfaceOutput
+from sitl_plant.foreign.ardupilot.outputs import Outputs, surface_share
 
 AILERON, THROTTLE = 0, 3
 MIDDLE = (1500, 1500, 1000, 1500, *[1500] * 12)

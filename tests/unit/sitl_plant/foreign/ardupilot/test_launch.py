@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from json_peer import into_earth
 
-from sitl_plant.ardupilot.launch import new_launch
+from sitl_plant.foreign.ardupilot.launch import new_launch
 
 STATE = np.array([10.0, -20.0, -300.0, 40.0, 3.0, 4.0, 0.2, 0.3, -2.0, 0.0, 0.0, 0.0])
 AIR = np.array([-3.0, 1.0, 0.5])

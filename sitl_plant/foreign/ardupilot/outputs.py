@@ -6,7 +6,7 @@ from mavlink_defs.constants import AILERON, ELEVATOR, N_CHANNELS, RUDDER, THROTT
 from mavlink_defs.runtime.jit import in_python
 from sitl_plant.airframe import aerodynamics
 from sitl_plant.airframe.aircraft import AircraftRecord
-from sitl_plant.ardupilot.config import ArduPilot, SurfaceOutput, ThrottleOutput
+from sitl_plant.foreign.ardupilot.config import ArduPilot, SurfaceOutput, ThrottleOutput
 
 _SURFACES = (AILERON, ELEVATOR, RUDDER)
 _aerodynamics = in_python(aerodynamics.aerodynamics)

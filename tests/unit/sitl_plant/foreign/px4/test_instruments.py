@@ -11,7 +11,7 @@ from mavlink_defs.framing.codec import SIM_STATE
 from mavlink_defs.framing.frames import parse
 from mavlink_defs.framing.stream import FrameStream
 from mavlink_defs.origin import Origin
-from sitl_plant.px4.instruments import Instruments
+from sitl_plant.foreign.px4.instruments import Instruments
 from sitl_plant.sensing.config import NavigationSensors
 
 STEP_US, EVERY = 1000, 4

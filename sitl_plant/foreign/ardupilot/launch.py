@@ -12,7 +12,7 @@ import numpy as np
 from mavlink_defs.runtime.jit import in_python
 from sitl_plant import vec3 as vectors
 from sitl_plant.airframe import rigid_body
-from sitl_plant.ardupilot.protocol import Measured
+from sitl_plant.foreign.ardupilot.protocol import Measured
 from sitl_plant.vec3 import Vec3
 
 _R1 = in_python(rigid_body.R1)

@@ -5,8 +5,8 @@ import math
 import pytest
 
 from gcs.scenario.aircraft_file import load_aircraft
-from sitl_plant.ardupilot.config import ArduPilot, SurfaceOutput
-from sitl_plant.ardupilot.parameters import parameter_text, parameters_of
+from sitl_plant.foreign.ardupilot.config import ArduPilot, SurfaceOutput
+from sitl_plant.foreign.ardupilot.parameters import parameter_text, parameters_of
 
 AEROSONDE = load_aircraft("aerosonde")
 

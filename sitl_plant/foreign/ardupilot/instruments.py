@@ -9,8 +9,8 @@ import math
 import numpy as np
 
 from mavlink_defs.runtime.jit import in_python
-from sitl_plant.ardupilot.config import JSON_INSTRUMENTS
-from sitl_plant.ardupilot.protocol import Measured
+from sitl_plant.foreign.ardupilot.config import JSON_INSTRUMENTS
+from sitl_plant.foreign.ardupilot.protocol import Measured
 from sitl_plant.sensing import failures as sensor_failures
 from sitl_plant.sensing.config import NavigationSensors
 from sitl_plant.sensing.failures import VALUES, Failures, new_failures

@@ -3,7 +3,7 @@
 import pytest
 
 from gcs.scenario.aircraft_file import load_aircraft
-from sitl_plant.px4.parameters import px4_parameters
+from sitl_plant.foreign.px4.parameters import px4_parameters
 from sitl_plant.sensing.config import NavigationSensors
 
 RANGES = {  # of PX4's parameter reference

@@ -1,4 +1,4 @@
-"""The fault commands of an aircraft, as who simulates it executes them.
+"""The faults of an aircraft, and the commands that change them, as who simulates it executes them.
 
 A command is executed as a whole or refused with a reason; nothing of a refused one stays.
 """

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from json_peer import servo_packet
 
-from sitl_plant.ardupilot.peer import TAKEOVER_S, Frame, Peer
+from sitl_plant.foreign.ardupilot.peer import TAKEOVER_S, Frame, Peer
 
 ONE, OTHER = ("127.0.0.1", 40001), ("127.0.0.1", 40002)
 PWM = [1500] * 16
