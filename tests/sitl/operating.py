@@ -39,7 +39,7 @@ class Operator:
     async def sees(self, condition: Callable[[], Any], what: str) -> None:
         end = time.monotonic() + TIMEOUT_S
         while not condition():
-            assert time.monotonic() < end, f"not seen: {what}\n{self.log}"
+            assert time.monotonic() < end, f"not seen: {what}\n{self.log}\n{self.doing}"
             await self.pilot.pause(0.05)
 
     async def sees_event(self, *parts: str) -> None:
@@ -63,6 +63,11 @@ class Operator:
         table = self.app.query_one(FleetTable)
         (row,) = [row for row in table.rows if row.key == system]
         return " ".join(text for text, _ in row.cells)
+
+    @property
+    def doing(self) -> str:
+        app = self.app
+        return f"going on: {app.operations.going_on}; {app.screen}, focus {app.focused}"
 
     @property
     def log(self) -> str:

@@ -6,6 +6,7 @@ import re
 import signal
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -73,15 +74,21 @@ def check_rows(folder: Path, said: str) -> None:
             assert np.isnan(own[(times >= first) & (times <= last)]).any()
 
 
+def high_tree(**changes: Any) -> dict[str, Any]:
+    """Scenario 1, high enough for nobody to steer for a while."""
+    tree = scenario_tree(**changes)
+    for uav in tree["uavs"]:
+        uav["initial"]["altitude_m"] = 3000.0
+    return tree
+
+
 @pytest.mark.parametrize(("stopped_s", "for_s"), CASES)
 def test_rows_are_of_their_steps_and_the_fleet_flies_on(
     tmp_path: Path, stopped_s: float, for_s: float
 ) -> None:
     """An autopilot gets no time at its start, as on a busy machine."""
     (hub,) = free_ports(1)
-    tree = scenario_tree(profile=CLIMB, faults=[])
-    for uav in tree["uavs"]:
-        uav["initial"]["altitude_m"] = 3000.0  # nobody steers for a while
+    tree = high_tree(profile=CLIMB, faults=[])
     options = ("--start", "--speed", "2", "--hub-port", str(hub), "--restart", "never")
     with up(tmp_path / "fleet", *options, tree=tree) as fleet:
         assert fleet.hub.endswith(f":{hub}"), "the port is honoured beside --free-ports"
@@ -108,13 +115,13 @@ def test_rows_are_of_their_steps_and_the_fleet_flies_on(
 def test_an_autopilot_that_stands_still_while_it_is_prepared_is_waited_for(
     tmp_path: Path, restart: str
 ) -> None:
-    """For longer than an upload is repeated; and one that has ended is told with its reason."""
-    popen = start(
-        "gcs",
-        "up",
-        write_scenario(tmp_path),
-        *("--out", tmp_path / "run", "--json", "--free-ports", "--start", "--restart", restart),
-    )
+    """For longer than an upload is repeated; and one that has ended is told with its reason.
+
+    On a busy machine it may be stopped after its start: it flies slowly, and high.
+    """
+    options = ("--json", "--free-ports", "--start", "--speed", "0.2", "--restart", restart)
+    scenario = write_scenario(tmp_path, high_tree())
+    popen = start("gcs", "up", scenario, "--out", tmp_path / "run", *options)
     try:
         wait_until(lambda: f"{tmp_path}/run/processes/uav2.yaml" in commands(tmp_path), "it is")
         pid = process_of(tmp_path / "run", "uav2")
