@@ -30,8 +30,8 @@ from mavlink_defs.endpoint import free_ports
 pytestmark = pytest.mark.sitl
 
 # When it is stopped, and for how long, in simulated time [s]. Held where the first steps of its
-# controller put them, its surfaces turn it over: some of these flights are lost after 6 s, none
-# before 5 s.
+# controller put them, its surfaces turn it over: some flights are lost in the sixth second, none
+# before it.
 CASES = [(0.0, 3.0)]
 if swept := os.environ.get("FTC_SITL_LATE_STARTS"):  # all of the first seconds, by hand
     CASES = [(at, length) for at in range(int(swept)) for length in (0.2, 1.0, 3.0, 6.0, 10.0)]
