@@ -27,7 +27,7 @@ from mavlink_defs.endpoint import PortTaken, UdpAddress, bind_udp
 
 BIN = Path(sys.executable).parent
 SCENARIO_1 = Path(__file__).parents[2] / "scenarios" / "paper" / "scenario1.yaml"
-TIMEOUT_S = 300.0  # only a defect takes so long, on whatever machine
+TIMEOUT_S = 600.0  # only a defect takes so long, on whatever machine
 CHANNELS = ("throttle", "aileron", "elevator", "rudder")
 _PORT_BLOCKS = itertools.count(random.randrange(60))
 RESULTS = {"summary.json", "flight.tlog", "events.arrows", "trajectory.arrows"}
