@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 import yaml
 from flying import (
+    TIMEOUT_S,
     assert_one_message,
     run,
     scenario_tree,
@@ -66,7 +67,7 @@ class Flight:
 
     def end(self) -> tuple[int, str, str]:
         """Wait for its end: exit status, standard output and error."""
-        out, error = self.process.communicate(timeout=300.0)
+        out, error = self.process.communicate(timeout=TIMEOUT_S)
         assert self.process.returncode is not None
         return self.process.returncode, out, error
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from flying import assert_one_message, start, summary_of, wait_until
+from flying import TIMEOUT_S, assert_one_message, start, summary_of, wait_until
 from needs import ARDUPLANE
 from test_foreign import children_of, flown, mixed, peer
 
@@ -67,7 +67,7 @@ def test_a_real_one_that_is_killed_is_started_again(
     for one in children_of(str(tmp_path)):
         if Path(f"/proc/{one}/comm").read_text().strip() == name[:15]:
             os.kill(one, signal.SIGKILL)
-    _, error = flight.communicate(timeout=300)
+    _, error = flight.communicate(timeout=TIMEOUT_S)
     assert flight.returncode == 0, error
     summary = summary_of(tmp_path / "run")
     assert (summary["completed"], summary["uavs"][2]["restarts"]) == (True, 1)

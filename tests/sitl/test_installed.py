@@ -22,7 +22,7 @@ from ftc_lab.reproduce import FILES
 pytestmark = pytest.mark.sitl
 
 ROOT = Path(__file__).parents[2]
-TIMEOUT_S = 300.0
+TIMEOUT_S = 600.0
 NOT_SOURCES = shutil.ignore_patterns(
     ".git", ".venv", ".*_cache", ".hypothesis", "__pycache__", "build", "dist"
 )

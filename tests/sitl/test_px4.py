@@ -17,7 +17,16 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from flying import assert_one_message, run, scenario_tree, start, summary_of, table_of, wait_until
+from flying import (
+    TIMEOUT_S,
+    assert_one_message,
+    run,
+    scenario_tree,
+    start,
+    summary_of,
+    table_of,
+    wait_until,
+)
 from flying import write_scenario as written
 
 from mavlink_defs import dialect
@@ -188,7 +197,7 @@ def fly_under_attack(folder: Path, attacks: int) -> None:
                 sent = max(itertools.islice(attacking, 100))
                 time.sleep(0.01)  # more than a socket's buffer holds is lost, ours among it
             assert sent >= min(attacks, LEAST), "the flight was too short"
-        _, error = flight.communicate(timeout=300)
+        _, error = flight.communicate(timeout=TIMEOUT_S)
         assert flight.returncode == 0, error
     finally:
         flight.kill()
@@ -267,7 +276,7 @@ def test_one_that_is_killed_in_flight_is_started_again(tmp_path: Path) -> None:
     wait_until(lambda: log.exists() and "all armed" in log.read_text(), "it flies")
     for child in children_of(binary):
         os.kill(child, signal.SIGKILL)
-    _, error = flight.communicate(timeout=300)
+    _, error = flight.communicate(timeout=TIMEOUT_S)
     assert flight.returncode == 0, error
     summary = summary_of(tmp_path / "run")
     own = summary["uavs"][2]

@@ -20,7 +20,7 @@ def test_the_mavsdk_program(fleet: Standing) -> None:
         [sys.executable, "-c", program.replace(":14550", f":{fleet.port}")],
         capture_output=True,
         text=True,
-        timeout=300.0,
+        timeout=600.0,
         stdin=subprocess.DEVNULL,
         check=False,
     )

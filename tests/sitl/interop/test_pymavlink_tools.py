@@ -24,7 +24,7 @@ def tool(*arguments: str | Path) -> str:
         [sys.executable, "-m", "mavlink_defs.runtime.run_with_dialect", *arguments],
         capture_output=True,
         text=True,
-        timeout=300.0,
+        timeout=600.0,
         stdin=subprocess.DEVNULL,
         check=False,
     )
