@@ -5,14 +5,13 @@ none, a set that flies well with Table III to the letter. Angles inside the laws
 """
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Self
+from typing import Annotated, Any, Self, TypeAlias
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, model_validator
 
 from ftc_autopilot.control.laws import LAWS, Controller
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.triggers import MODES, Trigger
-from ftc_autopilot.control.triggers.static import PerChannel
 from ftc_autopilot.guidance.aircraft_limits import guidance_problems
 from ftc_autopilot.guidance.failsafe_parameters import FailsafeParameters
 from ftc_autopilot.guidance.formation import Formation
@@ -24,6 +23,18 @@ from mavlink_defs.config.models import HostPort, Loc, Model, Problems, SystemId,
 from mavlink_defs.config.quantity import quantity, whole
 from sitl_plant.actuators.config import ActuatorServos
 from sitl_plant.airframe.config import Aircraft
+
+
+def _by_law(value: Any, info: ValidationInfo) -> Any:
+    """Return keys of a trigger with the mode of the law before it, unless they name one."""
+    law = info.data.get("controller")
+    if law is None or not isinstance(value, dict) or "mode" in value:
+        return value
+    return {"mode": law.TRIGGER, **value}
+
+
+LawTrigger: TypeAlias = Annotated[Trigger, BeforeValidator(_by_law)]
+"""The parameters of a trigger, in a model after its `controller`."""
 
 
 def trigger_problems(
@@ -127,7 +138,7 @@ class ControllerConfig(Model):
         step_us: Control period.
         aircraft: The nominal aircraft.
         controller: Control law and its parameters.
-        trigger: Event triggers.
+        trigger: Event triggers; those of the law if there is no `mode`.
         formation_trigger: Trigger of the neighbour messages; none: every period.
         guidance: Guidance law for paths, and its parameters.
         runway_guidance: Take-off and landing.
@@ -142,7 +153,7 @@ class ControllerConfig(Model):
     step_us: int = whole("us", default=1000, ge=1, le=100_000)
     aircraft: Aircraft
     controller: Annotated[Controller, AfterValidator(_with_ideal_servos)] = Proposed()
-    trigger: Trigger = PerChannel()
+    trigger: LawTrigger = Field(default={}, validate_default=True)
     formation_trigger: FormationTrigger | None = None
     guidance: Guidance = PathFollowing()
     runway_guidance: RunwayParameters = RunwayParameters()

@@ -21,8 +21,8 @@ from sitl_plant.airframe.aerodynamics import Lateral, lateral
 from sitl_plant.airframe.aircraft import aircraft_record
 from sitl_plant.airframe.level_flight import level_flight
 
-TRIGGER_OF = {"surviving": "per_channel", "tube": "consequence", "pid": "periodic"}
-"""Trigger that a law is designed with; per_channel unless named."""
+_TRIGGERS = {"pid": "periodic"}
+"""Trigger that a law is designed with where it is not its own: a PID is flown by the clock."""
 _MAX_TIME_SCALE = 4.0
 _STEPS_DEG = {"roll": 5.0, "pitch": 5.0, "yaw": 10.0}
 """Steps of scenario 1."""
@@ -128,7 +128,7 @@ class Sections(NamedTuple):
 
 def sections_of(design: Design) -> Sections:
     """Return every parameter of law, trigger and guidance, with its rule."""
-    mode = TRIGGER_OF.get(design.law, "per_channel")
+    mode = _TRIGGERS.get(design.law, LAWS[design.law].TRIGGER)
     trigger = TRIGGERS[mode](mode=mode)
     least = min(value for _, value in trigger.b2_deg.windows())
     rules = Rules(design.airframe, design.similar, design.given, least)

@@ -6,10 +6,9 @@ from pydantic import Field
 
 from ftc_autopilot.common.geography import Origin
 from ftc_autopilot.config import Identity
+from ftc_autopilot.control.config import LawTrigger
 from ftc_autopilot.control.laws import Controller
 from ftc_autopilot.control.laws.proposed import Proposed
-from ftc_autopilot.control.triggers import Trigger
-from ftc_autopilot.control.triggers.static import PerChannel
 from ftc_autopilot.estimation.parameters import EstimatorParameters
 from ftc_autopilot.guidance.failsafe_parameters import FailsafeParameters
 from ftc_autopilot.guidance.formation import Formation
@@ -69,7 +68,7 @@ class ScenarioSections(Model):
         sensors: Sensors of every aircraft.
         estimator: Parameters of the estimator of every UAV.
         controller: Control law of every UAV, and its parameters.
-        trigger: Event triggers of every UAV.
+        trigger: Event triggers of every UAV; those of its law if there is no `mode`.
         guidance: Guidance law of every UAV on a path.
         runway_guidance: Take-off and landing of every UAV.
         failsafe: What every UAV does by itself.
@@ -106,7 +105,7 @@ class ScenarioSections(Model):
     estimator: EstimatorParameters = EstimatorParameters()
     seed: Seed = 1
     controller: Controller = Proposed()
-    trigger: Trigger = PerChannel()
+    trigger: LawTrigger = Field(default={}, validate_default=True)
     guidance: Guidance = PathFollowing()
     runway_guidance: RunwayParameters = RunwayParameters()
     failsafe: FailsafeParameters = FailsafeParameters()

@@ -16,10 +16,9 @@ from ftc_autopilot.common.records import fill
 from ftc_autopilot.control.controller import PARAMETERS
 from ftc_autopilot.control.laws import KINDS, LAWS, PLUGIN_LAW, law_of, own_parameters
 from ftc_autopilot.control.laws.base import LawParameters
-from ftc_autopilot.control.triggers import MODES, TRIGGERS, trigger_of
+from ftc_autopilot.control.triggers import MODES, PLUGIN_MODE, TRIGGERS, trigger_of
 from ftc_autopilot.control.triggers.base import TriggerParameters
 from ftc_autopilot.control.triggers.plugin import own_record
-from ftc_autopilot.control.triggers.static import PerChannel
 from ftc_autopilot.guidance.failsafe_parameters import FailsafeParameters
 from ftc_autopilot.guidance.fence_parameters import FenceParameters, RallyParameters, fence_records
 from ftc_autopilot.guidance.formation import FormationParameters
@@ -143,17 +142,15 @@ def _defaults(kind: str) -> Defaults:
         values = dict.fromkeys(tunable.at(t) for t in tunable.times[: last + 1].tolist())
         if all(map(math.isfinite, values)):  # a key may stand for one of another section
             found.setdefault(tunable.name, tuple(values))
-    if not law_of(kind).goes_with(PerChannel().mode):  # the scenario has to say which
-        del found["TRIG_MODE"]
     return found
 
 
 def _tunables(kind: str) -> Iterator[Tunable]:
     """Yield what can be set in a vehicle with a law, at its default: of every trigger, too."""
-    law, trigger = law_of(kind), PerChannel()
+    law = law_of(kind)
     records = np.zeros(1, PARAMETERS)
-    records["mode"] = MODES.index(trigger.mode)
-    fill(records["trigger"][0], trigger)
+    records["mode"] = MODES.index(law.TRIGGER) if law.TRIGGER in MODES else PLUGIN_MODE
+    fill(records["trigger"][0], trigger_of(law.TRIGGER)(mode=law.TRIGGER))
     for mode in MODES:
         if mode in (records.dtype["trigger"].names or ()):
             fill(records["trigger"][mode][0], TRIGGERS[mode](mode=mode))

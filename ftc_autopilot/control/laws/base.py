@@ -36,6 +36,7 @@ class LawParameters(Model):
         DERIVED: Fields of its record that `derive` fills.
         SELECTS_CHANNELS: Whether the law itself selects which channels are sent, and when: it goes
             with a trigger that leaves this to the law, or one by the clock.
+        TRIGGER: Mode of the trigger that it is flown with where a scenario names none.
         FALLBACK: Parameters of a law that it may hand over to, all among its own; in its record
             they are a field `fallback`, as that law's own record.
         LIBRARY: Of a plug-in: file of the shared library with its function, beside the class.
@@ -59,6 +60,7 @@ class LawParameters(Model):
     STATE: ClassVar[np.dtype] = np.dtype([])
     DERIVED: ClassVar[tuple[tuple[str, str, tuple[int, ...]], ...]] = ()
     SELECTS_CHANNELS: ClassVar[bool] = False
+    TRIGGER: ClassVar[str] = "per_channel"
     FALLBACK: ClassVar[type["LawParameters"] | None] = None
     LIBRARY: ClassVar[str | None] = None
     PAGE: ClassVar[str] = ""

@@ -158,4 +158,5 @@ class Surviving(FaultTolerant):
     """
 
     PAGE: ClassVar[str] = "explanation/surviving.md"
+    TRIGGER: ClassVar[str] = "scaled"
     kind: Literal["surviving"] = "surviving"

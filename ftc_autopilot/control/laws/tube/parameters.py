@@ -79,6 +79,7 @@ class Tube(Renaming, FaultTolerant):
     SECTION: ClassVar[str] = "controller"
     PAGE: ClassVar[str] = "explanation/tube.md"
     SELECTS_CHANNELS: ClassVar[bool] = True
+    TRIGGER: ClassVar[str] = "consequence"
     FALLBACK: ClassVar[type[LawParameters] | None] = Surviving
     DERIVED: ClassVar[tuple[tuple[str, str, tuple[int, ...]], ...]] = (
         ("coupled", "i8", ()),  # 1: aileron and rudder go together

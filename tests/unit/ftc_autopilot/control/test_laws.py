@@ -155,6 +155,21 @@ def test_every_law_flies_with_every_trigger(scenario1: Scenario, kind: str, mode
         assert np.array_equal(sent[0], sent[1])
 
 
+def test_a_law_brings_its_trigger_where_none_is_named(scenario1: Scenario) -> None:
+    own = {"surviving": "scaled", "tube": "consequence"}
+    for kind in KINDS:
+        tree = scenario1.model_dump() | {"controller": {"kind": kind}}
+        del tree["trigger"]
+        for keys in ({}, {"trigger": {}}, {"trigger": {"b2_deg": 2.0}}):
+            scenario = Scenario.model_validate(tree | keys)
+            assert scenario.trigger.mode == own.get(kind, "per_channel")
+            expected = 2.0 if "b2_deg" in keys.get("trigger", {}) else 1.0
+            assert {value for _, value in scenario.trigger.b2_deg.windows()} == {expected}
+            assert scenario.autopilot_config(2).trigger == scenario.trigger
+        named = tree | {"trigger": {"mode": "periodic"}}
+        assert Scenario.model_validate(named).trigger.mode == "periodic"
+
+
 def test_laws_go_by_the_name_in_their_kind() -> None:
     assert KINDS[0] == "proposed"
     law: Any

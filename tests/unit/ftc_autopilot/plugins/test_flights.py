@@ -280,11 +280,11 @@ def test_ctrl_c_in_a_plain_law_is_no_failure_of_the_law(tmp_path: Path) -> None:
 @pytest.mark.parametrize("slips", [False, True])
 def test_a_law_that_extends_surviving_flies_as_it_does(tmp_path: Path, slips: bool) -> None:
     """Its state is as large as that of any law of ours; what slips holds its heading by bank."""
-    changed: dict[str, Any] = {}
+    changed: dict[str, Any] = {"trigger": {}}
     if slips:
         slipping = {"coefficients": {"cY_dr": 1.2}}
         aircraft = merged(load_aircraft("aerosonde").model_dump(), slipping)
-        changed = {"base": "airframes/aerosonde", "aircraft": aircraft}
+        changed |= {"base": "airframes/aerosonde", "aircraft": aircraft}
     (tmp_path / "mine.py").write_text(
         """
 from ftc_autopilot.control.laws.surviving import Surviving, surviving_law
@@ -300,10 +300,12 @@ class Mine(Surviving):
         return surviving_law(now, aircraft, gains, state, signals)
 """
     )
-    flights = [
-        fly_in_process(scenario(tmp_path, 0.4, controller={"kind": kind}, **changed))
+    scenarios = [
+        scenario(tmp_path, 0.4, controller={"kind": kind}, **changed)
         for kind in ("surviving", f"{tmp_path}/mine.py:Mine")
     ]
+    assert [one.trigger.mode for one in scenarios] == ["scaled", "scaled"]
+    flights = list(map(fly_in_process, scenarios))
     assert same(*flights)
     assert np.array_equal(flights[0].signals["phase"], flights[1].signals["phase"])
 

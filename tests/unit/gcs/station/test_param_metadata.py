@@ -48,11 +48,9 @@ def test_of_a_scenario_that_says_nothing_only_what_it_has_to_say_differs(
 ) -> None:
     params = held_by(scenario1, controller={"kind": law}, trigger={"mode": mode})
     defaults = defaults_of(params)
-    said = {"TRIG_MODE"} if mode != "per_channel" and LAWS[law].goes_with("per_channel") else set()
+    said = {"TRIG_MODE"} if mode != LAWS[law].TRIGGER else set()
     assert {p.name for p in params if differs(p, defaults)} == said
-    unknown = {p.name for p in params} - defaults.keys() - READ_ONLY
-    assert unknown - {"TRIG_MODE"} <= _OF_THE_AIRCRAFT
-    assert ("TRIG_MODE" in unknown) == (not LAWS[law].goes_with("per_channel"))
+    assert {p.name for p in params} - defaults.keys() - READ_ONLY <= _OF_THE_AIRCRAFT
 
 
 @pytest.mark.parametrize("law", LAWS)
