@@ -151,7 +151,8 @@ class FaultTolerant(LawParameters):
 class Surviving(FaultTolerant):
     """Diagnoses its own actuators, and flies on with one of them lost.
 
-    Choose it wherever actuators or sensors may fail: first, if you are in doubt.
+    Choose it wherever actuators or sensors may fail: first, if you are in doubt. Its trigger is
+    `scaled`, unless a scenario names another.
 
     Attributes:
         kind: Name of the law.
