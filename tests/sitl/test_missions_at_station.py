@@ -109,15 +109,16 @@ def test_what_show_refuses_the_vehicles_refuse_for_the_same_reason(
 
 
 async def upload(someone: Operator, uploaded: str) -> None:
-    """Upload a mission: again, if it was cancelled while a busy machine held the dashboard up."""
+    """Upload a mission: again, if a busy machine held the dashboard up, or the vehicle."""
+    failures = ("refused the upload", "did not answer the upload")
 
-    def is_answered(refusals: int) -> bool:
-        return uploaded in someone.log or someone.log.count("refused the upload") > refusals
+    def is_over(in_vain: int) -> bool:
+        return uploaded in someone.log or sum(map(someone.log.count, failures)) > in_vain
 
-    for refusals in range(3):
+    for in_vain in range(3):
         await someone.press("u")
         await someone.answer("enter")
-        await someone.sees(partial(is_answered, refusals), uploaded)
+        await someone.sees(partial(is_over, in_vain), uploaded)
         if uploaded in someone.log:
             break
     await someone.sees_event("1 action", uploaded)
