@@ -13,6 +13,7 @@ from textual.widgets import Input, Select
 from waiting import answer
 
 from gcs.station.client import Client
+from gcs.station.patience import Patience
 from gcs.station.vehicle_state import VehicleState
 from gcs.tui.app import Dashboard
 from gcs.tui.fleet_table import FleetTable
@@ -21,6 +22,8 @@ from mavlink_defs.endpoint import parse_connection
 from mavlink_defs.services.machine import SystemId
 
 OWN = SystemId(255, 77)
+PATIENT = Patience(silence_s=TIMEOUT_S / 4, answer_s=TIMEOUT_S / 2)
+"""A busy machine may hold a vehicle up for long."""
 
 
 class Operator:
@@ -83,7 +86,12 @@ async def operator(
     live = LiveSource(fleet.hub, time.time() - time.monotonic(), OWN)
     connection = parse_connection(fleet.hub)
     async with Client(
-        connection, on_notification=live.receive, inquire=True, private=True, own=OWN
+        connection,
+        on_notification=live.receive,
+        inquire=True,
+        private=True,
+        own=OWN,
+        patience=PATIENT,
     ) as client:
         live.attach(client)
         app = Dashboard(live)
