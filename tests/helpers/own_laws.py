@@ -135,7 +135,7 @@ def build(folder: Path, source: str, name: str = "mine") -> Path:
         "-o",
         target.name,
     ]
-    subprocess.run(command, cwd=folder, check=True, timeout=60)
+    subprocess.run(command, cwd=folder, check=True, timeout=600)
     return target
 
 

@@ -7,7 +7,7 @@ from textual.pilot import Pilot
 
 from gcs.tui.dialogs import Question
 
-_TIMEOUT_S = 180.0
+_TIMEOUT_S = 600.0
 
 
 async def until(pilot: Pilot[None], condition: Callable[[], bool], what: str = "") -> None:

@@ -195,7 +195,7 @@ def test_stations_set_faults_that_it_does_not_hear_of(tmp_path: Path) -> None:
         assert json.loads(listed.stdout)[0]["faults"] == []
     finally:
         up.terminate()
-        _, error = up.communicate(timeout=60)
+        _, error = up.communicate(timeout=600)
     assert not children_of(str(tmp_path / "arduplane")), error
 
 
@@ -225,7 +225,7 @@ def test_its_slot_is_ordered_as_those_of_ours(tmp_path: Path) -> None:
         wait_until(lambda: heights()[-1] < planned + 3.0, "it is told to come back")
     finally:
         up.terminate()
-        _, error = up.communicate(timeout=60)
+        _, error = up.communicate(timeout=600)
     assert not children_of(str(tmp_path / "arduplane")), error
 
 
@@ -256,7 +256,7 @@ def test_a_killed_child_ends_the_flight(tmp_path: Path) -> None:
     wait_until(lambda: log.exists() and "all armed" in log.read_text(), "it flies")
     for child in children_of(binary):
         os.kill(child, signal.SIGKILL)
-    _, error = flight.communicate(timeout=120)
+    _, error = flight.communicate(timeout=600)
     assert flight.returncode == 1
     assert "UAV 3: ArduPlane was ended by signal 9 at " in error
 

@@ -22,7 +22,7 @@ from mavlink_defs.config.files import dump
 from mavlink_defs.endpoint import Connection, UdpAddress
 
 pytestmark = pytest.mark.sitl
-PATIENCE_S = 180.0
+PATIENCE_S = 600.0
 WAITING = "waiting for it to come back"
 STARTS = "simulated time starts"
 

@@ -24,7 +24,7 @@ pytestmark = pytest.mark.sitl
 
 TLOG = Path(__file__).parents[1] / "data" / "dashboard" / "flight.tlog"
 NOBODY = ("--connect", "udpout:127.0.0.1:9")
-END_S = 30.0  # of what ends within 2 s, on a machine that is not busy
+END_S = 120.0  # of what ends within 2 s, on a machine that is not busy
 UPGRADE = (
     "GET /ws HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
     "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"

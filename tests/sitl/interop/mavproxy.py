@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-TIMEOUT_S = 180.0
+TIMEOUT_S = 600.0
 _ANSWER_S = 2.0
 _NO_WINDOWS = "log,signing,wp,ftp,param,arm,mode,misc,cmdlong,fence,rally"
 

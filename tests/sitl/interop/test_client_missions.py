@@ -25,7 +25,7 @@ from mavlink_defs.mission_files import mission_item, waypoints_text
 
 pytestmark = pytest.mark.sitl
 
-TIMEOUT_S = 180.0
+TIMEOUT_S = 600.0
 ORIGIN = Origin()
 HOME = place_of(ORIGIN, 0.0, 0.0, 0.0)[:2]
 

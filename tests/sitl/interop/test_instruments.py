@@ -14,7 +14,7 @@ from gcs.scenario.model import scenario_of
 
 pytestmark = pytest.mark.sitl
 
-TIMEOUT_S = 120.0
+TIMEOUT_S = 600.0
 OFF, WRONG, STUCK = 1, 2, 3
 """The vehicles, by what is to happen to their receivers."""
 EARTH_M_DEG = math.radians(6378137.0) * 1e-7

@@ -20,7 +20,7 @@ from mavlink_defs.profile import segments_to_items
 
 pytestmark = pytest.mark.sitl
 
-TIMEOUT_S = 180.0
+TIMEOUT_S = 600.0
 HOUR_US = 3600e6
 
 

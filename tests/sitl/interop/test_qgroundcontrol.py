@@ -23,7 +23,7 @@ from mavlink_defs.services.mission import MissionItem
 pytestmark = pytest.mark.sitl
 
 UAV, AUTOPILOT = 2, 1
-TIMEOUT_S = 180.0
+TIMEOUT_S = 600.0
 ACCEPTED, UNSUPPORTED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_UNSUPPORTED
 REQUEST, SET_INTERVAL = dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAV_CMD_SET_MESSAGE_INTERVAL
 

@@ -100,7 +100,7 @@ def test_a_child_of_a_plug_in_runs_nothing_of_ours(tmp_path: Path, place: str) -
         [sys.executable, "-W", "ignore", "-c", program, *map(str, folders)],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=600,
         check=True,
         env=os.environ | {"PYTHONPATH": str(here.parents[4])},
     )

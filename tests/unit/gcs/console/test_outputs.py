@@ -154,6 +154,6 @@ def test_output_that_is_closed_is_no_defect() -> None:
         text=True,
         check=False,
         env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[4])},
-        timeout=60,
+        timeout=600,
     )
     assert done.stderr == ""

@@ -18,7 +18,7 @@ from mavlink_defs.endpoint import free_ports
 
 pytestmark = pytest.mark.slow  # each imports all that an autopilot needs
 
-TIMEOUT_S = 120.0
+TIMEOUT_S = 600.0
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from mavlink_defs.endpoint import UdpAddress, bind_udp
 from mavlink_defs.framing.frames import FramePacker
 
 FLOOD = 20_000  # datagrams, many more than a buffer holds
-TIMEOUT_S = 20.0
+TIMEOUT_S = 300.0
 
 
 async def heard(vehicle: socket.socket, frame: bytes) -> None:

@@ -80,7 +80,7 @@ def test_an_observer_that_takes_its_turns_is_no_news(hurried: None, messages: li
 
     observer = Observer("watcher", watch, messages.append)
     for _ in range(10):
-        assert turns.acquire(timeout=60.0)
+        assert turns.acquire(timeout=600)
     observer.close()
     assert messages == []
 

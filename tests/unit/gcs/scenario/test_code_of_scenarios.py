@@ -166,7 +166,7 @@ def test_an_import_that_catches_everything_is_ended_by_name(
         env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[4])},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=600,
         check=False,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # as of a shell
     )

@@ -23,7 +23,7 @@ from sitl_plant.loop import process
 from sitl_plant.loop.process import Plant, main
 
 ANY_PORT = UdpAddress("127.0.0.1", 0)
-TIMEOUT_S = 60.0  # only a defect takes so long
+TIMEOUT_S = 600.0  # only a defect takes so long
 ENDED = dialect.FTC_SIM_FLAGS_ENDED
 
 
