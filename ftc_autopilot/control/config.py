@@ -5,13 +5,21 @@ none, a set that flies well with Table III to the letter. Angles inside the laws
 """
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, Self, TypeAlias
+from typing import Annotated, Any, Self, TypeAlias, cast
 
-from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, model_validator
+from pydantic import (
+    AfterValidator,
+    Field,
+    ValidationInfo,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+    model_validator,
+)
 
 from ftc_autopilot.control.laws import LAWS, Controller
 from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_autopilot.control.triggers import MODES, Trigger
+from ftc_autopilot.control.triggers.base import TriggerParameters
 from ftc_autopilot.guidance.aircraft_limits import guidance_problems
 from ftc_autopilot.guidance.failsafe_parameters import FailsafeParameters
 from ftc_autopilot.guidance.formation import Formation
@@ -25,15 +33,19 @@ from sitl_plant.actuators.config import ActuatorServos
 from sitl_plant.airframe.config import Aircraft
 
 
-def _by_law(value: Any, info: ValidationInfo) -> Any:
-    """Return keys of a trigger with the mode of the law before it, unless they name one."""
+def _by_law(
+    value: Any, read: ValidatorFunctionWrapHandler, info: ValidationInfo
+) -> TriggerParameters:
+    """Read a trigger; by the mode of the law before it, unless a mode is set."""
     law = info.data.get("controller")
     if law is None or not isinstance(value, dict) or "mode" in value:
-        return value
-    return {"mode": law.TRIGGER, **value}
+        return cast("TriggerParameters", read(value))
+    trigger: TriggerParameters = read({"mode": law.TRIGGER, **value})
+    trigger.model_fields_set.discard("mode")  # another law may come, with its own
+    return trigger
 
 
-LawTrigger: TypeAlias = Annotated[Trigger, BeforeValidator(_by_law)]
+LawTrigger: TypeAlias = Annotated[Trigger, WrapValidator(_by_law)]
 """The parameters of a trigger, in a model after its `controller`."""
 
 

@@ -21,6 +21,7 @@ from ftc_autopilot.control.laws.pid import Pid
 from ftc_autopilot.control.triggers import MODES
 from ftc_autopilot.control.triggers.periodic import Periodic
 from gcs.fleet.in_process import fly_in_process
+from gcs.scenario.changes import with_changes
 from gcs.scenario.model import Scenario
 from mavlink_defs.config.models import Model
 from mavlink_defs.framing.codec import ACTUATORS, SIM_STATE
@@ -166,6 +167,8 @@ def test_a_law_brings_its_trigger_where_none_is_named(scenario1: Scenario) -> No
             expected = 2.0 if "b2_deg" in keys.get("trigger", {}) else 1.0
             assert {value for _, value in scenario.trigger.b2_deg.windows()} == {expected}
             assert scenario.autopilot_config(2).trigger == scenario.trigger
+            changed = with_changes(scenario, values={"controller": {"kind": "tube"}})
+            assert changed.trigger.mode == "consequence", "of the law that came"
         named = tree | {"trigger": {"mode": "periodic"}}
         assert Scenario.model_validate(named).trigger.mode == "periodic"
 
