@@ -158,10 +158,11 @@ def test_every_law_flies_with_every_trigger(scenario1: Scenario, kind: str, mode
 
 def test_a_law_brings_its_trigger_where_none_is_named(scenario1: Scenario) -> None:
     own = {"surviving": "scaled", "tube": "consequence"}
+    given: list[dict[str, Any]] = [{}, {"trigger": {}}, {"trigger": {"b2_deg": 2.0}}]
     for kind in KINDS:
         tree = scenario1.model_dump() | {"controller": {"kind": kind}}
         del tree["trigger"]
-        for keys in ({}, {"trigger": {}}, {"trigger": {"b2_deg": 2.0}}):
+        for keys in given:
             scenario = Scenario.model_validate(tree | keys)
             assert scenario.trigger.mode == own.get(kind, "per_channel")
             expected = 2.0 if "b2_deg" in keys.get("trigger", {}) else 1.0
