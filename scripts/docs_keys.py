@@ -260,6 +260,8 @@ def default_of(field: FieldInfo) -> str:
         return "required"
     if isinstance(value, BaseModel):
         return "its defaults"
+    if value == {} and field.validate_default:
+        return "its law's"
     if value is None or value in ((), {}, ""):
         return "none"
     if isinstance(value, list) and isinstance(value[0], dict):

@@ -150,7 +150,7 @@ class ControllerConfig(Model):
         step_us: Control period.
         aircraft: The nominal aircraft.
         controller: Control law and its parameters.
-        trigger: Event triggers; those of the law if there is no `mode`.
+        trigger: Event triggers; the law's if there is no `mode`.
         formation_trigger: Trigger of the neighbour messages; none: every period.
         guidance: Guidance law for paths, and its parameters.
         runway_guidance: Take-off and landing.

@@ -3,11 +3,15 @@
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ftc_autopilot.control.laws import LAWS
+from ftc_autopilot.control.laws.base import LawParameters
+from ftc_autopilot.control.laws.proposed import Proposed
 from ftc_lab.campaigns.mark import MARK, Mark, mark_of
 from ftc_lab.campaigns.store import planned_rows, read_results
 from ftc_lab.campaigns.until import noted_conditions
@@ -15,7 +19,6 @@ from gcs.console.errors import BadInput
 from gcs.results.flight_mark import is_locked
 from gcs.results.quantities import QUANTITIES
 from gcs.results.runs.run import utc
-from gcs.scenario.model import Scenario
 from gcs.scenario.settings import label
 
 _KINDS = {"controller.kind", "trigger.mode"}
@@ -36,8 +39,7 @@ def facts_of(folder: Path) -> dict[str, Any]:
         planned = planned_rows(folder)
     except BadInput:
         planned = 0  # it was ended while it was planned
-    law = _kinds(mark, "controller", "kind", _default("controller").kind)
-    trigger = _kinds(mark, "trigger", "mode", _default("trigger").mode)
+    laws = [named or Proposed().kind for named in _named(mark, "controller", "kind")]
     figures: dict[str, Any] = {"flights": 0, "completed": 0}
     if planned:
         figures = _figures(folder, mark)
@@ -58,8 +60,8 @@ def facts_of(folder: Path) -> dict[str, Any]:
         "title": mark.campaign.name,
         "scenario": mark.campaign.scenario,
         "changes": _changes(mark),
-        "law": law,
-        "trigger": trigger,
+        "law": ", ".join(dict.fromkeys(laws)),
+        "trigger": ", ".join(dict.fromkeys(_triggers(mark, laws))),
         "faults": (*_faults(mark), *mark.campaign.faults),
         "uavs": len(mark.uav_ids),
         "planned": planned,
@@ -122,22 +124,26 @@ def _changes(mark: Mark) -> tuple[str, ...]:
     return (*varied, *([f"variants {', '.join(variants)}"] if len(variants) > 1 else []))
 
 
-def _default(section: str) -> Any:
-    return Scenario.model_fields[section].default
-
-
-def _kinds(mark: Mark, section: str, key: str, default: str) -> str:
-    """Return the kinds of a section in all variants, each once."""
+def _named(mark: Mark, section: str, key: str) -> list[str]:
+    """Return the kind of a section in each variant, or the swept ones; "" where none is named."""
 
     def own(tree: Mapping[str, Any], otherwise: str) -> str:
         part = tree.get(section)
         return str(part.get(key, otherwise)) if isinstance(part, Mapping) else otherwise
 
-    base = own(mark.scenario, default)
+    base = own(mark.scenario, "")
     kinds = _swept(mark).get(f"{section}.{key}") or [
         own(tree, base) for tree in mark.campaign.variants.values()
     ]
-    return ", ".join(dict.fromkeys(map(str, kinds)))
+    return list(map(str, kinds))
+
+
+def _triggers(mark: Mark, laws: Sequence[str]) -> Iterator[str]:
+    """Yield the trigger of each variant: the law's own where none is named."""
+    modes = _named(mark, "trigger", "mode")
+    is_swept = _swept(mark).keys() & _KINDS
+    for mode, law in product(modes, laws) if is_swept else zip(modes, laws, strict=True):
+        yield mode or LAWS.get(law, LawParameters).TRIGGER
 
 
 def _faults(mark: Mark) -> Iterator[str]:

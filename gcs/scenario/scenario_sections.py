@@ -68,7 +68,7 @@ class ScenarioSections(Model):
         sensors: Sensors of every aircraft.
         estimator: Parameters of the estimator of every UAV.
         controller: Control law of every UAV, and its parameters.
-        trigger: Event triggers of every UAV; those of its law if there is no `mode`.
+        trigger: Event triggers of every UAV; its law's if there is no `mode`.
         guidance: Guidance law of every UAV on a path.
         runway_guidance: Take-off and landing of every UAV.
         failsafe: What every UAV does by itself.

@@ -356,7 +356,15 @@ def test_a_sweep_over_laws_names_them_and_has_no_medians_of_unlike_flights(
     root = tmp_path / "runs"
     swept([short], ["controller.kind=pid,proposed", "duration_s=0.02"], root / "sweep")
     (run,) = list_runs(root).runs
-    assert run.law == "pid, proposed"
+    assert (run.law, run.trigger) == ("pid, proposed", "per_channel")
     assert (run.messages, run.events, run.saving, run.iae.get("roll")) == (None,) * 4
     assert run.completed == 2
     assert run.faults[0].startswith("uav=3: actuator=rudder")
+
+
+def test_a_sweep_over_laws_names_the_triggers_that_they_bring(short: Path, tmp_path: Path) -> None:
+    root, own = tmp_path / "runs", tmp_path / "own.yaml"
+    own.write_text(f"extends: {short}\nduration_s: 0.02\ntrigger: null\n")
+    swept([own], ["controller.kind=pid,surviving"], root / "sweep")
+    run = only(root)
+    assert (run.law, run.trigger) == ("pid, surviving", "per_channel, scaled")
