@@ -4,10 +4,10 @@
 accepts other ways to find it); of several, ``extends: [first.yaml, second.yaml]``, each is merged
 into those before it. The file is merged into its base as a JSON Merge Patch (RFC 7396):
 mappings merge key by key, a null removes the base's key, anything else, lists included, replaces.
-Two rules are added. A mapping with another `kind` than the base's inherits nothing from it, so that
-one control law does not get the gains of another. And `navigation: estimated` inherits no errors of
-the true state, which are of flights by it. Each value remembers the file and line where it is
-written.
+Three rules are added. A mapping with another `kind` than the base's inherits nothing from it, so
+that one control law does not get the gains of another. A trigger with another `mode` inherits the
+thresholds alone. And `navigation: estimated` inherits no errors of the true state, which are of
+flights by it. Each value remembers the file and line where it is written.
 
 A file may name any other, also one that its reader must not see. Of a base that is not YAML, or has
 a top-level key that is none of the known ones, messages name the line but nothing of its content.
@@ -29,6 +29,9 @@ from mavlink_defs.config.yaml_text import yaml_of
 
 OF_TRUE_STATE = "gyro_deg_s", "accelerometer_m_s2", "attitude_deg", "airspeed_m_s"
 """Sections of `sensors` that a flight by an estimated state has no use for."""
+
+OF_ANY_MODE = frozenset(("a1", "a2_n", "b1", "b2_deg"))
+"""Keys of a `trigger` that it has in every mode."""
 
 _PLACE = re.compile(r"\w+(?:\.\w+|\[[0-9]+\])*")
 _STEP = re.compile(r"\.?(\w+)|\[([0-9]+)\]")  # a key, or an index
@@ -110,7 +113,7 @@ def merged(base: Any, overlay: Any) -> Any:
         return overlay
     if not isinstance(base, dict) or overlay.get("kind", base.get("kind")) != base.get("kind"):
         base = {}
-    base = _without_ruled_out(base, overlay)
+    base = _without_ruled_out(_in_mode_of(base, overlay), overlay)
     new = WrittenDict(base, _sources(base))
     sources = _sources(overlay)
     for key, value in overlay.items():
@@ -135,6 +138,15 @@ def joined(base: dict[Any, Any], addition: dict[Any, Any]) -> dict[Any, Any]:
     return tree
 
 
+def _in_mode_of(base: dict[Any, Any], overlay: dict[Any, Any]) -> dict[Any, Any]:
+    """Return what a mapping inherits; a trigger with another mode has its thresholds alone."""
+    old, new = base.get("mode"), overlay.get("mode")
+    if old is None or new is None or old == new or not base.keys() & OF_ANY_MODE:
+        return base
+    kept = {key: value for key, value in base.items() if key in OF_ANY_MODE}
+    return WrittenDict(kept, _sources(base))
+
+
 def _without_ruled_out(tree: dict[Any, Any], other: dict[Any, Any]) -> dict[Any, Any]:
     """Return the part of a scenario that has a meaning beside another part."""
     sensors = tree.get("sensors")
@@ -154,6 +166,7 @@ def difference(base: Any, tree: Any) -> Any:
         return tree
     if tree.get("kind") != base.get("kind"):
         return {"kind": None, **tree}
+    base = _in_mode_of(base, {"mode": tree.get("mode")})
     overlay: dict[Any, Any] = {key: None for key in base if key not in tree}
     for key, value in tree.items():
         if key not in base or yaml_of(base[key]) != yaml_of(value):  # 1 is not 1.0

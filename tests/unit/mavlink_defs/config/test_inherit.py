@@ -114,6 +114,20 @@ def test_merging(overlay: Any, result: Any) -> None:
     assert merged({"law": LAW, "a": [1]}, {"law": overlay}) == {"law": result, "a": [1]}
 
 
+def test_a_trigger_of_another_mode_inherits_the_thresholds_alone() -> None:
+    base = {"mode": "scaled", "b2_deg": 0.4, "a1": 0.01, "within_s": 0.05}
+    periodic = {"mode": "periodic", "b2_deg": 0.4, "a1": 0.01}
+    assert merged(base, {"mode": "periodic"}) == periodic
+    assert merged(base, {"mode": "scaled", "a1": 0.02}) == {**base, "a1": 0.02}
+    assert merged(base, {"mode": None}) == {k: v for k, v in base.items() if k != "mode"}
+    tree = {"trigger": base}
+    assert with_values(tree, {"trigger.mode": "periodic"}) == {"trigger": periodic}
+    for own in ({}, {"within_s": 0.05}, {"period_s": 0.004}):
+        assert merged(base, difference(base, periodic | own)) == periodic | own
+    autopilot = {"kind": "ardupilot", "mode": "AUTO", "binary": "arduplane"}
+    assert merged(autopilot, {"mode": "CRUISE"}) == {**autopilot, "mode": "CRUISE"}
+
+
 def test_a_kind_where_there_was_none_inherits_nothing() -> None:
     assert merged({"c_v": 10.0}, {"kind": "pid"}) == {"kind": "pid"}
 

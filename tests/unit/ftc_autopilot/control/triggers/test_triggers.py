@@ -16,6 +16,7 @@ from ftc_autopilot.control.triggers import MODES, TRIGGERS, decide
 from ftc_autopilot.control.triggers.base import Candidates, TriggerParameters
 from ftc_autopilot.control.triggers.periodic import clock
 from gcs.scenario.model import Scenario
+from mavlink_defs.config.inherit import OF_ANY_MODE
 from mavlink_defs.config.models import Problems
 
 ALL = 0b1111
@@ -285,3 +286,7 @@ def test_what_makes_no_sense_is_refused(
     problems = error["ctx"]["error"]
     assert isinstance(problems, Problems)
     assert str(problems).startswith(text)
+
+
+def test_what_another_mode_inherits_is_what_every_trigger_has() -> None:
+    assert TriggerParameters.model_fields.keys() - {"mode"} == OF_ANY_MODE
