@@ -108,18 +108,20 @@ def command_of(point: "EntryPoint") -> GcsCommand:
     Raises:
         BadInput: It cannot be imported, or is something else.
     """
-    whose = f"the command {point.name!r} of {point.value}"
-    if point.dist is not None:
-        whose += f" ({point.dist.name} {point.dist.version})"
     try:
         found = point.load()
     except (Exception, SystemExit) as problem:
-        text = f"{whose} cannot be imported: {type(problem).__name__}: {problem}"
-        raise BadInput(text, "mend or remove that package") from problem
+        why = f" cannot be imported: {type(problem).__name__}: {problem}"
+        raise BadInput(_whose(point) + why, "mend or remove that package") from problem
     if not isinstance(found, GcsCommand):
-        text = f"{whose}: expected a `gcs.command_list.GcsCommand`, got {type(found).__name__}"
-        raise BadInput(text, "mend or remove that package")
+        why = f": expected a `gcs.command_list.GcsCommand`, got {type(found).__name__}"
+        raise BadInput(_whose(point) + why, "mend or remove that package")
     return found
+
+
+def _whose(point: "EntryPoint") -> str:
+    package = "" if point.dist is None else f" ({point.dist.name} {point.dist.version})"
+    return f"the command {point.name!r} of {point.value}{package}"
 
 
 def load(name: str, command: GcsCommand) -> Any:

@@ -55,12 +55,13 @@ class _Commands(TyperGroup):
         super().__init__(**{**attributes, "commands": lines})
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        if args and args[0] in GONE:
-            raise BadInput(f"there is no gcs {args[0]} any more", f"use {GONE[args[0]]}")
-        if args and args[0] not in OWN:
-            self.list_commands(ctx)  # for the suggestions as well
-        if args and args[0] in self.commands:
-            self.load(args[0])
+        name = args[0] if args else ""
+        if name in GONE:
+            raise BadInput(f"there is no gcs {name} any more", f"use {GONE[name]}")
+        if name in OWN or name in (others := registered()):
+            self.load(name, OWN[name] if name in OWN else command_of(others[name]))
+        else:
+            self.list_commands(ctx)  # for the suggestions
         return super().resolve_command(ctx, args)
 
     def list_commands(self, ctx: Any) -> list[str]:
@@ -75,9 +76,14 @@ class _Commands(TyperGroup):
         shown: Any = self.commands
         return sorted(shown, key=lambda name: order.get(shown[name].rich_help_panel, len(panels)))
 
-    def load(self, name: str) -> None:
+    def load_all(self) -> None:
+        """Import all commands."""
+        others = {name: command_of(point) for name, point in registered().items()}
+        for name, command in (OWN | others).items():
+            self.load(name, command)
+
+    def load(self, name: str, command: GcsCommand) -> None:
         """Import a command."""
-        command = OWN[name] if name in OWN else command_of(registered()[name])
         with ending_at_once():
             home: Any = load(name, command)
         gc.freeze()  # what is imported stays: to search it for garbage takes a tenth of a second
@@ -250,8 +256,7 @@ def whole_command() -> Any:
     """Return the command line with all commands imported, as its reference needs it."""
     command = typer.main.get_group(app)
     assert isinstance(command, _Commands)
-    for name in (*OWN, *registered()):
-        command.load(name)
+    command.load_all()
     return _without_types(command)
 
 

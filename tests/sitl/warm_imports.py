@@ -14,11 +14,8 @@ import ftc_lab.figures.sweep
 import ftc_lab.reports.campaign
 import ftc_lab.reports.sweep
 import ftc_lab.reproduce  # noqa: F401 - as the others: commands that are forked need it
-from gcs.command_list import OWN, registered
 from gcs.commands.cli import app
 from gcs.fleet.fork_server import _load_compiled_code
 
-_group = typer.main.get_group(app)
-for _name in (*OWN, *registered()):
-    _group.load(_name)  # type: ignore[attr-defined]  # our own class
+typer.main.get_group(app).load_all()  # type: ignore[attr-defined]  # our own class
 _load_compiled_code()
