@@ -79,7 +79,7 @@ class _Commands(TyperGroup):
     def load_all(self) -> None:
         """Import all commands."""
         others = {name: command_of(point) for name, point in registered().items()}
-        for name, command in (OWN | others).items():
+        for name, command in {**OWN, **others}.items():
             self.load(name, command)
 
     def load(self, name: str, command: GcsCommand) -> None:

@@ -17,3 +17,15 @@ def trees() -> dict[str, ast.Module]:
         for path in (ROOT / package).rglob("*.py")
         if path.name != "dialect.py" and not path.is_relative_to(TEMPLATE)
     }
+
+
+@cache
+def nodes() -> list[tuple[str, ast.AST]]:
+    """Every class, function and call of the sources, and its file."""
+    kinds = (ast.ClassDef, ast.FunctionDef, ast.Call)
+    return [
+        (name, node)
+        for name, tree in trees().items()
+        for node in ast.walk(tree)
+        if isinstance(node, kinds)
+    ]

@@ -15,7 +15,7 @@ MESSAGES = list(dialect.mavlink_map.values())
 
 @st.composite
 def messages(draw: st.DrawFn, kind: Any) -> dialect.MAVLink_message:
-    """Any bytes as a payload; its last ones are zeros now and then, which are cut off on the wire."""
+    """Any bytes as a payload; its last ones may be zeros, which are cut off on the wire."""
     size = kind.unpacker.size
     payload = draw(st.binary(min_size=size, max_size=size))
     zeros = draw(st.integers(0, size))
