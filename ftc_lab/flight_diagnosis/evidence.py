@@ -103,11 +103,12 @@ class _Model:
 
     def learn(self, x: np.ndarray, y: float) -> None:
         """Measure the residual of a sample, then learn it."""
-        residual = float(y - x @ self.coefficients) / np.sqrt(self.stretch(x))
-        self._block = np.append(self._block[1:], residual)
+        residual = float(y - x @ self.coefficients) / math.sqrt(self.stretch(x))
+        self._block[:-1] = self._block[1:]
+        self._block[-1] = residual
         self._not_learnt -= 1
         weight = 1.0 if self._not_learnt >= 0 else self._measure(residual)
-        self._A = self._forget * self._A + weight * np.outer(x, x)
+        self._A = self._forget * self._A + weight * (x[:, None] * x)
         self._b = self._forget * self._b + weight * y * x
         self._P = np.linalg.inv(self._A)
         self.coefficients = self._P @ self._b
@@ -121,7 +122,9 @@ class _Model:
             block_size = math.sqrt(self._block_squares / self._weights)
             weight = min(1.0, _HUBER * size / max(abs(residual), _TINY))
         squares = min(abs(residual), _CLIP * size) ** 2
-        block_squares = min(abs(self._block.mean()), _CLIP * block_size) ** 2
+        block_squares = (
+            min(abs(float(np.add.reduce(self._block)) / len(self._block)), _CLIP * block_size) ** 2
+        )
         self._squares = self._forget * self._squares + squares
         self._block_squares = self._forget * self._block_squares + block_squares
         self._weights = self._forget * self._weights + 1.0

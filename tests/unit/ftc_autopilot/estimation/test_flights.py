@@ -201,8 +201,8 @@ def test_without_gnss_it_reckons(
     assert np.abs(states["position"] - true[:, :3])[9000:].max() < 6.0
 
 
-def test_a_second_call_for_a_step_changes_nothing(flight: tuple[Scenario, np.ndarray]) -> None:
-    scenario, _ = flight
+def test_a_second_call_for_a_step_changes_nothing() -> None:
+    scenario = load_scenario("paper/scenario1")
     plant = scenario.plant_config(speed=None)
     aircraft = scenario.aircraft_of(scenario.uavs[0].id)
     config = EstimatorConfig(plant.sensors.navigation, plant.origin, scenario.step_us, aircraft)
