@@ -26,7 +26,8 @@ from ftc_autopilot.guidance.formation import Formation
 from ftc_autopilot.guidance.laws import Guidance
 from ftc_autopilot.guidance.laws.path_following import PathFollowing
 from ftc_autopilot.guidance.runway import RunwayParameters
-from ftc_autopilot.plugins.loading import calling, plugin_of
+from ftc_autopilot.plugins.loading import TRIGGERS, calling, plugin_of
+from ftc_autopilot.plugins.models import is_plugin
 from mavlink_defs.config.models import HostPort, Loc, Model, Problems, SystemId, repeated
 from mavlink_defs.config.quantity import quantity, whole
 from sitl_plant.actuators.config import ActuatorServos
@@ -40,6 +41,10 @@ def _by_law(
     law = info.data.get("controller")
     if law is None or not isinstance(value, dict) or "mode" in value:
         return cast("TriggerParameters", read(value))
+    if law.TRIGGER not in MODES and not is_plugin(law.TRIGGER, TRIGGERS, MODES):
+        text = f"expected TRIGGER of the law {law.kind!r} to be a plug-in or one of"
+        text += f" {', '.join(MODES)}, got {law.TRIGGER!r}"
+        raise ValueError(f"{text}; mend that class, or name a mode here")
     trigger: TriggerParameters = read({"mode": law.TRIGGER, **value})
     trigger.model_fields_set.discard("mode")  # another law may come, with its own
     return trigger

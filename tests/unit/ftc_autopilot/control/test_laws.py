@@ -22,8 +22,8 @@ from ftc_autopilot.control.triggers import MODES
 from ftc_autopilot.control.triggers.periodic import Periodic
 from gcs.fleet.in_process import fly_in_process
 from gcs.scenario.changes import with_changes
-from gcs.scenario.model import Scenario
-from mavlink_defs.config.models import Model
+from gcs.scenario.model import Scenario, scenario_of
+from mavlink_defs.config.models import ConfigError, Model
 from mavlink_defs.framing.codec import ACTUATORS, SIM_STATE
 from sitl_plant.airframe.rigid_body import R2, R2_inv, angular_acceleration, gravity_body
 from sitl_plant.vec3 import Vec3, mat3
@@ -172,6 +172,18 @@ def test_a_law_brings_its_trigger_where_none_is_named(scenario1: Scenario) -> No
             assert changed.trigger.mode == "consequence", "of the law that came"
         named = tree | {"trigger": {"mode": "periodic"}}
         assert Scenario.model_validate(named).trigger.mode == "periodic"
+
+
+def test_a_trigger_of_a_law_that_is_none_is_the_laws_mistake(
+    scenario1: Scenario, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(LAWS["surviving"], "TRIGGER", "nope")
+    tree = scenario1.model_dump() | {"controller": {"kind": "surviving"}}
+    del tree["trigger"]
+    why = "trigger: expected TRIGGER of the law 'surviving' to be a plug-in or .*, got 'nope'; mend"
+    with pytest.raises(ConfigError, match=why):
+        scenario_of("mine", tree)
+    assert scenario_of("mine", tree | {"trigger": {"mode": "joint"}}).trigger.mode == "joint"
 
 
 def test_laws_go_by_the_name_in_their_kind() -> None:
