@@ -165,12 +165,10 @@ def _exchange(autopilots: dict[int, _Autopilot]) -> None:
 
 
 def scenario_with(law: str, duration_s: float) -> Scenario:
-    """Return the paper's scenario 1 with another law, and the trigger that this needs."""
+    """Return the paper's scenario 1 with another law."""
     tree = scenario_tree(Path("paper/scenario1"))
     if law != "proposed":
         tree["controller"] = {"kind": law}
-    if law == "tube":
-        tree["trigger"] = {"mode": "consequence"}
     return scenario_of("bad links", tree | {"duration_s": duration_s})
 
 

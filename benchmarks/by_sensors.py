@@ -43,8 +43,6 @@ _MANY = 100.0  # printed without decimals
 def scenario_with(name: str, law: str, seed: int, navigation: str) -> Scenario:
     """Return a scenario flown by a law, and by sensors or by the true state."""
     own = {"controller": {"kind": law}, "seed": seed, "navigation": navigation}
-    if law == "tube":
-        own["trigger"] = {"mode": "consequence"}
     return scenario_of(name, merged(scenario_tree(name), own))
 
 

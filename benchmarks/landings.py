@@ -59,8 +59,7 @@ def base_of(name: str, law: str) -> Scenario:
             return scenario
         aircraft = scenario.aircraft_of(1).model_dump(exclude_none=True)
         return _changed(scenario, {"aircraft": aircraft | {"gear": {"kind": "tricycle"}}})
-    trigger = {"trigger": {"mode": "consequence"}} if law == "tube" else {}
-    return _changed(load_scenario("runway/circuit"), {"controller": {"kind": law}} | trigger)
+    return _changed(load_scenario("runway/circuit"), {"controller": {"kind": law}})
 
 
 def landing(name: str, law: str, wind: Wind, fault: dict[str, Any], seed: int) -> Scenario:

@@ -48,7 +48,6 @@ def chapter(seed: int, number: int, uavs: int, duration_s: float) -> Chapter:
         "duration_s": duration_s,
         "seed": random.randrange(2**31),
         "controller": {"kind": law},
-        "trigger": {"mode": "consequence"} if law == "tube" else tree["trigger"],
         "uavs": [_uav(first, i, random) for i in ids],
         "network": {
             "leader_access": {1: 1.0},

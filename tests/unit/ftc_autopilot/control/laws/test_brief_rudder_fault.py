@@ -21,8 +21,6 @@ def largest_yaw_error(law: str, stuck_deg: float) -> float:
     tree = merged(scenario_tree("paper/scenario1"), scenario_tree("realistic"))
     fault = {"uav": 2, "actuator": "rudder", "stuck_deg": stuck_deg, "start_s": 8.0, "end_s": 9.0}
     own = {"duration_s": 12.0, "controller": {"kind": law}, "faults": [fault]}
-    if law == "tube":
-        own["trigger"] = {"mode": "consequence"}
     flight = fly_in_process(scenario_of("it", merged(tree, own)))
     return float(np.degrees(np.abs(flight.states[6000:, UAV, 8] - np.radians(10.0))).max())
 

@@ -26,8 +26,6 @@ def largest_error_deg(law: str, effectiveness: float) -> float:
     tree = merged(scenario_tree("paper/scenario1"), scenario_tree("realistic"))
     fault = {"uav": 1, "actuator": "aileron", "effectiveness": effectiveness, "start_s": 3.0}
     own: dict[str, Any] = {"duration_s": 16.0, "controller": {"kind": law}, "faults": [fault]}
-    if law == "tube":
-        own["trigger"] = {"mode": "consequence"}
     flight = fly_in_process(scenario_of("it", merged(tree, own | {"profile": PROFILE})))
     late = flight.time_s > 3.0
     return float(np.degrees(np.abs(flight.error("reference")[late, 0, 1:3])).max())
