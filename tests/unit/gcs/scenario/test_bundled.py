@@ -84,3 +84,12 @@ def test_a_name_like_no_other_gets_no_suggestion() -> None:
         "qwertz.yaml: no such file, and no bundled scenario of that name "
         "(`gcs scenarios` lists them)"
     )
+
+
+def test_nobody_flies_surviving_by_thresholds_that_know_no_noise_without_asking() -> None:
+    names = [name for name in bundled_names() if not name.startswith("campaigns/")]
+    flown = [load_scenario(name) for name in names]
+    modes = {s.name: s.trigger.mode for s in flown if s.controller.kind == "surviving"}
+    assert len(modes) > 10
+    assert set(modes.values()) == {"scaled"}
+    assert load_scenario("paper/scenario1").trigger.mode == "per_channel", "as Table V counts"
