@@ -122,9 +122,8 @@ class _Model:
             block_size = math.sqrt(self._block_squares / self._weights)
             weight = min(1.0, _HUBER * size / max(abs(residual), _TINY))
         squares = min(abs(residual), _CLIP * size) ** 2
-        block_squares = (
-            min(abs(float(np.add.reduce(self._block)) / len(self._block)), _CLIP * block_size) ** 2
-        )
+        mean = float(np.add.reduce(self._block)) / len(self._block)
+        block_squares = min(abs(mean), _CLIP * block_size) ** 2
         self._squares = self._forget * self._squares + squares
         self._block_squares = self._forget * self._block_squares + block_squares
         self._weights = self._forget * self._weights + 1.0

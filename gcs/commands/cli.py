@@ -58,8 +58,10 @@ class _Commands(TyperGroup):
         name = args[0] if args else ""
         if name in GONE:
             raise BadInput(f"there is no gcs {name} any more", f"use {GONE[name]}")
-        if name in OWN or name in (others := registered()):
-            self.load(name, OWN[name] if name in OWN else command_of(others[name]))
+        if name in OWN:
+            self.load(name, OWN[name])
+        elif point := registered().get(name):
+            self.load(name, command_of(point))
         else:
             self.list_commands(ctx)  # for the suggestions
         return super().resolve_command(ctx, args)

@@ -1,4 +1,4 @@
-"""The sources of the packages as trees, for checks of how they are written."""
+"""The sources of the packages as nodes of their trees, for checks of how they are written."""
 
 import ast
 from functools import cache
@@ -10,22 +10,14 @@ TEMPLATE = ROOT / "gcs" / "project"
 
 
 @cache
-def trees() -> dict[str, ast.Module]:
-    return {
-        str(path.relative_to(ROOT)): ast.parse(path.read_text())
+def nodes() -> list[tuple[str, ast.AST]]:
+    """Every class, function and call of the packages, and its file."""
+    kinds = (ast.ClassDef, ast.FunctionDef, ast.Call)
+    return [
+        (str(path.relative_to(ROOT)), node)
         for package in PACKAGES
         for path in (ROOT / package).rglob("*.py")
         if path.name != "dialect.py" and not path.is_relative_to(TEMPLATE)
-    }
-
-
-@cache
-def nodes() -> list[tuple[str, ast.AST]]:
-    """Every class, function and call of the sources, and its file."""
-    kinds = (ast.ClassDef, ast.FunctionDef, ast.Call)
-    return [
-        (name, node)
-        for name, tree in trees().items()
-        for node in ast.walk(tree)
+        for node in ast.walk(ast.parse(path.read_text()))
         if isinstance(node, kinds)
     ]
