@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ftc_autopilot.common.motion import MeasuredMotion
+from ftc_autopilot.common.phases import HEALTHY
 from ftc_autopilot.common.records import fill, record_dtype
 from ftc_autopilot.common.schedule import scheduled
 from ftc_autopilot.common.tuples import four, rows_of
@@ -234,12 +235,23 @@ def control_step(inputs: Inputs, records: Records, may_send: bool = True) -> int
         command = evaluate(flown, aircraft, parameters, state, signals)
     mask = 0
     if may_send:
-        mask = transmit(command, now, aircraft, parameters, state, controls)
+        examined = _examined(signals)
+        mask = transmit(command, now, aircraft, parameters, state, controls, examined)
         state["started"] = 1
         state["steps"] += 1
 
     _record_signals(signals, now, command, state["held"], mask)
     filter_reference(state["command"], state["reference"], now.bandwidth, now.dt)
+    return mask
+
+
+@inlined
+def _examined(signals: SignalsRecord) -> int:
+    """Return the mask of the channels whose actuator the diagnosis suspects, or has lost."""
+    mask = 0
+    for i in range(N_CHANNELS):
+        if signals["phase"][i] != HEALTHY:
+            mask |= 1 << i
     return mask
 
 

@@ -61,6 +61,7 @@ def transmit(
     parameters: ParametersRecord,
     state: ControllerRecord,
     controls: np.ndarray,
+    examined: int,
 ) -> int:
     """Decide which channels transmit, and put their new values on the wire.
 
@@ -73,6 +74,7 @@ def transmit(
             where a channel transmits, and so is the trigger's memory; commands that are not finite
             are counted.
         controls: HIL_ACTUATOR_CONTROLS.controls, updated where a channel transmits.
+        examined: Mask of the channels whose actuator a diagnosis suspects, or has lost.
 
     Returns:
         Bit mask of the channels that transmit, bit numbers as FTC_ACTUATOR.
@@ -87,6 +89,7 @@ def transmit(
         held=now.held,
         relative=(b[0], b[0], b[0], a[0]),
         absolute=(b[1], b[1], b[1], a[1]),
+        examined=examined,
     )
     mask = decide(candidates, parameters["mode"], parameters["trigger"], state["trigger"])
     for i in range(N_CHANNELS):

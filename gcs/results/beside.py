@@ -106,6 +106,7 @@ def count_beside(
             held=four(counts["held"]),
             relative=(b[0], b[0], b[0], a[0]),
             absolute=(b[1], b[1], b[1], a[1]),
+            examined=0,
         )
         mask = decide(now, mode, parameters, state) & channels
         counts["messages"] += mask != 0

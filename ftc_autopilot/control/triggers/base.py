@@ -60,7 +60,7 @@ class TriggerParameters(Model):
 class Candidates(NamedTuple):
     """Commands of one control step beside those sent last; channels as in FTC_ACTUATOR.
 
-    In memory it is struct ftc_trigger_input.
+    In memory it is struct ftc_trigger_input, which ends before `examined`.
     """
 
     dt: float  # control period [s]
@@ -70,6 +70,7 @@ class Candidates(NamedTuple):
     held: Four  # commands in force [rad, rad, rad, N]
     relative: Four  # thresholds b1, b1, b1, a1 [-]
     absolute: Four  # thresholds b2, b2, b2 [rad], a2 [N]
+    examined: int  # mask of the channels whose actuator the law's diagnosis suspects, or has lost
 
 
 @compiled

@@ -88,7 +88,7 @@ def scaled(now: Candidates, parameters: np.void, state: np.void) -> int:
     watch(now.commanded, least, parameters["within_s"], parameters["memory_s"], now.dt, state)
     mask = 0
     for i in range(N_CHANNELS):
-        limit = max(least[i], noise_threshold(i, state))
+        limit = least[i] if now.examined & (1 << i) else max(least[i], noise_threshold(i, state))
         if now.first or abs(now.commanded[i] - now.held[i]) >= limit:
             mask |= 1 << i
     return mask

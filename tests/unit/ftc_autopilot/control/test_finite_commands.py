@@ -66,7 +66,7 @@ def test_a_demand_that_is_not_finite_is_not_sent_and_the_last_command_is_held(
         command = Command(asked[:3], asked[3], selected)
         thresholds = Thresholds((0.01, 0.5), (0.01, 0.02))
         now = step_of(motion_of(_FLYING, nominal), k == 0, thresholds=thresholds)
-        mask = transmit(command, now, nominal, parameters, state, controls)
+        mask = transmit(command, now, nominal, parameters, state, controls, 0)
         failed = ~np.isfinite(asked)
         failures += failed
         assert not any(mask & (1 << c) for c in np.flatnonzero(failed))

@@ -129,6 +129,7 @@ def test_the_variable_of_the_dynamic_trigger() -> None:
         held=(0.0,) * 4,
         relative=(0.1,) * 4,
         absolute=(1.0,) * 4,
+        examined=0,
     )
     eta = np.zeros(4)
     for _ in range(2):

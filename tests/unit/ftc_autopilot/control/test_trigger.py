@@ -52,7 +52,7 @@ class Sender:
         command = Command((delta[0], delta[1], delta[2]), T, chosen)
         now = step_of(self.motion, first, dt=dt, held=four(self.held), thresholds=Thresholds(A, B))
         records = (self.parameters, self.state, self.controls)
-        return transmit(command, now, self.nominal, *records)
+        return transmit(command, now, self.nominal, *records, 0)
 
 
 @pytest.mark.parametrize("mode", MODES)

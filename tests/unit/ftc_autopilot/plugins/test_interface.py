@@ -14,7 +14,7 @@ from own_laws import COMPILER, HEADERS
 
 from ftc_autopilot.control.controller import CONTROLLER, PARAMETERS
 from ftc_autopilot.control.laws.plugin import LAW, LAW_INPUT, LAW_OUTPUT, LawInput
-from ftc_autopilot.control.triggers.plugin import TRIGGER_INPUT, TRIGGER_OUTPUT
+from ftc_autopilot.control.triggers.plugin import TRIGGER, TRIGGER_INPUT, TRIGGER_OUTPUT
 from ftc_autopilot.guidance.laws.plugin import GUIDANCE, GUIDANCE_INPUT, GUIDANCE_OUTPUT
 from ftc_autopilot.plugins.functions import ABI
 from ftc_autopilot.plugins.memory import bytes_of, layout_of, tuple_at
@@ -29,7 +29,11 @@ STRUCTS = {
     "ftc_guidance_input": GUIDANCE_INPUT,
     "ftc_guidance_output": GUIDANCE_OUTPUT,
 }
-KNOWN = {"ftc_law_input": LAW.known, "ftc_guidance_input": GUIDANCE.known}
+KNOWN = {
+    "ftc_law_input": LAW.known,
+    "ftc_trigger_input": TRIGGER.known,
+    "ftc_guidance_input": GUIDANCE.known,
+}
 """Bytes of a record that its header declares, if not all."""
 IN_C = {"thresholds.": "", "seen.motion": "seen"}
 """Names of Python that a header has not."""
