@@ -47,8 +47,12 @@ class Up:
     def gcs_json(self, *arguments: str | Path, status: int = 0) -> Any:
         """Run it with --json and return its output."""
         done = self.gcs(*arguments, "--json")
-        assert done.returncode == status, done.stderr
+        assert done.returncode == status, (done.stderr, self.ended())
         return json.loads(done.stdout)
+
+    def ended(self) -> str:
+        """Return what `gcs up` wrote if it has ended: why nobody answers."""
+        return "" if self.popen.poll() is None else self.popen.communicate()[1]
 
     def begin(
         self, *arguments: str | Path, connect: str | None = None, output: Path | None = None

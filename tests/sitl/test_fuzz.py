@@ -3,7 +3,9 @@
 import contextlib
 import functools
 import os
+import signal
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from random import Random
@@ -33,6 +35,7 @@ pytestmark = pytest.mark.sitl
 IDS = sorted(MESSAGES)
 PROCESSES = ("plant", "uav1", "uav2", "uav3")
 NOBODY = (99, 1)
+NO_AUTOPILOT = 191  # component
 PAUSE_S = 0.005
 ENOUGH_QUEUED = 30_000  # [bytes] of a receive buffer: none of the flight's may be lost
 
@@ -92,11 +95,14 @@ def datagrams_to(plant: bool) -> list[bytes]:
 
 
 def _datagram(random: Random, to_plant: bool) -> bytes:
-    frame = message_frame(random, random.choice(IDS), (random.randint(1, 3), 1), NOBODY)
     kind = random.randrange(3)
     if kind == 0:
         return noise(random)
-    # what is whole and says that a vehicle sent it is believed elsewhere: there are no keys
+    # what is whole and says that a vehicle sent it is believed elsewhere: there are no keys. The
+    # plant would believe an autopilot, too, once the one it knows has had no processor for a second
+    component = NO_AUTOPILOT if kind == 1 else 1
+    sender = (random.randint(1, 3), component)
+    frame = message_frame(random, random.choice(IDS), sender, NOBODY)
     return frame if kind == 1 and to_plant else damaged(random, frame)
 
 
@@ -130,6 +136,11 @@ def test_status_shows_what_was_dropped_and_why(tmp_path: Path) -> None:
         (plant_port,) = udp_ports(process_of(fleet.folder, "plant"))
         hub_port = int(fleet.hub.rpartition(":")[2])
         with Hail({*ports_of(fleet.folder), hub_port}, plant_port) as hail:
+            wait_until(lambda: min(hail.sent.values()) > 100, "much is sent")
+            pid = process_of(fleet.folder, "uav1")
+            os.kill(pid, signal.SIGSTOP)  # as a busy machine does
+            time.sleep(2.0)
+            os.kill(pid, signal.SIGCONT)
             wait_until(lambda: min(hail.sent.values()) > 300, "enough is sent")
         wait_until(
             lambda: _all_report(fleet.gcs_json("status")["vehicles"]), "every drop is reported"
