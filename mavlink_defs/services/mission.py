@@ -33,6 +33,8 @@ MissionItem: TypeAlias = MAVLink_mission_item_int_message
 RESPONSE_TIMEOUT_S = 1.5
 ITEM_TIMEOUT_S = 0.5
 MAX_RETRIES = 5
+MAX_REPEATS = 100
+"""Requests of items that were sent before, since the last new one: autopilots give up earlier."""
 
 
 @dataclass(frozen=True)
@@ -159,6 +161,8 @@ class MissionUploader(_MissionClient):
 
     The vehicle requests each item. While it does not answer, the last message is repeated: a
     MISSION_COUNT begins the upload again, a last item makes the vehicle repeat its MISSION_ACK.
+    One that asks for what it has been sent `MAX_REPEATS` times is not waited for any longer: the
+    result is MAV_MISSION_INVALID_SEQUENCE.
     """
 
     def __init__(
@@ -176,6 +180,7 @@ class MissionUploader(_MissionClient):
             item.target_system, item.target_component = vehicle
             item.mission_type = mission_type
         self._sent = 0  # items requested so far, in order
+        self._repeats = 0  # requests of earlier ones since the last of these
 
     def _first_request(self) -> MAVLink_message:
         self._sent = 0
@@ -197,7 +202,14 @@ class MissionUploader(_MissionClient):
             return  # requested for an earlier upload: this one's requests come in order, from 0
         if seq == self._sent:
             self._sent += 1
+            self._repeats = 0
             self._happened.append(MissionProgress(self._sent, len(self._items)))
+        else:
+            self._repeats += 1
+            if self._repeats > MAX_REPEATS:
+                self._acknowledge(dialect.MAV_MISSION_OPERATION_CANCELLED)
+                self._finish(dialect.MAV_MISSION_INVALID_SEQUENCE)
+                return
         self._ask(self._items[seq], RESPONSE_TIMEOUT_S, now)
 
 

@@ -33,6 +33,7 @@ from mavlink_defs.dialect import (
 )
 from mavlink_defs.services.machine import Machine, SystemId
 from mavlink_defs.services.mission import (
+    MAX_REPEATS,
     MAX_RETRIES,
     RESPONSE_TIMEOUT_S,
     MissionDownloader,
@@ -125,6 +126,17 @@ class TestClients:
         items = sent_by(machine, dialect.MAVLink_mission_item_int_message)
         assert [item.seq for item in items] == [0, 0, 1]
         assert machine.events() == [MissionProgress(1, 2), MissionProgress(2, 2)]
+
+    def test_a_vehicle_that_asks_for_one_item_for_ever_is_given_up(self) -> None:
+        machine = MissionUploader(GCS, VEHICLE, mission(2))
+        machine.start(now=0.0)
+        for seq in [0] * MAX_REPEATS + [1] * (MAX_REPEATS + 1):
+            machine.receive(from_vehicle(request(seq)), now=0.1)
+        assert machine.busy
+        machine.receive(from_vehicle(request(1)), now=0.1)
+        assert machine.events()[-1] == MissionFinished(dialect.MAV_MISSION_INVALID_SEQUENCE)
+        assert machine.messages_to_send()[-1].get_type() == "MISSION_ACK"
+        assert run_out(machine) == []
 
     def test_downloader_passes_an_error_on(self) -> None:
         machine = MissionDownloader(GCS, VEHICLE)
