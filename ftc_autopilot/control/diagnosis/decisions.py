@@ -159,7 +159,8 @@ def _looks_lost(
     enough = max(limits.excitation, gains["excitation_sigma"] * math.sqrt(actuator["variance"]))
     long_enough = actuator["samples"] * dt > gains["least_window_s"]
     moved = math.sqrt(actuator["var_u"]) if long_enough else 0.0
-    if _is_cleared(found, moved > gains["cleared_excitation"] * enough, actuator, gains):
+    follows = _follows_command(found, moved > gains["cleared_excitation"] * enough, actuator, gains)
+    if follows or _follows_dither(found, actuator, gains):
         actuator["followed_s"] += dt
     else:
         actuator["followed_s"] = 0.0
@@ -169,9 +170,11 @@ def _looks_lost(
         actuator["holdoff_s"] = min(actuator["holdoff_s"], gains["cleared_holdoff_s"])
         if is_check:
             actuator["cooldown_s"] = 0.0
-            dead = lag_steps(found.lag, dt) if _is_cleared(found, False, actuator, gains) else 0
-    may_be = age > gains["loss_start_s"] and not (
-        is_check and actuator["z_s"] < MAX_DEAD_S + limits.confirm
+            dead = lag_steps(found.lag, dt) if _shows_dead_time(found, actuator, gains) else 0
+    may_be = (
+        age > gains["loss_start_s"]
+        and not (is_check and actuator["z_s"] < MAX_DEAD_S + limits.confirm)
+        and not follows  # gusts make a few periods of a dither say anything
     )
     later = is_check and found.by_dither > gains["following"] * actuator["effectiveness"]
     excited = moved > enough and not later  # after a dead time that is not known yet
@@ -237,16 +240,31 @@ def _take_care(actuator: np.void, moved: float, limits: Limits, dt: float, gains
 
 
 @compiled
-def _is_cleared(found: _Estimates, moved: bool, actuator: np.void, gains: np.void) -> bool:
-    """Return whether an actuator follows: its command, if that moved, or its dither.
+def _follows_command(found: _Estimates, moved: bool, actuator: np.void, gains: np.void) -> bool:
+    """Return whether an actuator follows its command, if that moved.
 
-    One that swings may go along with its command by chance: its dither alone clears it.
+    One that swings may go along with it by chance: its dither alone clears it.
     """
-    following = gains["following"] * actuator["effectiveness"]
     by_chance = actuator["swings"] > gains["cleared_swings"]
-    by_command = moved and not by_chance and found.rho - found.error > following
-    by_dither = found.by_dither - gains["cleared_sigma"] * found.dither_error > following
-    return bool(by_command or by_dither)
+    following = gains["following"] * actuator["effectiveness"]
+    return bool(moved and not by_chance and found.rho - found.error > following)
+
+
+@compiled
+def _follows_dither(found: _Estimates, actuator: np.void, gains: np.void) -> bool:
+    """Return whether an actuator follows its dither."""
+    following = gains["following"] * actuator["effectiveness"]
+    return bool(found.by_dither - gains["cleared_sigma"] * found.dither_error > following)
+
+
+@compiled
+def _shows_dead_time(found: _Estimates, actuator: np.void, gains: np.void) -> bool:
+    """Return whether an actuator follows its dither with the dead time found, and not a gust.
+
+    It would do more than it is commanded, were that dead time none of its own.
+    """
+    plausible = found.by_dither - found.dither_error < actuator["effectiveness"]
+    return bool(plausible and _follows_dither(found, actuator, gains))
 
 
 @compiled
@@ -255,14 +273,16 @@ def _is_lost(
 ) -> bool:
     """Return whether an actuator does not follow, or with a smaller share than it is known to have.
 
-    Either by the dither alone, which nothing fools but takes some periods; or at once, if the
+    Either by the dither alone, which nothing fools but takes some periods, and a gust if they are
+    few: one that seems to move against it does not say that it is lost; or at once, if the
     actuator does not move at all while the command does, in a dither. Else a loop that counteracts
     a swinging offset of a working actuator would look the same.
     """
     lost = min(gains["lost_effectiveness"], 0.5 * actuator["effectiveness"])
     surely = lost + gains["lost_margin"] * lost / gains["lost_effectiveness"]
-    at_most = found.by_dither + gains["lost_sigma"] * found.dither_error
-    if found.by_dither < lost and at_most < surely:
+    margin = gains["lost_sigma"] * found.dither_error
+    against = -gains["against_sigma"] * found.dither_error
+    if against < found.by_dither < min(lost, surely - margin):
         return True
     noise = min(actuator["variance"], square(gains["flat_noise"] * limits.jump))
     flat = square(gains["flat_sigma"]) * noise + square(gains["flat"]) * actuator["var_u"]

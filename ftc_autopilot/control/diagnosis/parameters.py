@@ -143,6 +143,7 @@ class DiagnosisParameters(Renaming):
         lost_margin: Loss: room for standard errors of the effectiveness.
         lost_command_sigma: Loss: these, of the regression on the command.
         lost_sigma: Loss: these, of the regression on the dither.
+        against_sigma: Loss: these, by which one that is lost may seem to move against its dither.
         dither_memory_s: Regression on the dither: memory of a suspicion.
         cleared_sigma: Cleared: standard errors of that regression.
         cleared_excitation: Cleared: excitation, relative to a loss's.
@@ -229,6 +230,7 @@ class DiagnosisParameters(Renaming):
     lost_margin: float = _number(0.4)
     lost_command_sigma: float = _number(1.5)
     lost_sigma: float = _number(2.5)
+    against_sigma: float = _number(1.5)
     dither_memory_s: float = _time(0.15)
     cleared_sigma: float = _number(2.0)
     cleared_excitation: float = _number(0.7)

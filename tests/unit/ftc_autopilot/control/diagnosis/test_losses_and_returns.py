@@ -8,6 +8,7 @@ from actuators import DT, FILTER_S, GAINS, LIMITS, actuator_with
 
 from ftc_autopilot.common.phases import HEALTHY, LOST, SUSPECT
 from ftc_autopilot.control.diagnosis.decisions import decide, phase_of
+from ftc_autopilot.control.diagnosis.instrument import _U, _Y, _Z
 from ftc_autopilot.control.diagnosis.parameters import Limits
 
 
@@ -70,6 +71,50 @@ def test_an_actuator_is_lost_within_each_limit(name: str) -> None:
     inside, outside = LOST_BY[name]
     assert decided(flat(**inside), 10) == LOST
     assert decided(flat(**outside), 10) != LOST
+
+
+def dithered(actuator: np.void, rho: float, error: float, lag: int = 0) -> np.void:
+    """Let a dither have shown ρ and its error, by 10 independent samples, at a dead time."""
+    moments, z, u = actuator["moments"], _Z + lag, _U + lag
+    actuator["z_samples"], actuator["z_s"] = 10 * FILTER_S / DT, 0.1
+    for i in (0, 1, 2, z, u):
+        moments[i, i] = 1.0
+    moments[z, _Y] = moments[u, _Y] = rho
+    moments[u, z] = 1.0
+    moments[_Y, _Y] = rho**2 + (10 - 3 - 1) * error**2
+    return actuator
+
+
+@pytest.mark.parametrize(
+    ("rho", "error", "follows_command", "phase"),
+    [
+        (0.1, 0.1, False, LOST),
+        (0.1, 0.25, False, SUSPECT),
+        (0.1, 0.1, True, HEALTHY),  # that is cleared, and no gust in its dither says the contrary
+        (-0.5, 0.4, False, LOST),
+        (-0.5, 0.2, False, SUSPECT),  # against its dither, by more than its error: a gust
+    ],
+)
+def test_a_dither_that_is_not_followed_is_a_loss_but_for_gusts(
+    rho: float, error: float, follows_command: bool, phase: int
+) -> None:
+    covariance = 1.3**2 if follows_command else cov_for(0.3)
+    actuator = flat(cov=covariance, var_y=1.3**2)
+    assert decided(dithered(actuator, rho, error), 10) == phase
+
+
+@pytest.mark.parametrize(
+    ("rho", "error", "steps"), [(1.2, 0.25, 16), (0.6, 0.02, 16), (1.4, 0.25, 0), (4.0, 1.4, 0)]
+)
+def test_no_actuator_does_more_than_its_command_with_a_dead_time(
+    rho: float, error: float, steps: int
+) -> None:
+    """In gusts a dead time was believed with which an aileron had four times its effect."""
+    actuator = dithered(actuator_with(suspect_s=0.5), rho, error, lag=2)
+    limits = LIMITS._replace(check=5.0)
+    found = [decide(actuator, 0.0, limits, 3.0 + k * DT, DT, GAINS, False) for k in range(12)]
+    assert phase_of(actuator) == HEALTHY
+    assert max(found) == steps
 
 
 def test_a_loss_is_confirmed_for_8_ms_without_a_break() -> None:
