@@ -1,8 +1,9 @@
 """What a vehicle does by itself when the diagnosis declares an actuator lost: COM_ACT_FAIL_ACT.
 
 It is looked at between two control steps, at fixed simulated times, so that a flight in lockstep is
-the same each time. Each loss acts once: whoever changes the mode afterwards is respected. Who is on
-the ground or in the approach lands.
+the same each time. Each loss acts once: whoever changes the mode afterwards is respected. A surface
+must have been lost for a second: in gusts a healthy one may be, but is back after its trial. Who is
+on the ground or in the approach lands.
 """
 
 from collections.abc import Iterator
@@ -22,6 +23,8 @@ from mavlink_defs.runtime.jit import in_python
 
 _PERIOD_US = 100_000
 """Simulated time between two looks [µs]: as of the fence."""
+_SURE_US = 1_000_000
+"""Simulated time for which a surface is lost before that acts [µs]: more than a trial lasts."""
 _NEVER = 2**62
 _ANOTHER_M = 3.0
 """Error of the height from which another glide is planned, before the final [m]."""
@@ -43,6 +46,7 @@ class ActuatorFailsafe:
         self._uav, self._hot = controllers.uavs[0], hot
         self._modes, self._path = modes, modes.path
         self._period = max(_PERIOD_US // hot.step_us, 1)
+        self._since = [_NEVER] * N_CHANNELS  # the first look at which each was lost
         self._changes: list[Change] = []
         self.restart()
 
@@ -70,7 +74,7 @@ class ActuatorFailsafe:
         if self._hot.step < self._next_step or not self._modes.running:
             return
         self._next_step = self._hot.step - self._hot.step % self._period + self._period
-        before, self._lost = self._lost, self._losses()
+        before, self._lost = self._lost, self._sure_losses()
         phase = self._path.phase
         if self._action == REPORT or not self._modes.armed or _stands(phase):
             return
@@ -91,8 +95,19 @@ class ActuatorFailsafe:
     def _action(self) -> int:
         return int(self._uav["parameters"]["failsafe"]["act_fail_act"])
 
-    def _losses(self) -> set[int]:
-        return set(np.flatnonzero(self._uav["signals"]["phase"] == LOST).tolist())
+    def _sure_losses(self) -> set[int]:
+        """Return what has been lost for long enough to act, or has acted."""
+        lost = self._uav["signals"]["phase"] == LOST
+        step, sure = self._hot.step, _SURE_US // self._hot.step_us
+        self._since = [
+            min(since, step) if is_lost else _NEVER
+            for since, is_lost in zip(self._since, lost, strict=True)
+        ]
+        return {
+            c
+            for c in np.flatnonzero(lost).tolist()
+            if c == THROTTLE or c in self._lost or step - self._since[c] >= sure
+        }
 
     def _act(self, phase: int) -> str:
         """Do what a loss does; return that as the end of a text."""

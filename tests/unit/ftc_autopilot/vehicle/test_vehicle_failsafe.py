@@ -7,7 +7,7 @@ import pytest
 from flying_bench import FlyingBench
 from vehicle_bench import ACCEPTED, ARM, DENIED, START, Bench, of_type
 
-from ftc_autopilot.common.phases import LOST
+from ftc_autopilot.common.phases import HEALTHY, LOST
 from ftc_autopilot.guidance.runway_state import FINAL, FLYING, STOPPED
 from ftc_autopilot.hot.checkpoint import VEHICLE
 from gcs.scenario.model import Scenario, load_scenario
@@ -31,10 +31,10 @@ class FailsafeBench(Bench):
         self.run()
         self.modes = self.vehicle.modes
 
-    def lose(self, channel: int) -> str:
+    def lose(self, channel: int, looks: int = 2) -> str:
         """Let the diagnosis declare an actuator lost; return what the vehicle tells."""
         self.controllers.uavs[0]["signals"]["phase"][channel] = LOST
-        return self.look()
+        return "".join(self.look() for _ in range(looks))
 
     def resume(self) -> None:
         """Go on from a checkpoint; the signals of the diagnosis are not in it."""
@@ -70,6 +70,15 @@ def test_a_lost_actuator_does_what_is_set(action: int, mode: int, text: str) -> 
     assert ("failsafe" in said or "lost:" in said) == bool(text)
     assert bench.modes.mode == mode
     assert (bench.modes.current_item() == 5) == (action == TO_LAND or item == 5)
+
+
+def test_a_surface_that_is_soon_back_does_not_act() -> None:
+    bench = FailsafeBench(TO_RTL)
+    for _ in range(3):
+        bench.lose(RUDDER, looks=1)
+        bench.controllers.uavs[0]["signals"]["phase"][RUDDER] = HEALTHY
+        bench.look()
+    assert bench.modes.mode == AUTO
 
 
 def test_it_acts_once_and_whoever_changes_the_mode_is_obeyed() -> None:
