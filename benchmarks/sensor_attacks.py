@@ -9,8 +9,8 @@ blamed; sensors that were still out at the end; estimates that jumped; and of al
 largest errors, and the worst 10 s of errors over what is claimed of them. Where estimators begin
 again, `added` is the most by which errors of the place differ from the ones of the same flight in
 which they do not: the receiver's own error is in both. Flights that were lost, blamed somebody, or
-were slow are listed below, with what was excluded and taken back (UAV, sensor, second). Faults are
-UAV 1's.
+were slow are listed below, with what was excluded and taken back (UAV, sensor, second), and which
+actuators were lost. Faults are UAV 1's.
 """
 
 import argparse
@@ -23,12 +23,15 @@ import sys
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from benchmarks.sensor_flights import Errors, Exclusion, added_m, errors_of, times_claimed, watched
 from ftc_autopilot.common.phases import LOST
 from ftc_lab.reports.markdown import table
 from gcs.scenario.model import Scenario, scenario_of, scenario_tree
 from gcs.scenario.sections import ScenarioFault
 from mavlink_defs.config.inherit import merged
+from mavlink_defs.constants import ACTUATORS
 from mavlink_defs.faults.sensors import FAILURES, SENSOR_NAMES
 
 S1, RACE, HEXAGON = "paper/scenario1", "missions/race_track", "missions/hexagon"
@@ -273,7 +276,7 @@ def fly(case: Case) -> Flown:
     fitted = [one for one in watch.exclusions if one.time_s > _FITTED_S]
     faults = [one for one in scenario.faults if not isinstance(one, ScenarioFault)]
     noticed = (noticed_s(one, fitted) for one in faults)
-    lost = int((steps.signals["phase"].max(axis=0) >= LOST).sum())
+    lost = list(_lost(steps.signals["phase"], scenario))
     last = {(one.uav, one.sensor): one for one in fitted}.values()
     added = 0.0
     if case.again_s is not None:
@@ -287,7 +290,7 @@ def fly(case: Case) -> Flown:
         max((back_s(one, fitted, scenario) for one in faults), default=0.0),
         (
             sum(one.excluded and not is_due(one, faults) for one in fitted),
-            max(lost - len(scenario.actuator_faults), 0),
+            max(len(lost) - len(scenario.actuator_faults), 0),
         ),
         sum(one.excluded and not _lasts(one, faults, scenario) for one in last),
         int(watch.resets.sum()),
@@ -295,10 +298,22 @@ def fly(case: Case) -> Flown:
         times_claimed(watch, scenario, case.settled_s),
         added,
         ", ".join(
-            f"{'-' if one.excluded else '+'}{one.uav} {one.sensor} {one.time_s:.1f}"
-            for one in fitted
+            [
+                f"{'-' if one.excluded else '+'}{one.uav} {one.sensor} {one.time_s:.1f}"
+                for one in fitted
+            ]
+            + lost
         ),
     )
+
+
+def _lost(phases: np.ndarray, scenario: Scenario) -> Iterator[str]:
+    """Yield the actuators that were lost, with the first time; phases of shape (steps, N, 4)."""
+    for row, uav in enumerate(scenario.uavs):
+        for j, name in enumerate(ACTUATORS):
+            at = np.flatnonzero(phases[:, row, j] >= LOST)
+            if len(at):
+                yield f"{uav.id} {name} lost {at[0] * scenario.step_us / 1e6:.1f}"
 
 
 def _is_of(one: Exclusion, faulty: Any) -> bool:
